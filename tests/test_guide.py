@@ -14,10 +14,11 @@ import pandas as pd
 import pytest
 
 import screwgauge
+from screwgauge.engines.features import TASKS
 from screwgauge.report.listing import listing
 from support import guide
 from support.command import GROUPS, main, parser, printed_by
-from support.engines import further_engines
+from support.engines import ENGINES, further_engines
 from support.guide import FENCE, ROOT, blocks
 from support.mechanism import load_mechanism
 from support.models import read_loops, write_models
@@ -82,6 +83,12 @@ def test_first_two_commands_are_those_that_others_rely_on() -> None:
 def test_pages_that_are_made_of_the_program_are_current() -> None:
     for path, text in guide.made().items():
         assert path.read_text(encoding="utf-8") == text, f"{path.name}: run PYTHONPATH=tests python -m support.guide"
+
+
+def test_every_dash_in_the_table_of_engines_has_a_reason() -> None:
+    for engine in ENGINES.values():
+        taken = {task.__name__ for task in engine.tasks}
+        assert {*TASKS} - taken <= {*engine.refuses}, engine.name
 
 
 @pytest.fixture

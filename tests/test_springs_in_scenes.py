@@ -8,7 +8,6 @@ import pytest
 import screwgauge
 from support.command import main
 from support.engines import IN_DOUBLES
-from support.errors import DescriptionError
 from support.judging import judge
 from support.solve import WholeSystem, layout, moved
 from support.tolerances import DENSE
@@ -109,9 +108,11 @@ def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
 
 
 def test_truth_refuses_with_one_sentence(scene):
-    """Before anything is computed: it is known from the scene."""
-    with pytest.raises(DescriptionError, match=r"truth knows no springs and no motors.*; run it without truth"):
-        screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
+    """It is known from the scene, and is its own row only."""
+    results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
+    assert results.failures["truth"].reason.startswith("truth takes no spring or motor, which the scene has")
+    assert [*results.solutions] == ["screw"]
+    assert results.exit_status == 3
 
 
 def test_bench_refuses_with_one_sentence(write, tmp_path, capsys):

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge.contract.fixtures import REFUSALS
+from screwgauge.engines.features import FEATURES, refusal
 from screwgauge.engines.registry import Engine
 from screwgauge.families.draw import families
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import OF_MOTION
+from screwgauge.quantities import OF_BODIES, OF_JOINTS, OF_MOTION
+from screwgauge.reference.mechanism import KINDS
 from screwgauge.report.results import Results
 from screwgauge.report.verdict import verdict
 from screwgauge.scene.scene import Scene
@@ -61,18 +64,19 @@ def built_in(name: str) -> Scene:
     return scene.at(np.linspace(scene.t[0], scene.t[-1], 7)[1::2])
 
 
-def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str]) -> Results:
+def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
     """Results of a scene, of quantities that the engine does not lack.
 
-    Skips what the engine refuses in a sentence, and fails where it fails.
+    Skips what the engine refuses in a sentence, and fails where it fails; if strict, also where `refuses` does not
+    name what it refuses.
     """
     if GivenMotion not in entry.tasks:
         pytest.skip(f"{entry.name} does not take given motions")
-    if (scene.applied.springs or scene.applied.motors) and not entry.sprung:
-        pytest.skip(f"{entry.name} knows no springs and motors")
+    if why := refusal(entry, scene.mechanism, scene.applied):
+        pytest.skip(why)
     results = compared(entry.name, scene, tuple(q for q in quantities if q not in entry.lacks))
     if failure := results.failures.get(entry.name):
-        if failure.reason.startswith(_REFUSED):
+        if failure.reason.startswith(_REFUSED) and not strict:
             pytest.skip(f"{entry.name} refuses it: {failure.reason}")
         pytest.fail(f"{entry.name} failed: {failure.reason}\n{failure.traceback}", pytrace=False)
     return results
@@ -108,6 +112,60 @@ def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     rows = faults.to_dict("records")
     said = [f"{row['residual']} {row['max_scaled']:.2g} at {row['worst_component']}" for row in rows]
     assert not said, f"numbers of {name} contradict each other: {'; '.join(said)}"
+
+
+#: A body on one joint from the ground, without actuators: kind of the joint, its axes and other entries.
+ALONE = """name = "alone"
+[independent]
+{independent}
+[bodies.b]
+mass = 2
+com = [0.1, -0.2, 0.05]
+inertia = {{ xx = 0.03, yy = 0.04, zz = 0.05, xy = 0.002 }}
+[joints.j]
+kind = "{kind}"
+parent = "ground"
+child = "b"
+parent_frame = {{ position = [0.1, 0.2, 0.3] }}
+child_frame = {{ position = [0, 0.1, 0] }}
+{entries}
+"""
+MOVING = """mechanism = "alone.toml"
+time.times = [0.1, 0.4]
+gravity = [1, -2, -9]
+[motion]
+{motion}
+"""
+SPRING = '[[springs]]\ncoordinate = "j"\nstiffness = 40\nrest = 0.2\ndamping = 3\n'
+RESISTING = "rotor = 0.1\ndamping = 0.5\nfriction = 0.2"
+#: Quantities of a body on one joint.
+OF_ONE = (*OF_JOINTS, *OF_BODIES, "generalized_force")
+
+
+def on_one_joint(feature: str, folder: Path) -> Scene:
+    """A body that moves on one joint: of a kind, or revolute with what else a feature is."""
+    if feature == "couplings":
+        return built_in("planetary-gear")
+    kind = feature if feature in KINDS else "R"
+    n = len(KINDS[kind])
+    names = ["j"] if n == 1 else [f"j.{part}" for part in ("x", "y", "z", "q1", "q2", "q3")[:n]]
+    if kind != "F" and n > 1:
+        names = [f"j.q{i + 1}" for i in range(n)]
+    independent = "\n".join(f'y{i} = "{name}"' for i, name in enumerate(names))
+    motion = "\n".join(f"y{i} = {{ harmonics = [[{3 + i}, 0, 0.{2 + i}]] }}" for i in range(n))
+    axes = np.eye(3)[: {"U": 2, "S": 3, "F": 3}.get(kind, 1)].tolist()
+    entries = f"axes = {axes}\n{RESISTING if feature == 'resistance' else ''}"
+    (folder / "alone.toml").write_text(ALONE.format(kind=kind, independent=independent, entries=entries), "utf-8")
+    text = MOVING.format(motion=motion) + (SPRING if feature == "springs" else "")
+    (folder / "scene.toml").write_text(text, "utf-8")
+    return screwgauge.load_scene(folder / "scene.toml")
+
+
+@pytest.mark.parametrize("feature", [name for name in FEATURES if name != "fixed"])
+def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: Path) -> None:
+    """Joints of a kind, couplings, resistance, springs: `refuses` names those that an engine does not know."""
+    results = of_engine(entry, on_one_joint(feature, tmp_path), OF_ONE, strict=True)
+    assert results.exit_status == 0, verdict(results).text
 
 
 @pytest.mark.parametrize("family", families())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from screwgauge.contract.fixtures import Loaded
+from screwgauge.engines.features import FEATURES, TASKS
 from screwgauge.engines.registry import CUTS, Engine
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, States, Task
 from screwgauge.quantities import QUANTITIES
@@ -29,11 +30,18 @@ def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
     unknown = {*entry.lacks} - {*QUANTITIES}
     assert not unknown, f"`lacks` names what is no quantity: {', '.join(sorted(unknown))}"
     assert all(why.strip() for why in entry.lacks.values()), "`lacks` says why, quantity by quantity"
+    unknown = {*entry.refuses} - {*FEATURES, *TASKS}
+    assert not unknown, f"`refuses` names {', '.join(sorted(unknown))}; there are {', '.join((*FEATURES, *TASKS))}"
+    both = {*entry.refuses} & {task.__name__ for task in entry.tasks}
+    assert not both, f"`tasks` and `refuses` both name {', '.join(sorted(both))}"
+    assert all(why.strip() for why in entry.refuses.values()), "`refuses` says why, feature by feature"
 
 
-def test_it_takes_something_and_gives_something(loaded: Loaded) -> None:
+def test_it_takes_something_and_gives_nothing_that_it_lacks(loaded: Loaded, given: Problem) -> None:
     assert loaded.quantities
-    assert loaded.engine.tasks
+    every = replace(given, wanted=frozenset((*given.wanted, *loaded.engine.lacks)))
+    given_though = {*loaded.ask(every).values} & {*loaded.engine.lacks}
+    assert not given_though, f"it gives {', '.join(sorted(given_though))}, which `lacks` names; take it out there"
 
 
 def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:

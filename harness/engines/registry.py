@@ -59,7 +59,8 @@ class Engine:
         lacks: Quantity that it cannot give -> why not. All other quantities it has to give.
         most: Samples that it solves at the most, see `problem.spread`; 0 for all. Of engines of other packages missing
             samples count as missing, whatever they say.
-        sprung: Whether it knows springs and motors.
+        refuses: What it does not know -> why not: kinds of joints and other `features.FEATURES`, with which no
+            mechanism is put to it; or a task that it does not take.
         extra: Extra of Screwgauge that brings its package; empty if `package` itself is to be installed.
         apart: Whether each problem is solved in a process of its own: what a library prints, changes or breaks there
             costs its own answer only. Engines of other packages always are.
@@ -73,7 +74,7 @@ class Engine:
     reads: str = ".toml"
     cut: str = ""
     lacks: Mapping[str, str] = field(default_factory=dict)
-    sprung: bool = True
+    refuses: Mapping[str, str] = field(default_factory=dict)
     most: int = 0
     extra: str = ""
     apart: bool = False
@@ -129,7 +130,12 @@ _MUJOCO = (f"{_HERE}.mujoco.model:load", "mujoco", ".xml")
 def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) -> Engine:
     """An engine with an open tree; `code`: its source, package and the ending of its files."""
     source, package, reads = code
-    return Engine(name, meaning, source, _ALL if cut == "minimal" else _ALL - {InitialValue}, package, reads, cut)
+    if cut == "minimal":
+        return Engine(name, meaning, source, _ALL, package, reads, cut)
+    why = "the minimal cut integrates the same mechanism, with fewer coordinates"
+    return Engine(
+        name, meaning, source, _ALL - {InitialValue}, package, reads, cut, refuses={InitialValue.__name__: why}
+    )
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request"
@@ -153,7 +159,11 @@ ENGINES: dict[str, Engine] = {
             frozenset((GivenMotion,)),
             "python-flint",
             lacks=_OPEN | _LEFT,
-            sprung=False,
+            refuses={
+                "springs": "it encloses what acts along joints and on bodies, and no springs",
+                "InitialValue": "it encloses samples of a given motion, and no integration",
+                "States": "it closes loops itself, and has no open tree",
+            },
             most=201,
             extra="truth",
         ),
@@ -230,7 +240,8 @@ def description(value: str) -> str:
     """
     engine = _checked(EntryPoint("", value, GROUP).load())
     told = {each.name: getattr(engine, each.name) for each in fields(engine)}
-    return json.dumps({**told, "tasks": [kind.__name__ for kind in engine.tasks], "lacks": dict(engine.lacks)})
+    tables = {"lacks": dict(engine.lacks), "refuses": dict(engine.refuses)}
+    return json.dumps({**told, **tables, "tasks": [kind.__name__ for kind in engine.tasks]})
 
 
 def _checked(engine: object) -> Engine:
@@ -249,6 +260,8 @@ def _checked(engine: object) -> Engine:
         engine.reads,
         *engine.lacks,
         *engine.lacks.values(),
+        *engine.refuses,
+        *engine.refuses.values(),
     )
     if not all(isinstance(text, str) and len(text) <= TEXT for text in texts):
         raise ValueError("a text of it is none, or too long")

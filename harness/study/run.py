@@ -18,7 +18,7 @@ import pandas as pd
 
 from screwgauge.casebook.book import installed, suspects
 from screwgauge.engines.chunks import Names, described
-from screwgauge.engines.registry import ENGINES, check_engines, engine_names, get_engine
+from screwgauge.engines.registry import ENGINES, check_engines, engine_names
 from screwgauge.environment import environment
 from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
@@ -99,7 +99,6 @@ def run(
     check_scene_type(scene, "run")
     names, wanted = _requested(scene, engines, quantities)
     check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task), scene.tables)
-    _check_acting(scene, names)
     progress("preflight", 0.0)
     checked = _check_simulated(scene, wanted) if scene.simulated else _check_given(scene, wanted)
     check_leave(scene)
@@ -313,13 +312,6 @@ def _requested(
             raise DescriptionError("there is no observable", scene.name, "add [[observables]]")
         wanted = tuple(name for name in wanted if name != "observable")
     return names, wanted
-
-
-def _check_acting(scene: Scene, names: Iterable[str]) -> None:
-    for name in names if scene.applied.springs or scene.applied.motors else ():
-        if name not in scene.tables and not get_engine(name).sprung:
-            what = f"{name} knows no springs and no motors, which this scene has"
-            raise DescriptionError(what, str(scene.file or scene.name), f"run it without {name}")
 
 
 def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:

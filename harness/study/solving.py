@@ -14,6 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from screwgauge.engines.features import refusal
 from screwgauge.engines.registry import engine_names, get_engine
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.model import description
@@ -156,13 +157,17 @@ def ask_engines(
     """
     wanted = frozenset(wanted)
     questions: dict[str, EngineTask] = {}
+    failures: dict[str, Failure] = {}
+    names = list(names)
     for name in names:
+        if why := refusal(get_engine(name), scene.mechanism, scene.applied):
+            failures[name] = Failure(name, why)
+            continue
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
         of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
         questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
     answers = _asked(questions, limits, progress)
     solutions: dict[str, Solution] = {}
-    failures: dict[str, Failure] = {}
     for name, answer in answers.items():
         if isinstance(answer, Failure):
             failures[name] = answer
@@ -175,7 +180,7 @@ def ask_engines(
             solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
         except Exception as error:
             failures[name] = questions[name].failure(error)
-    return solutions, failures
+    return solutions, {name: failures[name] for name in names if name in failures}
 
 
 def _asked(

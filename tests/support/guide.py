@@ -13,7 +13,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,8 +23,12 @@ from typing import Any
 
 import screwgauge
 from screwgauge.cli import DIAGNOSE_STATUS, GROUPS, STRESS_STATUS, _parser, main
+from screwgauge.engines.features import FEATURES, TASKS
+from screwgauge.engines.registry import ENGINES, Engine
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_tables
 from screwgauge.models.content import kinds
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.mechanism import KINDS
 from screwgauge.scene.read import load_scene, scene_names
 
 ROOT = Path(__file__).parents[2]
@@ -183,6 +187,14 @@ in the scenes. What every engine reaches on the benchmark problems, and what oth
 
 ## Mechanisms"""
 
+ENGINES_PAGE = """# What each engine takes and gives
+
+`screwgauge list engines` has their names. An engine that needs an extra is installed by it, say
+`pip install 'screwgauge[truth]'`; the others come with Screwgauge. A dash has its reason below. What an engine lacks or
+refuses by itself is no failure: a run names it, and a mechanism that it refuses costs its own row. [The
+contract](own-engine.md) tests that each engine does what its column says, on built-in and random mechanisms, beside
+`screw`."""
+
 COMPARED = """# What a diagnosis compares, and what it does not
 
 `screwgauge diagnose A B` tells differences by cause, the one with the largest share of the torque difference
@@ -262,6 +274,7 @@ LEFT_OUT = (
 def made() -> dict[Path, str]:
     """The pages that are made of the program."""
     texts = {"commands.md": _commands(), "python.md": _python(), "compared.md": _compared(), "builtin.md": _builtin()}
+    texts["engines.md"] = _engines()
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
 
 
@@ -392,6 +405,35 @@ def _builtin() -> str:
         motion = f"{'simulation' if scene.simulated else 'given'}, {scene.t[-1]:g} s"
         scenes.append(f"| `{name}` | {scene.title} | {motion} | {' '.join(scene.description.split())} |")
     return "\n\n".join([BUILTIN, "\n".join(lines), "## Scenes", "\n".join(scenes)])
+
+
+def _engines() -> str:
+    known = [*ENGINES.values()]
+    own = [f"extra `{one.extra}`" if one.extra else "" for one in known]
+    parts = [ENGINES_PAGE, _ticks("", {"installed by": own}, known)]
+    quantities = {f"`{name}`": [name not in one.lacks for one in known] for name in QUANTITIES if name != "observable"}
+    parts += ["## Quantities", _ticks("quantity", quantities, known)]
+    taken = [{task.__name__ for task in one.tasks} for one in known]
+    tasks = {what: [kind in some for some in taken] for kind, what in TASKS.items()}
+    parts += ["## Tasks", _ticks("task", tasks, known)]
+    joints = {f"{name}: {what}" if name in KINDS else what: name for name, what in FEATURES.items()}
+    known_to = {shown: [name not in one.refuses for one in known] for shown, name in joints.items()}
+    parts += ["## Joints and what acts", _ticks("joint, or what acts", known_to, known), "## Reasons"]
+    words, reasons = {**FEATURES, **TASKS}, dict[tuple[str, str], list[str]]()
+    for one in known:
+        for name, why in {**one.lacks, **{words[key]: why for key, why in one.refuses.items()}}.items():
+            reasons.setdefault((one.name, why), []).append(f"`{name}`" if name in QUANTITIES else name)
+    parts.append("\n".join(f"- `{name}`: {', '.join(of)}: {why}" for (name, why), of in reasons.items()))
+    return "\n\n".join(parts)
+
+
+def _ticks(head: str, rows: Mapping[str, Sequence[object]], known: Sequence[Engine]) -> str:
+    """A table with a column for each engine."""
+    names = [f"`{one.name}`" for one in known]
+    lines = [f"| {' | '.join([head, *names])} |", f"|{'---|' * (len(names) + 1)}"]
+    marks = {True: "✓", False: "-"}
+    lines += [f"| {' | '.join([name, *(str(marks.get(x, x)) for x in cells)])} |" for name, cells in rows.items()]
+    return "\n".join(lines)
 
 
 def _compared() -> str:

@@ -1,0 +1,51 @@
+"""What mechanisms and scenes have that an engine may not know, and the sentence by which it is refused."""
+
+from __future__ import annotations
+
+from screwgauge.engines.registry import Engine
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.mechanism import Mechanism
+
+#: Feature -> what it is. A kind of joint is one.
+FEATURES = {
+    "R": "revolute joint",
+    "P": "prismatic joint",
+    "U": "universal joint",
+    "S": "spherical joint",
+    "C": "cylindrical joint",
+    "E": "planar joint",
+    "F": "free joint",
+    "fixed": "fixed joint",
+    "couplings": "coupling",
+    "resistance": "rotor, damping or dry friction",
+    "springs": "spring or motor",
+}
+
+#: Task -> what it is. `Engine.refuses` may say why an engine does not take one.
+TASKS = {
+    "GivenMotion": "given motion: inverse dynamics",
+    "InitialValue": "simulation",
+    "States": "states of an open tree as they are",
+}
+
+
+def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
+    """Find the features that a mechanism has under what acts on it: feature -> what has it first."""
+    found: dict[str, str] = {}
+    for joint in mechanism.joints:
+        found.setdefault(joint.kind, f"joint {joint.name}")
+    for coupling in mechanism.couplings[:1]:
+        found["couplings"] = f"coordinate {coupling.coordinate}"
+    for resistance in mechanism.resistances[:1]:
+        found["resistance"] = f"coordinate {resistance.coordinate}"
+    if applied.springs or applied.motors:
+        found["springs"] = "the scene"
+    return found
+
+
+def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
+    """Say what an engine refuses of a mechanism; empty if it takes all."""
+    for feature, whose in features(mechanism, applied).items():
+        if why := engine.refuses.get(feature):
+            return f"{engine.name} takes no {FEATURES[feature]}, which {whose} has or is: {why}"
+    return ""
