@@ -127,7 +127,8 @@ def headline(findings: Findings, told: Sequence[ToldCause]) -> str:
     more = f", and {others} more cause{'s' * (others > 1)}" if others else ""
     brief = Speaker(findings.pair.a, brief=True).cause(findings.causes[0])
     reason = f"{told[0].name}: {told[0].slips[0]}" if told[0].slips else brief
-    texts = (told[0].sentence, told[0].short, reason, brief, f"{told[0].name} differs")
+    shorter = (brief, reason) if len(findings.causes[0].groups) > 1 else (reason, brief)
+    texts = (told[0].sentence, told[0].short, *shorter, f"{told[0].name} differs")
     fitting = (text for text in texts if len(f"{text}{more}".split()) <= WORDS)
     return f"{next(fitting, texts[-1])}{more}."
 

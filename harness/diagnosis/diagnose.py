@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from screwgauge.diagnosis.answer import Difference, ToldCause, Words, words_of
 from screwgauge.diagnosis.causes.causes import causes
 from screwgauge.diagnosis.causes.reasons import reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.explanation import Explanation, explained
+from screwgauge.diagnosis.explanation import explained
 from screwgauge.diagnosis.facts.content import Beyond, content_of
 from screwgauge.diagnosis.facts.digits import as_compiled, rounded
 from screwgauge.diagnosis.facts.fact import Fact, Pair, among, other_gravity
@@ -192,14 +193,17 @@ def findings(
         only: What alone is compared; empty for all.
     """
     a, b = models
-    told = explained(*_in_one_gravity(a.posed, b.posed), names)
+    marked = partial(rounded, digits=(a.digits, b.digits), longest=(a.longest, b.longest))
+    told = explained(*_in_one_gravity(a.posed, b.posed), names, marked)
     pair = told.pair
     start = Findings(
         a, b, seed, pair, dict(_how(pair, names)), _comparable(pair, names), limit=deadline.seconds, only=only
     )
     if not start.alike:
         return start
-    facts, beyond = _facts(models, told, start.how, only)
+    beyond = Beyond() if only else content_of(pair)
+    facts = among([*_named(told.facts, start.how), *beyond.facts], only)
+    facts = tuple(as_compiled(marked(facts), [model.library for model in models]))
     found = replace(start, facts=facts, standing=told.standing, beyond=beyond, mobility=_mobility(models))
     if not deadline.over("order of the joints"):
         joints = {name: partner.name for name, partner in pair.joints.items()}
@@ -228,17 +232,9 @@ def _is_beyond(found: Findings) -> bool:
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
 
-def _facts(
-    models: tuple[Model, Model], told: Explanation, how: Mapping[str, str], only: str
-) -> tuple[tuple[Fact, ...], Beyond]:
-    """Facts of machines and of content, with those that are rounding marked."""
-    beyond = Beyond() if only else content_of(told.pair)
-    known = [name for name, way in how.items() if way == "given"]
-    named = [fact for fact in told.facts if not (fact.what == "name" and fact.part in known)]
-    facts = among([*named, *beyond.facts], only)
-    digits = models[0].digits, models[1].digits
-    cut = rounded(facts, digits, (models[0].longest, models[1].longest))
-    return tuple(as_compiled(cut, [model.library for model in models])), beyond
+def _named(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fact]:
+    """Facts without names that the user gave."""
+    return [fact for fact in facts if not (fact.what == "name" and how.get(fact.part) == "given")]
 
 
 def _with_causes(found: Findings, deadline: Deadline) -> Findings:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -63,12 +63,18 @@ class Explanation:
     @cached_property
     def cost(self) -> float:
         """How much there is to read."""
-        groups = grouped(self.facts)
+        groups = grouped(self.real)
         # a whole explains all, or is a cause as any other one
         light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
         causes = sum(CONVENTION if each else 1.0 for each in light)
-        places = sum(fact.what == "placement" for fact in self.facts)
-        return causes + EACH * len(self.facts) + PLACE * places + WHOLE * (self.whole is not None)
+        places = sum(fact.what == "placement" for fact in self.real)
+        rounding = EACH * (len(self.real) < len(self.facts))
+        return causes + rounding + EACH * len(self.real) + PLACE * places + WHOLE * (self.whole is not None)
+
+    @property
+    def real(self) -> list[Fact]:
+        """Facts that are no rounding."""
+        return [fact for fact in self.facts if fact.kind != "digits"]
 
     @property
     def plain(self) -> bool:
@@ -76,8 +82,8 @@ class Explanation:
 
         What sits elsewhere on a body that is round may be a turn of the whole.
         """
-        counting = self.whole is None and all(fact.kind == "convention" for fact in self.facts)
-        inner = any(fact.what == "placement" and fact.of != GROUND for fact in self.facts)
+        counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
+        inner = any(fact.what == "placement" and fact.of != GROUND for fact in self.real)
         return counting or (self.cost <= ONE and not inner) or self._settled
 
     @property
@@ -86,22 +92,26 @@ class Explanation:
 
         A body of another mass may have another centre; masses of most bodies may be in another unit.
         """
-        heavy = {fact.part for fact in self.facts if fact.what == "mass"}
+        heavy = {fact.part for fact in self.real if fact.what == "mass"}
         elsewhere = any(
-            f.what in ELSEWHERE or (f.what in ("com", "inertia") and f.part not in heavy) for f in self.facts
+            f.what in ELSEWHERE or (f.what in ("com", "inertia") and f.part not in heavy) for f in self.real
         )
-        sides = {fact.side for fact in self.facts if fact.what == "fixed"}
+        sides = {fact.side for fact in self.real if fact.what == "fixed"}
         return self.whole is None and not elsewhere and len(sides) < 2 and len(heavy) < MOST * len(self.pair.a.bodies)
 
 
-def explained(a: Reading, b: Reading, names: Names) -> Explanation:
+def explained(
+    a: Reading, b: Reading, names: Names, marked: Callable[[Sequence[Fact]], Iterable[Fact]] = tuple
+) -> Explanation:
     """Choose the explanation with the fewest causes.
 
     Args:
         a, b: At the home of their files.
+        marked: Marks facts that are the rounding of a file.
     """
     best, standing = None, tuple[Fact, ...]()
     for each in _explanations(machine_of(a), b, names):
+        each = replace(each, facts=tuple(marked(each.facts)))
         standing = standing or each.facts
         best = each if best is None or each.cost < best.cost else best
         if each.plain:

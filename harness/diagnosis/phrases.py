@@ -59,6 +59,7 @@ SLIPS: Mapping[str, str] = {
     "geoms": "{it} comes from the geoms of {0}",
     "density": "masses come from a density of {0:.6g} kg/m^3 in A and {1:.6g} kg/m^3 in B",
     "settotalmass": "masses are scaled to {1:.6g} kg in all, as the compiler option settotalmass of {0} asks",
+    "total kept": "masses are scaled to a total of {0:.6g} kg in both, as MuJoCo's settotalmass does",
     "exchanged": "the {noun} of {0} and that of {1} are exchanged",
     "before the gear": "the {noun} of {0} is that of the motor, before the gear of {1:.6g}",
     "gear once": "the {noun} of {0} is reduced by the gear of {1:.6g}, not by its square",

@@ -11,6 +11,7 @@ import numpy as np
 from screwgauge.diagnosis.amounts import shown
 from screwgauge.diagnosis.assumptions import not_compared, sided
 from screwgauge.diagnosis.facts.fact import STANDARD, known_gravity, other_gravity
+from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.nouns import counted, listed, other
 from screwgauge.diagnosis.properties import CLOSING, OPTIONAL, PROPERTIES, word
 from screwgauge.diagnosis.shares import SAME, UNSEEN, able
@@ -75,10 +76,16 @@ def explanation(found: Findings) -> Iterator[str]:
     if not causes:
         return
     yield from _effect(found, causes)
+    if len(causes[0].groups) + len(causes) > 2 and any(_is_scale(fact) for fact in causes[0].facts):
+        yield "All else is told in the units of A, as if nothing were scaled."
     yield from _proof(found)
     if found.a.file is not None and found.a.file == found.b.file:
         yield f"{found.a.file.name} is read differently by {found.a.library} (A) and {found.b.library} (B)."
         yield from _unread(found)
+
+
+def _is_scale(fact: Fact) -> bool:
+    return isinstance(fact.b, Whole) and not (fact.b.length == fact.b.mass == fact.b.inertia == 1.0)
 
 
 def _strange(found: Findings) -> Iterator[str]:

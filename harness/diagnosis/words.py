@@ -70,7 +70,9 @@ class Speaker:
         if not rest:
             return self.group(first)
         if self.brief:
-            return f"{self.group(first)}; partly cancelled by {first_few(map(self.name, rest), 1)}"
+            alike = len({nouns(group) for group in rest}) == 1
+            names = [self.name([fact for group in rest for fact in group])] if alike else map(self.name, rest)
+            return f"{self.group(first)}; partly cancelled by {first_few(names, 1)}"
         more = f"; and {len(rest) - 2} more" if len(rest) > 2 else ""
         return f"{self.group(first)}; partly cancelled by: {'; '.join(map(self.group, rest[:2]))}{more}"
 
@@ -94,14 +96,17 @@ class Speaker:
 
     def name(self, facts: Sequence[Fact]) -> str:
         """Name what a group of facts is of: ``mass of upper``."""
-        first, parts = facts[0], _by_part(facts)
+        first, parts = facts[0], dict.fromkeys(fact.part for fact in facts)
         if first.what in kinds():
             return first.of if len(facts) == 1 else f"{first.what} ({len(facts)})"
         if not first.part:
             return nouns(facts)
-        if len(parts) <= 2:
-            return listed([f"{nouns(some)} of {part}" for part, some in parts.items()])
-        return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
+        if len(parts) > 2:
+            return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
+        whats = {part: nouns([fact for fact in facts if fact.part == part]) for part in parts}
+        if len({*whats.values()}) == 1:
+            return f"{whats[first.part]} of {listed([*parts])}"
+        return listed([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
         """Tell what many parts have in common, or the first of what they have not."""
@@ -192,13 +197,6 @@ def _any(fact: Fact, side: str) -> bool:
     """Whether a side has another value than 0, or one that is no number."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
-
-
-def _by_part(facts: Sequence[Fact]) -> dict[str, list[Fact]]:
-    parts = dict[str, list[Fact]]()
-    for fact in facts:
-        parts.setdefault(fact.part, []).append(fact)
-    return parts
 
 
 def nouns(facts: Sequence[Fact]) -> str:
@@ -358,6 +356,9 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     if fact.of:
         turn = in_axes(step[0], [_THERE], "deg")
         return f"{fact.of}: its zero is turned in B, and the whole with it, by {turn}"
+    if whole.length == 1.0 and whole.mass == whole.inertia != 1.0 and np.allclose(whole.placement, np.eye(4)):
+        weights = f"{whole.mass:.6g} times those in A ({percent(whole.mass)})"
+        return f"masses and inertias of all bodies in B are {weights}"
     factors = {"lengths": whole.length, "masses": whole.mass, "inertias": whole.inertia}
     units = [f"{name} {factor:.6g} times" for name, factor in factors.items() if factor != 1.0]
     known = all(_is_unit(factor, unit) for factor, unit in zip(factors.values(), ("m", "kg", "kg m^2"), strict=True))

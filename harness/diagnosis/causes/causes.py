@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,7 +15,8 @@ from screwgauge.diagnosis.properties import PARTS
 from screwgauge.diagnosis.shares import UNSEEN, Torques, able
 from screwgauge.reference.rotations import Array
 
-#: A share beyond these is of something that another cause cancels: such causes are shown together.
+#: A share beyond these, or an effect so many times that of all, is of something that another cause cancels: such causes
+#: are shown together.
 CANCELS = -0.5, 1.5
 #: Where the sum is below this share of the largest effect, all cancel.
 NOTHING = 1e-6
@@ -101,11 +102,29 @@ def _shared(rows: list[Cause], sizes: dict[int, float], total: Array, torques: T
     others = [row for row in rows if not any(row is one for one in seen)]
     if math.sqrt(square) < NOTHING * max(sizes.values()) and seen:
         return [*others, replace(seen[0], groups=tuple(group for row in seen for group in row.groups), share=math.nan)]
-    seen = sorted(map(share, seen), key=lambda row: row.share)
-    while len(seen) > 1 and seen[0].share < 0.0 and not CANCELS[0] <= seen[0].share <= seen[-1].share <= CANCELS[1]:
-        joined = share(replace(seen[-1], groups=(*seen[-1].groups, *seen[0].groups)))
-        seen = sorted([*seen[1:-1], joined], key=lambda row: row.share)
-    return [*others, *seen]
+    return [*others, *_joined([share(row) for row in seen], share, math.sqrt(square), torques)]
+
+
+def _joined(rows: list[Cause], share: Callable[[Cause], Cause], all_: float, torques: Torques) -> list[Cause]:
+    """Rows, the one of the largest effect with the one that cancels most of it, as long as one cancels another.
+
+    Args:
+        share: Gives a row its share.
+        all_: Size of the effect of all.
+    """
+
+    def size(row: Cause) -> float:
+        return _norm(_effect(row.facts, torques))
+
+    while len(rows) > 1:
+        sizes = [size(row) for row in rows]
+        if max(sizes) <= CANCELS[1] * all_ and all(CANCELS[0] <= row.share <= CANCELS[1] for row in rows):
+            break
+        most = rows.pop(sizes.index(max(sizes)))
+        tried = [share(replace(most, groups=(*most.groups, *row.groups))) for row in rows]
+        least = min(range(len(rows)), key=lambda i: size(tried[i]))
+        rows[least] = tried[least]
+    return rows
 
 
 def _order(cause: Cause) -> tuple[object, ...]:

@@ -126,6 +126,9 @@ def _weighed(case: Case) -> Iterator[Reason]:
     for side, file, mass in zip("AB", case.files, masses, strict=True):
         if file.total > 0.0 and math.isclose(mass, file.total, rel_tol=1e-5):
             yield Reason("settotalmass", tuple(facts), (side, file.total))
+            return
+    if wholes and math.isclose(*masses, rel_tol=1e-5):
+        yield Reason("total kept", tuple(facts), (masses[0],))
     for x, y in product(*(file.densities or (WATER,) for file in case.files)):
         if x != y and math.isclose(y, max(factors) * x, rel_tol=1e-4):
             yield Reason("density", tuple(facts), (x, y))

@@ -12,6 +12,7 @@ import numpy as np
 
 from screwgauge.casebook.book import CASES, shown_here
 from screwgauge.diagnosis.facts.fact import Fact
+from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PASSIVE, PROPERTIES
 
 #: Digits of numbers that are not printed shorter than they are.
@@ -76,6 +77,8 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
         longest: Of their longest numbers; 0 where there is no file.
     """
     n = min(digits)
+    if n < ALL and any(isinstance(fact.b, Whole) and not fact.b.stands for fact in facts):
+        return [_marked(fact) if fact.size <= SUM * 10.0 ** (1 - n) else fact for fact in facts]
     if n < ALL and digits[0] != digits[1]:
         side = "a" if digits[0] == n else "b"
         return [_marked(fact) if _cut_off(fact, n, side) else fact for fact in facts]

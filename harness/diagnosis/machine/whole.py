@@ -24,9 +24,11 @@ from screwgauge.reference.rotations import Array, rotation_vector
 
 #: From how many parts on one factor is that of the whole, what share of them agree, and how closely.
 SEVERAL, MOST, SAME = 3, 0.6, 1e-4
+#: Factors of masses and of inertias that differ by less are one, relative: files print six digits.
+ROUNDED = 1e-5
 #: A feature counts half where it is so far off [lengths of the machine, rad, relative]; in place below `NONE`.
 NEAR, NONE = 0.02, 1e-6
-#: Share of features on their partners where nothing is asked of the whole; and what a whole has to gain.
+#: Share of features on their partners where nothing is asked of the whole; and what a place of it has to gain.
 ENOUGH, GAIN = 0.9, 0.1
 #: Two axes whose product is larger span a frame [sine]; of so many pairs of them frames are tried.
 ACROSS, PAIRS = 0.3, 8
@@ -158,7 +160,7 @@ def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[st
             moved = np.abs(tried - np.eye(4)).max(axis=(1, 2)) > 1e-9
             scores = overlay.score(tried) - 1e-3 * moved - 0.1 * (np.linalg.det(tried) < 0.0)
             i = int(scores.argmax())
-            if scores[i] > best + GAIN * count:
+            if scores[i] > best + (GAIN * count if factors == (1.0, 1.0, 1.0) else 0.0):
                 best = float(scores[i])
                 found.append((best, Whole(np.asarray(np.linalg.inv(_round(tried[i]))), *factors)))
     return [whole for _, whole in sorted(found, key=lambda each: -each[0])]
@@ -204,6 +206,7 @@ def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, floa
     bodies = [(a.bodies[x], b.bodies[y]) for x, y in pairs[1].items()]
     mass = _common([(x.mass, y.mass) for x, y in bodies])
     inertia = _common([(_norm(x.inertia), _norm(y.inertia)) for x, y in bodies])
+    inertia = mass if math.isclose(mass, inertia, rel_tol=ROUNDED) else inertia
     joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items()]
     gaps = [(_gap(x, u), _gap(y, v)) for (x, y), (u, v) in pairwise(joints)]
     centres = [(_norm(x.com), _norm(y.com)) for x, y in bodies]
