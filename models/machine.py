@@ -194,7 +194,38 @@ class Machine:
 def machine_of(reading: Reading) -> Machine:
     """The normal form, at a pose that closes the loops if there is one near."""
     machine = uncontracted(at_closed_pose(reading))
-    return contracted(machine, [name for name, body in machine.bodies.items() if not body.solid])
+    machine = contracted(machine, [name for name, body in machine.bodies.items() if not body.solid])
+    idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
+    return replace(machine, links=tuple(link for link in machine.links if link not in idle)) if idle else machine
+
+
+def _is_held(machine: Machine, free: Link) -> bool:
+    """Whether other links hold the two bodies of a free one together."""
+    reached, queue = {free.near}, [free.near]
+    for body in queue:
+        ends = {end for each in machine.at(body) if {*each.names} != {*free.names} for end in (each.near, each.far)}
+        queue += sorted(ends - reached)
+        reached |= ends
+    return free.far in reached
+
+
+def fused(machine: Machine, link: Link) -> Machine:
+    """A machine with the two bodies of a link as one, and without links between these."""
+    near, far = sorted((link.near, link.far), key=lambda name: name != GROUND)
+    one, two = machine.bodies[near], machine.bodies[far]
+    body = Body(
+        one.members + two.members,
+        one.pose,
+        combined(one.local, displaced(two.local, relative(one.pose, two.pose))),
+        combined(one.matter, two.matter),
+        {**one.frames, **two.frames},
+    )
+    bodies = {name: body if name == near else each for name, each in machine.bodies.items() if name != far}
+    names = {far: near}
+    links = [
+        replace(each, near=names.get(each.near, each.near), far=names.get(each.far, each.far)) for each in machine.links
+    ]
+    return replace(machine, bodies=bodies, links=tuple(each for each in links if each.near != each.far))
 
 
 def at_closed_pose(reading: Reading) -> Reading:

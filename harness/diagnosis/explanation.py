@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.diagnosis.causes.groups import grouped
-from screwgauge.diagnosis.facts.bodies import body_facts, fused_bodies
+from screwgauge.diagnosis.facts.bodies import body_facts
 from screwgauge.diagnosis.facts.couplings import coupling_facts
 from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
+from screwgauge.diagnosis.facts.fused import fused_bodies, fused_by_names
 from screwgauge.diagnosis.facts.links import link_facts
 from screwgauge.diagnosis.facts.structure import (
     actuator_facts,
@@ -145,13 +146,14 @@ def compared(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
 
 def told(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
     """Compare two machines as they stand."""
-    return of_pair(Pair(a, b, aligned(a, b, names.joints, names.bodies, believed)))
+    a, b, lost = fused_by_names(a, b) if names.bodies else (a, b, ())
+    return of_pair(Pair(a, b, aligned(a, b, names.joints, names.bodies, believed), lost=lost))
 
 
 def of_pair(pair: Pair) -> Explanation:
     """Compare two machines whose bodies have partners."""
     fused = fused_bodies(pair)
-    facts = [*structure_facts(pair, fused), *link_facts(pair), *body_facts(pair, fused)]
+    facts = [*pair.lost, *structure_facts(pair, fused), *link_facts(pair), *body_facts(pair, fused)]
     facts += [
         *model_facts(pair),
         *coupling_facts(pair),

@@ -112,7 +112,7 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
 def _backwards(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
     """B against A as it stands: facts of which each change gives B the value of A."""
     if not moved:
-        return of_pair(Pair(pair.b, pair.a, pair.alignment.inverse))
+        return of_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
     return compared(b.posed, a.posed, Names(pair.back, bodies, {}))
 

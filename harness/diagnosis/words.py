@@ -274,7 +274,8 @@ def _freedoms(kinds_: Sequence[str]) -> str:
 
 def _fixed(speaker: Speaker, fact: Fact) -> str:
     part = "" if speaker.brief else ": there the body that it moves is part of the one before it"
-    return f"{fact.part} does not move in {other(fact.side)}{part}"
+    at = f", where it stands at {fact.of}" if fact.of else ""
+    return f"{fact.part} does not move in {other(fact.side)}{at}{part}"
 
 
 def _branch(speaker: Speaker, fact: Fact) -> str:

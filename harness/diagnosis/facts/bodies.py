@@ -2,47 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, apart
+from screwgauge.diagnosis.facts.fused import Fused
 from screwgauge.diagnosis.properties import INERTIAL, Change, unit_of
 from screwgauge.models.machine import NO_MASS, Machine
 from screwgauge.models.matter import Matter, combined, displaced, remainder
 from screwgauge.reference.mechanism import GROUND
-
-#: Fused body -> side that moves it, and the body of A that it is part of on the other side.
-Fused = Mapping[str, tuple[str, str]]
-
-
-def fused_bodies(pair: Pair) -> Fused:
-    """Find bodies that only one side moves, and that are part of their neighbour on the other side."""
-    found = {}
-    for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
-        for link in links:
-            for near, far in ((link.near, link.far), (link.far, link.near)):
-                if neighbour := _neighbour(pair, side, near, far):
-                    found[far] = side, neighbour
-    return found
-
-
-def _neighbour(pair: Pair, side: str, near: str, far: str) -> str:
-    """The body of A that a body without a partner is part of on the other side; empty where there is none."""
-    partners = pair.alignment.bodies if side == "A" else {b: a for a, b in pair.alignment.bodies.items()}
-    own, other = (pair.a, pair.b) if side == "A" else (pair.b, pair.a)
-    if far in partners or near not in partners:
-        return ""
-    return (near if side == "A" else partners[near]) if _is_fixed(own, other, far, (near, partners[near])) else ""
-
-
-def _is_fixed(own: Machine, other: Machine, body: str, near: tuple[str, str]) -> bool:
-    """Whether the partner of a neighbour has the body, or a link of it, as a part; else whether its mass says so."""
-    if {*own.bodies[body].frames} & {*other.bodies[near[1]].frames}:
-        return True
-    bare, mass = own.bodies[near[0]].matter.mass, own.bodies[body].matter.mass
-    there = other.bodies[near[1]].matter.mass
-    return near[0] != GROUND and abs(there - (bare + mass)) < abs(there - bare)
 
 
 def body_facts(pair: Pair, fused: Fused) -> Iterator[Fact]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -74,12 +74,23 @@ class Partner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Two machines, their alignment, and joints of A with their partners; filled while links are compared."""
+    """Two machines, their alignment, and joints of A with their partners; filled while links are compared.
+
+    Attributes:
+        lost: Facts of links and welds that either side has alone, and that the machines are without.
+    """
 
     a: Machine
     b: Machine
     alignment: Alignment
     joints: dict[str, Partner] = field(default_factory=dict)
+    lost: tuple[Fact, ...] = ()
+
+    @property
+    def inverse(self) -> Pair:
+        """B and A."""
+        lost = tuple(replace(fact, a=fact.b, b=fact.a) for fact in self.lost)
+        return Pair(self.b, self.a, self.alignment.inverse, lost=lost)
 
     @property
     def back(self) -> Mapping[str, str]:

@@ -118,7 +118,7 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     ]
     senses = _senses(pair, one, other)
     ways = _ways(one, D, a.length, [j.home - s * k.home for s, (j, k) in zip(senses, joints, strict=True)])
-    E, size = _rest(one, D, ways, a.length)
+    E, size = remainder_of(one, D, ways, a.length)
     if moved := size > SUM * TOLERANCE:
         yield _displaced(pair, one, other, D, np.asarray(np.linalg.inv(E)))
     for x, y, sense, way, (j, k) in zip(one.elements, other.elements, senses, ways, joints, strict=True):
@@ -156,17 +156,20 @@ def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequenc
     Args:
         same: Steps at which both have the same coordinates, which are believed if they explain as much.
     """
-    fitted = _fitted(link, D, length)
-    if _rest(link, D, same, length)[1] < SUM * TOLERANCE or _rest(link, D, fitted, length)[1] > SUM * TOLERANCE:
+    fitted = steps_of(link, D, length)
+    if (
+        remainder_of(link, D, same, length)[1] < SUM * TOLERANCE
+        or remainder_of(link, D, fitted, length)[1] > SUM * TOLERANCE
+    ):
         return same
     return fitted
 
 
-def _fitted(link: Link, D: Array, length: float) -> Sequence[float]:
+def steps_of(link: Link, D: Array, length: float) -> Sequence[float]:
     x, R = link.elements[0], D[:3, :3]
     if len(link.elements) > 1:
         start = np.zeros(len(link.elements))
-        return [*descended(lambda q: _entries(_rest(link, D, q, length)[0], length)[None], start)]
+        return [*descended(lambda q: _entries(remainder_of(link, D, q, length)[0], length)[None], start)]
     if x.kind == "slide":
         return [float(x.direction @ D[:3, 3])]
     sine = 0.5 * float(x.direction @ np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
@@ -177,7 +180,7 @@ def _entries(E: Array, length: float) -> Array:
     return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)
 
 
-def _rest(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
+def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
     """What steps of the joints leave of a displacement, shape (4, 4), and its size."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):

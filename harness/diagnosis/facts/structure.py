@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.bodies import Fused
 from screwgauge.diagnosis.facts.ends import closure_names
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, Pair, apart
+from screwgauge.diagnosis.facts.fused import Fused
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.files.parts import NUMBERED
 from screwgauge.models.machine import Link
