@@ -287,7 +287,8 @@ def _branch(speaker: Speaker, fact: Fact) -> str:
 
 def _link(speaker: Speaker, fact: Fact) -> str:
     if not fact.more:
-        return f"{fact.part} is in {fact.side} only"
+        weld = "weld " * ("weld" in (fact.a, fact.b))
+        return f"{weld}{fact.part} is in {fact.side} only"
     return f"{fact.part} is missing from {other(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
 
 

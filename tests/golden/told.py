@@ -78,6 +78,8 @@ FACTS: Mapping[str, Fact] = {
     "fixed": Fact(J, "fixed", "hinge", None),
     "branch": Fact(J, "branch", "R", None, of="2.5", more=(BODY, "hand", "finger", "thumb")),
     "link": Fact("loop", "link", "R", None),
+    "weld": Fact("w", "link", None, "weld"),
+    "fixed elsewhere": Fact(J, "fixed", "hinge", None, of="0.5 rad"),
     "link with its body": Fact(J, "link", "R", None, of="2.5", more=(BODY,)),
     "held": value(J, "held", None, 0.2, "rad"),
     "coupling": Fact(J, "coupling", K, None),

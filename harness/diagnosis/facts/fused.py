@@ -40,12 +40,9 @@ def _owners(machine: Machine) -> dict[str, str]:
 
 
 def _without_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """A machine without welds of bodies that the other one neither has as one nor links."""
-    owners, gone = _owners(other), list[str]()
-    for name, closure in own.reading.closures.items():
-        ends = {owners.get(body, "") for body in (closure.first, closure.second)}
-        if closure.kind == "weld" and len(ends - {""}) == 2:
-            gone += [name] * all({link.near, link.far} != ends for link in other.links)
+    """A machine without welds of bodies that the other one has, and not as one."""
+    owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
+    gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
     if not gone:
         return own, []
     closures = {name: each for name, each in own.reading.closures.items() if name not in gone}
