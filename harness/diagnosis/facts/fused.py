@@ -10,8 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.diagnosis.facts.ends import SUM
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair
-from screwgauge.diagnosis.facts.links import SUM, remainder_of, steps_of
+from screwgauge.diagnosis.facts.links import remainder_of, steps_of
 from screwgauge.diagnosis.properties import unit_of
 from screwgauge.models.kinematics import rehomed
 from screwgauge.models.machine import Link, Machine, fused, machine_of
