@@ -34,7 +34,7 @@ def run(
     """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
 
     Args:
-        engines: Names; those of the scene by default.
+        engines: Names, with a number type as in ``screw@float32``; those of the scene by default.
         quantities: Names; those of the scene by default. Nothing else is computed.
         progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
         warn: Called with a sentence on what may take long or go wrong, before it begins.

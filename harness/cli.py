@@ -207,7 +207,7 @@ def _parser() -> argparse.ArgumentParser:
         commands.run, "drive the engines with a scene, compare them, write the report", out="SCENE", epilog=EXIT_STATUS
     )
     scene(add)
-    add("--engines", metavar="A,B", help="default: those of the scene")
+    add("--engines", metavar="A,B", help="default: those of the scene; screw@float32 computes in float32")
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
     add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")

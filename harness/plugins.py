@@ -10,7 +10,9 @@ accelerations of bodies, are angular, then of the body's origin, as in `OpenTree
 
 **Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package.
 That function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress`
-takes the share of the work that is done, 0 to 1; `quiet` shows nothing.
+takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engine that can compute in float32 lists it,
+``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
+``NAME@float32``; its answers are arrays of float64 in any case.
 
 **Question.** A `Problem` has a task, what acts, names of wanted quantities and the rule for redundant actuators.
 Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`) and `States` (an open

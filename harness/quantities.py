@@ -50,6 +50,41 @@ RATE = {"q": "", "v": "/s", "a": "/s^2"}
 # poses) leaves about 12.5 digits; a wrong term leaves none. 1e-12 where nothing is solved: recursions only.
 SOLVED, RECURSIVE = 1e-11, 1e-12
 
+
+@dataclass(frozen=True, slots=True)
+class NumberType:
+    """A type of floating-point numbers that a method computes in, and what of a difference it may explain.
+
+    Attributes:
+        eps: Distance from 1 to the next number.
+        limit: Scaled error up to which rounding explains a difference: half of the digits, so that it cannot be
+            mistaken for a modelling error of interest, nor the reverse.
+        zero: Share of its summands below which a number is zero within rounding.
+        sure: Scaled error that is admitted where rounding may make more than `limit`.
+    """
+
+    name: str
+    eps: float
+    limit: float
+    zero: float
+    sure: float
+
+
+#: The quantities have tolerances of float64. Of float32, whose eps times the usual condition is next to half of its
+#: digits, tolerances follow from an estimate of each quantity, see `screwgauge.engines.rounding`.
+FLOAT64 = NumberType("float64", float(np.finfo(np.float64).eps), limit=1e-8, zero=SOLVED, sure=0.0)
+_HALF = float(np.finfo(np.float32).eps) ** 0.5
+FLOAT32 = NumberType("float32", float(np.finfo(np.float32).eps), limit=_HALF, zero=_HALF, sure=_HALF)
+NUMBER_TYPES = {kind.name: kind for kind in (FLOAT64, FLOAT32)}
+#: Stands between the name of an engine and a number type: ``mjwarp@float32``.
+AS = "@"
+
+
+def number_type(method: str) -> NumberType:
+    """The number type that the name of a method has, float64 where it has none."""
+    return NUMBER_TYPES.get(method.partition(AS)[2], FLOAT64)
+
+
 QUANTITIES = {
     quantity.name: quantity
     for quantity in (

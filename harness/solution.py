@@ -10,6 +10,7 @@ from time import perf_counter, perf_counter_ns, process_time
 import numpy as np
 
 from screwgauge.problem import Rows
+from screwgauge.quantities import FLOAT64, NUMBER_TYPES, NumberType
 from screwgauge.reference.left_out import LeftOut
 from screwgauge.reference.rotations import Array
 
@@ -106,6 +107,8 @@ class Error:
         source: What makes the absolute error.
         radius: Rigorous bounds of the distance to the true value; None of an engine that has none. The shape of the
             values.
+        precision: Name of the number type that makes them. Where it is another than float64, who loads the engine has
+            estimated the errors; those that an engine states are none of these.
     """
 
     scaled: Array
@@ -113,6 +116,12 @@ class Error:
     condition: Array | None = None
     source: str = ROUNDING
     radius: Array | None = None
+    precision: str = FLOAT64.name
+
+    @property
+    def kind(self) -> NumberType:
+        """The number type that makes them."""
+        return NUMBER_TYPES[self.precision]
 
     @property
     def largest(self) -> float:

@@ -190,13 +190,13 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
         powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
         if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
             continue
-        for _, _, size, _, most in _by_unit(array, units[name], trust, length):
+        for _, _, size, _, most in by_unit(array, units[name], trust, length):
             if (size <= FLOOR * most).all() and most.max() > 0.0:
                 again.add(int(np.argmax(powers * most)))
     return np.array(sorted(again), dtype=np.intp)
 
 
-def _by_unit(
+def by_unit(
     array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
     """Each unit of a quantity, with its columns, and the size of its numbers at each sample.
@@ -227,7 +227,7 @@ def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass:
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
-    by_part = [[*_by_unit(x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
+    by_part = [[*by_unit(x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
     for each in zip(*by_part, strict=True):
         unit, columns = each[0][:2]
         size, whole = (np.concatenate([one[k] for one in each]) for k in (2, 4))

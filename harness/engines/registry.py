@@ -15,6 +15,7 @@ from typing import Any, Protocol, cast
 
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, Task, quiet
 from screwgauge.processes import python, safe_path
+from screwgauge.quantities import AS, FLOAT64, NUMBER_TYPES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.solution import Solution
 
@@ -64,6 +65,9 @@ class Engine:
         extra: Extra of Screwgauge that brings its package; empty if `package` itself is to be installed.
         apart: Whether each problem is solved in a process of its own: what a library prints, changes or breaks there
             costs its own answer only. Engines of other packages always are.
+        precisions: Number types that it can compute given motions in, see `NUMBER_TYPES`. Where a method is named with
+            another than float64, ``mjx@float32``, the function takes it as the setting `precision`.
+        precision: The number type that it is asked for.
     """
 
     name: str
@@ -78,6 +82,8 @@ class Engine:
     most: int = 0
     extra: str = ""
     apart: bool = False
+    precisions: tuple[str, ...] = (FLOAT64.name,)
+    precision: str = FLOAT64.name
 
     @property
     def requirement(self) -> str:
@@ -103,12 +109,29 @@ class Engine:
             UnknownNameError: It has no such setting.
             ScrewgaugeError: The file cannot be loaded.
         """
+        if self.precision != FLOAT64.name:
+            settings = {"precision": self.precision, **settings}
         module, _, function = self.source.partition(":")
         source = import_module(module)
         load = getattr(source, function)
         if settings:
             self._check_settings(settings, getattr(source, "Settings", load))
         return cast(EngineModel, load(files, **settings))
+
+    def in_precision(self, name: str, where: str = "") -> Engine:
+        """The engine in the number type of a name, such as ``mjx@float32``; of given motions alone if not float64.
+
+        Raises:
+            DescriptionError: It does not compute in that type.
+        """
+        base = name.partition(AS)[0]
+        names = {base if each == FLOAT64.name else f"{base}{AS}{each}": each for each in self.precisions}
+        if name not in names:
+            what = f"engine '{base}' computes in {' or '.join(self.precisions)}"
+            raise DescriptionError(what, where or name, f"name it {' or '.join(map(repr, names))}")
+        if name == base:
+            return self
+        return replace(self, name=name, precision=names[name], tasks=self.tasks & {GivenMotion})
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
         """Refuses names that are no parameters of what takes the settings."""
@@ -147,7 +170,14 @@ _LEFT = {
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
-        Engine("screw", "the screw-based solver of this project", f"{_HERE}.screw.model:load", _ALL, "screwgauge"),
+        Engine(
+            "screw",
+            "the screw-based solver of this project",
+            f"{_HERE}.screw.model:load",
+            _ALL,
+            "screwgauge",
+            precisions=tuple(NUMBER_TYPES),
+        ),
         _tree_engine("pinocchio", "Pinocchio on the URDF, minimal cut", _PINOCCHIO, "minimal"),
         _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
@@ -184,15 +214,22 @@ def engine_names() -> tuple[str, ...]:
 
 def engines() -> dict[str, Engine]:
     """All engines by name."""
-    return {name: get_engine(name) for name in engine_names()}
+    return {name: _named(name) for name in engine_names()}
 
 
-def get_engine(name: str) -> Engine:
-    """An engine by name; one of another package that cannot be described gives the reason when it is loaded.
+def get_engine(name: str, where: str = "") -> Engine:
+    """An engine by name, with a number type as in ``mjx@float32`` if that is not float64.
+
+    One of another package that cannot be described gives the reason when it is loaded.
 
     Raises:
         UnknownNameError: There is none of that name.
+        DescriptionError: It does not compute in that number type.
     """
+    return _named(name.partition(AS)[0]).in_precision(name, where)
+
+
+def _named(name: str) -> Engine:
     if name in ENGINES:
         return ENGINES[name]
     if name not in further_entries():
@@ -226,7 +263,8 @@ def _described(entry: EntryPoint) -> Engine:
         told = json.loads(done.stdout)
         kinds = {kind.__name__: kind for kind in _ALL}
         told["tasks"] = frozenset(kinds[name] for name in told["tasks"])
-        return replace(_checked(Engine(**told)), name=entry.name, extra="", apart=True)
+        told["precisions"] = tuple(told["precisions"])
+        return replace(_checked(Engine(**told)), name=entry.name, extra="", apart=True, precision=FLOAT64.name)
     except (OSError, subprocess.SubprocessError, ValueError, TypeError, KeyError, RecursionError):
         package = entry.dist.name if entry.dist else entry.module
         return Engine(entry.name, "cannot be loaded", entry.value, _ALL, package, apart=True)
@@ -267,6 +305,8 @@ def _checked(engine: object) -> Engine:
         raise ValueError("a text of it is none, or too long")
     if engine.cut not in CUTS or not engine.tasks <= _ALL:
         raise ValueError("its cut, or a task, is none that there is")
+    if not engine.precisions or not {*engine.precisions} <= {*NUMBER_TYPES}:
+        raise ValueError("it has no number type, or one that there is not")
     return engine
 
 
@@ -282,9 +322,13 @@ def check_engines(
     Raises:
         ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
     """
-    wanted = tuple(dict.fromkeys(check_choice("engine", names, (*engine_names(), *others), where)))
+    named = names if isinstance(names, str) or not isinstance(names, Iterable) else [*names]
+    bases = named if named is names else [str(name).partition(AS)[0] for name in named]
+    check_choice("engine", bases, (*engine_names(), *others), where)
+    wanted = tuple(dict.fromkeys(named))
     for name in wanted:
-        if task is not None and name not in others and task not in get_engine(name).tasks:
+        engine = None if name in others else get_engine(name, where)
+        if task is not None and engine is not None and task not in engine.tasks:
             able = ", ".join(other for other, engine in engines().items() if task in engine.tasks)
             raise DescriptionError(f"engine '{name}' does not {_WORDS[task]}", where, f"choose from {able}")
     return wanted

@@ -1,8 +1,10 @@
 """What two numbers of one quantity may differ by, and why: the one place where tolerance is granted.
 
 The scene admits what it likes: a tolerance, the error that a table states. Whoever is judged admits errors of its own,
-too, but what an engine says explains a difference up to `LIMIT` only; beyond that the difference is not decided. What
-integration leaves is measured by further runs, and explains no more than `MOST`.
+too, but what an engine says explains a difference up to `LIMIT` only; beyond that the difference is not decided.
+Where a scene or command names a method with a number type, ``mjwarp@float32``, errors of that type are estimated from
+the description, and no more than half of its digits is admitted. What integration leaves is measured by further runs,
+and explains no more than `MOST`.
 """
 
 from __future__ import annotations
@@ -12,17 +14,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.quantities import QUANTITIES, SOLVED
+from screwgauge.quantities import FLOAT64, QUANTITIES, NumberType
+from screwgauge.reference.linear import DIGIT
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import SOFTNESS, Error, Solution
 
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
-#: of the comparison, so that what is flagged cannot be mistaken for a modelling error of interest, nor the reverse.
-LIMIT = 1e-8
+#: of the comparison.
+LIMIT = FLOAT64.limit
 #: Largest scaled error that is put down to integration: behind more, a mistake of a thousandth could hide.
 MOST = 1e-4
 #: How the reason of a pair begins that agrees by what integration leaves.
 WITHIN = "within the error of integration"
+#: How the reason of a pair begins that agrees in the digits of a number type with fewer than float64.
+NARROW = "compared as"
 
 
 Integrated = Mapping[str, Mapping[str, Array]]
@@ -128,23 +133,27 @@ class Allowance:
         zero = strict * source.absolute.get(unit, 0.0)
         stated = sum(self.stated.get(one.engine, {}).get(quantity, 0.0) for one in pair)
         # what soft constraints leave is derived, closure times stiffness, and by engines of this package alone
-        derived = source.source == SOFTNESS
-        decided = derived or zero <= LIMIT * scale or self._is_zero(zero, unit, scales[unit])
-        limit = max(tolerance, stated / scale, zero / scale if decided else 0.0)
+        derived, kind = source.source == SOFTNESS, source.kind
+        decided = derived or zero <= kind.limit * scale or self._is_zero(zero, scale, kind, unit, scales[unit])
+        limit = max(tolerance, stated / scale, zero / scale if decided else kind.sure)
         why = "" if derived else f"zero within {zero:.1g} {unit}, the {source.source}"  # soft forces have digits
+        if kind is not FLOAT64 and limit < DIGIT:  # else no digit is left
+            why = f"{NARROW} {kind.name}, whose rounding makes up to {zero:.1g} {unit}"
         if stated > zero:
             why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
         scaled = [error.scaled for error in errors]
-        known = np.all([each <= LIMIT for each in scaled], axis=0)
+        known = np.all([error.scaled <= error.kind.limit for error in errors], axis=0)
         explained = np.sum(scaled, axis=0) * tolerance / usual
         limits = np.maximum(limit, np.where(known & (tolerance <= usual), explained, 0.0))
         doubts = np.where(known, 0.0, np.sum([np.nan_to_num(each, posinf=np.inf) for each in scaled], axis=0))
         doubts = np.maximum(doubts, 0.0 if decided else zero / scale)
         return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
 
-    def _is_zero(self, absolute: float, unit: str, natural: float) -> bool:
+    def _is_zero(self, absolute: float, scale: float, kind: NumberType, unit: str, natural: float) -> bool:
         """Whether a number that may be off by so much is no more than rounding at the machine's own size."""
-        return absolute <= SOLVED * max(natural, self.summands().get(unit, 0.0))
+        if kind is not FLOAT64 and absolute < DIGIT * scale:  # it has a digit
+            return False
+        return absolute <= kind.zero * max(natural, self.summands().get(unit, 0.0))
 
     def _left(self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float) -> Left:
         found = {one.engine: self.integration.get(one.engine, {}).get(quantity, {}).get(unit) for one in pair}

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from screwgauge.judging.allowance import LIMIT
+from screwgauge.judging.allowance import NARROW
 from screwgauge.judging.residual import JUDGE, SizedResidual
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
-from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
+from screwgauge.quantities import FLOAT64, FLOOR, SOLVED, NumberType, arm, natural_scales, number_type
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
@@ -38,6 +38,7 @@ class Answer:
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
         admitted: Largest scaled error that the engine admits of any of its numbers.
+        kind: Number type that the scene or command names.
         softness: Unit -> what soft constraints of the engine make of a force of its tree.
         looser: Quantity -> scaled error that the scene admits where that is more than `tolerance`.
     """
@@ -55,6 +56,7 @@ class Answer:
     scales: Mapping[str, float]
     tolerance: float
     admitted: float = 0.0
+    kind: NumberType = FLOAT64
     softness: Mapping[str, float] = field(default_factory=dict)
     looser: Mapping[str, float] = field(default_factory=dict)
 
@@ -113,13 +115,14 @@ class Answer:
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
         scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
-        lost = ~np.isfinite(scaled)
-        conditioned = tolerance < self.admitted <= LIMIT and not lost.any() and scaled.max(initial=0.0) > tolerance
-        tolerance = self.admitted if conditioned else tolerance
+        lost, limit = ~np.isfinite(scaled), self.kind.limit
+        rounding = self.admitted if self.admitted <= limit else self.kind.sure
+        conditioned = tolerance < rounding and not lost.any() and scaled.max(initial=0.0) > tolerance
+        tolerance = rounding if conditioned else tolerance
         open_at = ((scaled > tolerance) & ~lost).any(axis=1)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
-        undecided = int(open_at.sum()) if worst <= self.admitted and self.admitted > LIMIT else 0
+        undecided = int(open_at.sum()) if worst <= self.admitted and self.admitted > limit else 0
         return SizedResidual(
             name,
             unit,
@@ -141,6 +144,8 @@ class Answer:
             return f"not a number at t = {t:g} s"
         if undecided:
             return f"within the error that {self.engine} admits by its conditioning"
+        if self.kind is not FLOAT64 and conditioned:
+            return f"{NARROW} {self.kind.name}: rounding times the condition"
         return f"within {self.admitted:.2g}, rounding times the condition of {self.engine}" if conditioned else ""
 
 
@@ -176,6 +181,7 @@ def answer_at(
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
         admitted=max((error.largest for error in solution.errors.values()), default=0.0),
+        kind=number_type(solution.engine),
         softness=next((error.absolute for error in solution.errors.values() if error.source == SOFTNESS), {}),
         looser=looser or {},
     )

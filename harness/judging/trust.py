@@ -13,7 +13,7 @@ from itertools import combinations, compress
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.judging.allowance import LIMIT, Integrated
+from screwgauge.judging.allowance import Integrated
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
@@ -27,8 +27,13 @@ from screwgauge.solution import Solution, Values
 
 
 def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
-    """Samples of each quantity whose estimated error is above `LIMIT`. Quantity -> booleans of shape (n,)."""
-    return {name: ~(error.scaled <= LIMIT) for name, error in solution.errors.items() if error.radius is None}
+    """Samples of each quantity whose estimated error is above the limit of its number type.
+
+    Returns:
+        Quantity -> booleans of shape (n,).
+    """
+    estimated = {name: error for name, error in solution.errors.items() if error.radius is None}
+    return {name: ~(error.scaled <= error.kind.limit) for name, error in estimated.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +43,7 @@ class Guarded:
     Attributes:
         condition: Largest condition number of what it was solved from.
         estimate: Largest estimated error, infinite where not one digit is right or there is no number.
-        flagged: Number of samples above `LIMIT`, those without a number among them.
+        flagged: Number of samples above that limit, those without a number among them.
         worst_t: Time of the largest estimate [s].
     """
 

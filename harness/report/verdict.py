@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from screwgauge.judging.allowance import WITHIN
+from screwgauge.judging.allowance import NARROW, WITHIN
+from screwgauge.quantities import FLOAT64, number_type
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.left_out import sentences
@@ -219,7 +220,24 @@ def _integrated(pairs: list[Row]) -> list[str]:
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """How many digits agree, and the quantities of the open tree that have the fewest."""
+    """How many digits agree, and the quantities of the open tree that have the fewest; narrow number types last."""
+    narrow = [row for row in agree if row["reason"].startswith(NARROW)]
+    wide = [row for row in agree if not row["reason"].startswith(NARROW)]
+    text, open_tree = _of_float64(wide, simulated) if wide else ("", [])
+    return "; ".join(filter(None, [text, *_of_narrow(narrow)])), open_tree
+
+
+def _of_narrow(narrow: list[Row]) -> Iterator[str]:
+    """How many digits each method has in a number type with fewer than float64, and how many that allows."""
+    names = dict.fromkeys(name for row in narrow for name in (row["a"], row["b"]) if number_type(name) is not FLOAT64)
+    for name in names:
+        row = max((row for row in narrow if name in (row["a"], row["b"])), key=lambda row: row["max_scaled"])
+        where = f"(fewest in {row['quantity']}, where rounding may leave {digits_text(row['tolerance'])})"
+        yield f"{name} as {number_type(name).name} to {digits_text(row['max_scaled'])} digits or more {where}"
+
+
+def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
+    """How many digits agree in float64, and the quantities of the open tree that have the fewest."""
     counted = [row for row in agree if not has_excuse(row, simulated)] or agree
     asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
     least = max(asked, key=lambda row: row["max_scaled"])
@@ -238,7 +256,7 @@ def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 def has_excuse(row: Row, simulated: bool) -> bool:
     """Whether a pair agrees for a reason of its own, as what is zero within rounding: it has few digits or none."""
-    return bool(row["ok"] and row["reason"] and not simulated)
+    return bool(row["ok"] and row["reason"] and not simulated and not row["reason"].startswith(NARROW))
 
 
 def _agreement(results: Comparison) -> list[str]:

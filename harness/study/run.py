@@ -19,6 +19,7 @@ import pandas as pd
 from screwgauge.casebook.book import installed, suspects
 from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, engine_names
+from screwgauge.engines.rounding import rounding_errors
 from screwgauge.environment import environment
 from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
@@ -28,8 +29,8 @@ from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.judging.trust import Refusal, integrated, integration_note, refusals
 from screwgauge.problem import Report, silent, spread
-from screwgauge.quantities import OF_MOTION, SIMULATED, check_quantities
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.quantities import FLOAT64, OF_MOTION, SIMULATED, check_quantities, number_type
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
@@ -171,6 +172,8 @@ class _RunSteps:
         measured = bool(scene.mechanism.left_out or scene.models)
         motion = tuple(name for name in MOTION if name in wanted or name == "joint_position" or measured)
         self.requested = wanted if checked.lay is None else motion
+        posed = replace(self.problem, wanted=frozenset(self.requested))
+        self._rounding = cache(partial(rounding_errors, scene.mechanism, posed))
         self.answers, self.solutions = dict[str, Solution](), dict[str, Solution]()
         self.failures, self.judged = dict[str, Failure](), dict[str, pd.DataFrame]()
         self.tables: Mapping[str, Solution] = {}
@@ -189,6 +192,7 @@ class _RunSteps:
     def judge_all(self, answers: Mapping[str, Solution], tables: Mapping[str, Solution]) -> None:
         """Judges answers of engines and tables of the user's own."""
         scene, problem = self.scene, self.problem
+        answers = {name: self._rounded(answer) for name, answer in answers.items()}
         self.refused = [one for answer in answers.values() for one in refusals(scene.mechanism, problem, answer)]
         self.missing = list(_missing(self.requested, answers, len(scene.t)))
         self.short = list(_short(self.checked.wanted, answers, scene.t))
@@ -202,6 +206,16 @@ class _RunSteps:
         }
         self.answers |= tables
         self.tables = dict(tables)
+
+    def _rounded(self, answer: Solution) -> Solution:
+        """An answer with what its number type makes of it, if that is not float64, whatever it says itself."""
+        if (kind := number_type(answer.engine)) is FLOAT64:
+            return answer
+        try:
+            errors = self._rounding(kind)
+        except ScrewgaugeError as error:
+            return replace(answer, errors={}, notes=(*answer.notes, f"what {kind.name} rounds is not known: {error}"))
+        return replace(answer, errors={name: one for name, one in errors.items() if name in answer.values})
 
     def judge(self, answer: Solution, again: Sequence[Solution] = ()) -> pd.DataFrame:
         """Judges an answer. `again`: of the same engine with looser tolerances."""

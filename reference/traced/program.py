@@ -14,6 +14,7 @@ from threading import Lock, RLock
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import OPERATIONS, Node, Scalar
@@ -112,13 +113,13 @@ LINE = 8
 KEPT = 1 << 26
 
 
-def columns(n: int, m: int) -> Array:
+def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
     """An array of shape (n, m) in which the numbers of one column lie side by side.
 
     Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
     """
     wide = n + LINE - n % LINE
-    room = np.empty(m * wide + LINE)
+    room = np.empty(m * wide + LINE, dtype)
     first = -(room.ctypes.data // room.itemsize) % LINE
     return room[first : first + m * wide].reshape(m, wide)[:, :n].T
 
@@ -211,13 +212,13 @@ class Lanes:
             constants.
     """
 
-    def __init__(self, program: Program, chunk: int = CHUNK) -> None:
-        self.program, self.chunk, self._lock = program, chunk, Lock()
+    def __init__(self, program: Program, chunk: int = CHUNK, dtype: DTypeLike = float) -> None:
+        self.program, self.chunk, self.dtype, self._lock = program, chunk, np.dtype(dtype), Lock()
         self.code: list[tuple[Callable[..., Any], itemgetter[Any]]] = []
         operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
         known = dict.fromkeys(x for x in operands if isinstance(x, float))
         self.constants = {x: i - len(known) for i, x in enumerate(known)}  # the last rows
-        self.buffers = columns(chunk, self._plan(program)).T
+        self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
         """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""
@@ -253,7 +254,7 @@ class Lanes:
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
         """Binds as `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
-        codes, constants = [], [np.array(x) for x in self.constants]
+        codes, constants = [], [np.array(x, self.dtype) for x in self.constants]
         for start in range(0, inputs[0].shape[1], self.chunk):
             given, results = (
                 [row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs)
@@ -272,4 +273,33 @@ class Lanes:
 
     def again(self) -> Lanes:
         """Lanes that may run at the same time."""
-        return Lanes(self.program, self.chunk)
+        return Lanes(self.program, self.chunk, self.dtype)
+
+
+class Narrow:
+    """Lanes of float32 between arrays of float64: inputs are rounded, outputs widened."""
+
+    def __init__(self, lanes: Lanes) -> None:
+        self.program, self.lanes = lanes.program, lanes
+
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """Binds as `Lanes.bind`."""
+        given, results = ([np.empty(x.shape, self.lanes.dtype) for x in blocks] for blocks in (inputs, outputs))
+        inner = self.lanes.bind(given, results, weights)
+
+        def run() -> bool:
+            with np.errstate(over="ignore"):
+                for block, narrow in zip(inputs, given, strict=True):
+                    narrow[:] = block
+            clear = inner()
+            for block, narrow in zip(outputs, results, strict=True):
+                block[:] = narrow
+            return clear
+
+        return run
+
+    def again(self) -> Narrow:
+        """A runner that may run at the same time."""
+        return Narrow(self.lanes.again())

@@ -27,7 +27,7 @@ from screwgauge.engines.features import FEATURES, TASKS
 from screwgauge.engines.registry import ENGINES, Engine
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_tables
 from screwgauge.models.content import kinds
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import NUMBER_TYPES, QUANTITIES
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.scene.read import load_scene, scene_names
 
@@ -416,6 +416,8 @@ def _engines() -> str:
     taken = [{task.__name__ for task in one.tasks} for one in known]
     tasks = {what: [kind in some for some in taken] for kind, what in TASKS.items()}
     parts += ["## Tasks", _ticks("task", tasks, known)]
+    types = {name: [name in one.precisions for one in known] for name in NUMBER_TYPES}
+    parts += ["## Number types", _ticks("[number type](tolerances.md#number-types)", types, known)]
     joints = {f"{name}: {what}" if name in KINDS else what: name for name, what in FEATURES.items()}
     known_to = {shown: [name not in one.refuses for one in known] for shown, name in joints.items()}
     parts += ["## Joints and what acts", _ticks("joint, or what acts", known_to, known), "## Reasons"]

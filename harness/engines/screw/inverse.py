@@ -92,17 +92,21 @@ class Work:
 
     def part(self, motion: GivenMotion, closed: Array) -> Part:
         """All that is wanted at closed poses. Shape (n, n_q)."""
-        values, trust, A = self._beyond(closed, motion)
+        values, trust, A = self.beyond(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
-            q, moving = closed[doubtful], self.loops.unknown
-            q[:, moving] += shake * self.loops.sizes[moving]
-            return self._beyond(read(self.lay, q), motion.part(doubtful))[0]
+            return self.shaken(closed[doubtful], motion.part(doubtful), shake)
 
         units = {name: units for name, (_, units) in self.names().items()}
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
 
-    def _beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
+    def shaken(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
+        """Values at poses whose unknowns, without dimension, are moved by a shake. Shapes (n, n_q), (n, n_unknown)."""
+        q, moving = closed.copy(), self.loops.unknown
+        q[:, moving] += shake * self.loops.sizes[moving]
+        return self.beyond(read(self.lay, q), motion)[0]
+
+    def beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """All that is wanted at closed poses: values, what they rest on, and the closing system."""
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):

@@ -13,6 +13,7 @@ from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
+from screwgauge.quantities import FLOAT64, NUMBER_TYPES
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.forward import NewtonEuler
@@ -39,15 +40,19 @@ class Settings:
         backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
             simulations, in which ``numpy`` is Python. By default ``numpy`` for given motions of `LONG` and more, for
             shorter ones ``array``, and ``llvm`` for simulations.
+        precision: Number type of the program; float32 has no other backend, and solves given motions alone.
     """
 
     backend: str | None = None
+    precision: str = FLOAT64.name
 
 
 def load(files: ModelFiles, **settings: Any) -> ScrewModel:
     """Loads a description; see `Settings`."""
     lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
-    check_choice("backend", [chosen.backend or BACKENDS[0]], BACKENDS, "settings of screw")
+    check_choice("precision", [chosen.precision], NUMBER_TYPES, "settings of screw")
+    backends = BACKENDS if chosen.precision == FLOAT64.name else BACKENDS[1:]
+    check_choice("backend", [chosen.backend or backends[0]], backends, "settings of screw")
     return ScrewModel(lay, str(files.model), chosen)
 
 
@@ -61,6 +66,11 @@ class ScrewModel:
     def independent(self) -> tuple[str, ...]:
         return tuple(self.lay.mechanism.independent)
 
+    @property
+    def lacks(self) -> dict[str, str]:
+        """Quantities that it does not give -> why not."""
+        return {} if self.settings.precision == FLOAT64.name else {"mass_matrix": "no program has a mass matrix"}
+
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem.
 
@@ -68,6 +78,7 @@ class ScrewModel:
             ScrewgaugeError: The description is not that of the problem, or a pose cannot be solved.
         """
         check_fits(problem, self.lay.mechanism, self.where)
+        problem = replace(problem, wanted=problem.wanted - {*self.lacks})
         if isinstance(problem.task, GivenMotion):
             return self._move(problem, problem.task, progress)
         if isinstance(problem.task, InitialValue):
@@ -76,10 +87,11 @@ class ScrewModel:
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
         """A given motion, by the array solver where there is no program."""
-        backend = self.settings.backend or ("numpy" if len(task) >= LONG else "array")
+        kind = NUMBER_TYPES[self.settings.precision]
+        backend = self.settings.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":
             return solve_motion(self.lay, problem, task, progress)
-        return solve_traced(self.lay, problem, task, progress, backend)
+        return solve_traced(self.lay, problem, task, progress, (backend, kind))
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
         from screwgauge.engines.screw.integrate import integrate

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from operator import is_
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -21,15 +21,16 @@ from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.program import Lanes, Program, is_clear
+from screwgauge.reference.traced.program import Lanes, Narrow, Program, is_clear
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS, Traced
 from screwgauge.truth import cache
 
 #: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
 SAFETY, CONDITION = 2.0, 4.0
-#: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
-ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
+#: Closure residual beyond which Newton's method has not arrived, for one row, in eps; what all bodies' balance may
+#: leave.
+ARRIVED, BALANCED = 32, 1e-9
 #: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
 NEAR = 0.2
 
@@ -50,7 +51,7 @@ class Bounds:
         weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
     """
 
-    def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
+    def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
         self.stretch = extent(lay).stretch
         loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
@@ -58,7 +59,7 @@ class Bounds:
         # each of several spherical joints adds one at least
         self.spare_charts = max(sum(joint.angles == 3 for joint in lay.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
-        self.arrived = float(ARRIVED * max(6 * len(lay.cuts), 1) ** 0.5)
+        self.arrived = float(ARRIVED * eps * max(6 * len(lay.cuts), 1) ** 0.5)
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:
@@ -195,12 +196,17 @@ class Bound:
         return self.run() and (self.unseen is None or isfinite(self.unseen.sum()))
 
 
-def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:
+def runner(
+    program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes, dtype: np.dtype[Any] = FLOAT
+) -> tuple[Runner, str]:
     """A program ready to run, and a note on that.
 
     Args:
         plain: What runs it without a compiler.
+        dtype: What it computes in: float64 or float32. Its arrays are float64 in any case.
     """
+    if dtype != FLOAT:
+        return Narrow(Lanes(program, dtype=dtype)), ""
     if backend != "llvm":
         return plain(program), ""
     try:
@@ -264,9 +270,9 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequen
     return gain
 
 
-def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
+def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tuple[Runner, str]:
     """The programs of a trace ready to run, see `runner`."""
-    made, notes = zip(*(runner(program, backend) for program, _ in traced.arcs), strict=True)
+    made, notes = zip(*(runner(program, backend, dtype=dtype) for program, _ in traced.arcs), strict=True)
     limits = [WITHIN * gain for _, gain in traced.arcs]
     return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 

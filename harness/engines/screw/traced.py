@@ -16,8 +16,8 @@ from screwgauge.engines.error_estimate import Part, Trust, vanishing
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_traceable, examined, flat, roots, runner_of
 from screwgauge.models.layout import open_tree
-from screwgauge.problem import GivenMotion, Problem, Progress
-from screwgauge.quantities import OF_MOTION
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.quantities import FLOAT64, OF_MOTION, NumberType
 from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -53,15 +53,17 @@ class TracedWork:
         *,
         loaded: bool = False,
         estimates: bool = False,
+        kind: NumberType = FLOAT64,
     ) -> None:
         """Traces the program; pivots are chosen at samples of the motion.
 
         Args:
             loaded: Whether every sample has its own loads, in place of those of the problem.
             estimates: Whether errors are estimated, see `Bounds.estimated`.
+            kind: What the program computes in. Another one than float64 answers all samples itself, doubtful ones too.
 
         Raises:
-            ScrewgaugeError: The motion cannot be followed.
+            ScrewgaugeError: The motion cannot be followed, or there is no program in float32.
         """
         self.lay, self.problem, self.work = lay, problem, Work(lay, problem)
         self.clock, self.length, self.names = self.work.clock, self.work.loops.length, self.work.names
@@ -70,15 +72,18 @@ class TracedWork:
         self.by_array = Counter[str]()
         self.bound: Bound | None = None
         self.traced: Traced | None = None
+        self.kind = kind
         try:
             check_traceable(lay, problem)
             self._trace(motion, backend, loaded=loaded)
         except NotTraceableError as error:
+            if kind is not FLOAT64:
+                raise
             self.reason = error.what
             self.note = f"all samples by the array solver: {error.what}"
 
     def _trace(self, motion: GivenMotion, backend: str, *, loaded: bool) -> None:
-        self.bounds = Bounds(self.lay, self.problem, self.length)
+        self.bounds = Bounds(self.lay, self.problem, self.length, self.kind.eps)
         with self.clock.stage("tracing"):
             some, q = self._anchors(motion)
             shares, tree = open_tree(self.lay)
@@ -86,7 +91,7 @@ class TracedWork:
             samples = (some.y, some.yd, some.ydd, q)
             self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
-            self.runner, self.note = runner_of(self.traced, backend)
+            self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.
         self.folds = [float(fold.flat[0]) for fold in self.work.loops.folds(q)]
         #: Whether angles of cut joints have to be distinguished from others that mean the same.
@@ -276,8 +281,11 @@ class TracedWork:
             if self.charted and guess is not None:
                 self._nearest(values, self.work.mode.joints(guess))
             trust = self.bounds.trust(out)
-            left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, values, self.by_array)
-            if thorough:
+            guarded = self.kind is FLOAT64
+            left: Rows = np.zeros(0, dtype=np.intp)
+            if guarded and not clear:
+                left = self.bounds.left(out, trust, values, self.by_array)
+            if guarded and thorough:
                 zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
                 self.by_array["zero beside their summands"] += len(zeros)
                 left = np.union1d(left, zeros)
@@ -333,10 +341,16 @@ class TracedWork:
         return (note, *filter(None, [self.note]))
 
 
-def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, backend: str) -> Solution:
-    """Positions, velocities, accelerations and forces of a given motion by a traced program, where there is one."""
-    known = replace(problem, wanted=problem.wanted | {"joint_position"})  # which assembly was solved
-    work, assembly = TracedWork(lay, known, motion, backend), list[Array]()
+def solve_traced(
+    lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, by: tuple[str, NumberType]
+) -> Solution:
+    """Positions, velocities, accelerations and forces of a given motion by a traced program, where there is one.
+
+    Args:
+        by: What runs the program, and what it computes in; in float32 there is no error estimate.
+    """
+    known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
+    work, assembly = TracedWork(lay, known, motion, backend, kind=kind), list[Array]()
 
     def part(rows: slice) -> Part:
         some = motion.part(rows)
@@ -344,7 +358,9 @@ def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
         assembly.append(chunk.values["joint_position"])
         return replace(chunk, values={name: x for name, x in chunk.values.items() if name in problem.wanted})
 
-    labels = ("screw", __version__, f"rule {problem.rule}" + (f", backend {backend}" if work.traced else ""))
+    narrow = "" if kind is FLOAT64 else f" in {kind.name}, from predictions in float64"
+    labels = ("screw", __version__, f"rule {problem.rule}" + (f", backend {backend}{narrow}" if work.traced else ""))
     size = {"length": work.length, "mass": lay.mechanism.mass}
     solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
-    return replace(solution, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))
+    errors = {} if narrow else solution.errors
+    return replace(solution, assembly=np.concatenate(assembly), notes=work.notes(len(motion)), errors=errors)

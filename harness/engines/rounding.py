@@ -1,0 +1,83 @@
+"""What a narrow number type may make of a given motion, whoever computes it: by type, conditioning and operations.
+
+Each operation rounds by half an eps at the most, and n of them, as often up as down, by about the root of n. Poses
+close to rounding; how far that moves all else is seen from poses that are moved by as much, as in `error_estimate`.
+The description alone is asked, by the array solver in float64: nothing that the engine says of itself counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from screwgauge.engines.chunks import PART
+from screwgauge.engines.error_estimate import SAFETY, Trust, by_unit, shakes
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.problem import GivenMotion, Problem
+from screwgauge.quantities import OF_JOINTS, NumberType, arm
+from screwgauge.reference import linear
+from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Error
+
+#: Operations for each joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
+#: No traced program of a built-in mechanism has more, with those that solve for all coordinates.
+PER_COORDINATE = 450
+
+
+def operations(mechanism: Mechanism) -> float:
+    """Number of operations behind the forces of a sample: along the joints, and to solve for all coordinates."""
+    n = len(mechanism.coordinates)
+    return PER_COORDINATE * n + n**3 / 3
+
+
+def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) -> dict[str, Error]:
+    """Quantity -> what rounding may make of it; `Error.scaled` is over the largest summand, of positions over 1 or L.
+
+    Raises:
+        ScrewgaugeError: The motion cannot be followed.
+    """
+    task = problem.task
+    if not isinstance(task, GivenMotion):
+        return {}
+    work = Work(layout(mechanism), problem)
+    parts = [_part(work, task.part(slice(i, i + PART)), kind) for i in range(0, len(task), PART)]
+    return {name: _joined([part[name] for part in parts], kind) for name in parts[0]}
+
+
+#: Condition, shape (n,); unit -> error and largest summand [unit], shape (n,) each.
+Sizes = tuple[Array, Mapping[str, tuple[Array, Array]]]
+
+
+def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]:
+    """Errors of some samples, by quantity."""
+    closed = work.close(motion, work.predict(motion))
+    with np.errstate(all="ignore"):  # next to a singular pose nothing is known
+        values, trust, A = work.beyond(closed, motion)
+        noises = [noise * (kind.eps / linear.EPS) for noise in shakes(A, motion.y.shape[1])]
+        shaken = [work.shaken(closed, motion, noise) for noise in noises]
+        rounded = 0.5 * kind.eps * operations(work.lay.mechanism) ** 0.5
+        return {name: _sizes(work, name, trust, values[name], [x[name] for x in shaken], rounded) for name in values}
+
+
+def _sizes(work: Work, name: str, trust: Trust, values: Array, shaken: Iterable[Array], rounded: float) -> Sizes:
+    moved = np.max([np.abs(other - values) for other in shaken], axis=0)
+    found, charts = {}, trust.charts if name in OF_JOINTS else 1.0
+    for unit, columns, _, _, most in by_unit(values, work.names()[name][1], trust, work.loops.length):
+        error = rounded * charts * most + SAFETY * moved[:, columns].max(axis=1, initial=0.0)
+        if unit in ("rad", "m"):  # how far a loop is open is measured by these, however often a joint has turned
+            most = np.full_like(error, arm(unit, work.loops.length))
+        found[unit] = np.nan_to_num(error, nan=np.inf), np.nan_to_num(most)
+    return trust.of(name), found
+
+
+def _joined(parts: list[Sizes], kind: NumberType) -> Error:
+    condition = np.concatenate([part[0] for part in parts])
+    scaled, absolute = [np.zeros(len(condition))], dict[str, float]()
+    for unit in parts[0][1]:
+        error, most = (np.concatenate([part[1][unit][i] for part in parts]) for i in (0, 1))
+        absolute[unit] = float(error.max())
+        scaled.append(error / max(float(most.max()), np.finfo(float).tiny))
+    return Error(np.max(scaled, axis=0), absolute, condition, f"rounding of {kind.name}", precision=kind.name)
