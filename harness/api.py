@@ -106,7 +106,7 @@ def diagnose(
     corrected and read again.
 
     Args:
-        a, b: URDF, MJCF, SDF or description (a name or a path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
+        a, b: URDF, MJCF, SDF, USD or description (name or path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
             ``yourdfpy`` reads it.
         map: Joints and bodies of A with those of B where names and geometry do not decide, or a TOML file of them.
         seed: Of the random states.

@@ -45,7 +45,7 @@ model file that differs without leave; 2 bad input or usage; 3 an engine failed 
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
-NAMED = "built-in name, or path of a TOML, URDF, MJCF or SDF file"
+NAMED = "built-in name, or path of a TOML, URDF, MJCF, SDF or USD file"
 REVIEW_STATUS = "exit status: 0 all columns agree to the digits that they print; 1 they do not; 2 bad input"
 DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
 3 a library failed, or --limit was met"""
@@ -186,7 +186,7 @@ def _parser() -> argparse.ArgumentParser:
         commands.import_,
         "a model file, or a description with a rough home, as description (NAME.toml) and scene (NAME.scene.toml)",
     )
-    add("file", type=_path, metavar="FILE", help="a URDF, MJCF or SDF, or a TOML file whose home is to be solved for")
+    add("file", type=_path, metavar="FILE", help="a model file, or a TOML file whose home is to be solved for")
     add(
         "--loops",
         type=_path,
@@ -227,7 +227,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print the review as JSON")
 
     add = command(view.view, "a mechanism in space and in motion, served to a browser on this machine")
-    which = "built-in scene or mechanism, or path of a TOML, URDF, MJCF or SDF file"
+    which = "built-in scene or mechanism, or path of a TOML, URDF, MJCF, SDF or USD file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
     add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
@@ -257,9 +257,7 @@ def _parser() -> argparse.ArgumentParser:
     add = command(
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
-    which = (
-        "URDF, MJCF, SDF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    )
+    which = "URDF, MJCF, SDF, USD or description (name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
     add("a", type=_named, metavar="A", help=which)
     add("b", type=_named, metavar="B", help="the same")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')

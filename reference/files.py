@@ -65,7 +65,7 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
 
 
 #: What names a machine besides names that are built in.
-A_PATH = "the path of a TOML file, URDF, MJCF or SDF"
+A_PATH = "the path of a TOML file, URDF, MJCF, SDF or USD"
 
 
 def is_file(path: Path) -> bool:

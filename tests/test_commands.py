@@ -179,8 +179,6 @@ def test_nothing_is_rendered_so_that_no_graphics_is_needed(monkeypatch, command)
             "expand it first: xacro r.xacro > robot.urdf",
         ),
         ("m.sdf", '<sdf version="1.3"/>', "save it as SDF 1.5 to 1.12"),
-        ("m.usda", "#usda 1.0\n", "is USD, which is not read; make a URDF"),
-        ("m.usdz", "PK\x03\x04", "is USD, which is not read; make a URDF"),
     ],
 )
 @pytest.mark.parametrize("name_of_command", ["run", "view", "import"])

@@ -224,7 +224,7 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     },
 }
 #: Kinds that do not come from the text of a model file alone, or of which MuJoCo 4 has none.
-FROM_ELSEWHERE = {"warnings of the library", "entries of loops files", "plugins of bodies"}
+FROM_ELSEWHERE = {"drives", "warnings of the library", "entries of loops files", "plugins of bodies"}
 
 
 @pytest.fixture

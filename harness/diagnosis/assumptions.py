@@ -55,7 +55,7 @@ def sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
 def _of_side(model: Model, found: Findings) -> Iterator[str]:
     """Tell what was taken for granted of one model."""
     readings = (found.a.reading, found.b.reading)
-    yield from model.remarks
+    yield from (*model.remarks, *(remark.rstrip(".") for remark in model.reading.remarks))
     if model.open_by:
         yield f"open at home as written, {model.open_by}; compared where its loops are closed"
     if model.reading.gravity is None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from screwgauge.diagnosis.facts.digits import ALL, digits_of, longest
+from screwgauge.diagnosis.facts.digits import ALL, SINGLE, digits_of, longest
 from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
@@ -90,6 +90,8 @@ class Model:
     @property
     def longest(self) -> int:
         """Digits of the longest number in its file; 0 of a description."""
+        if self.reading.form == "usd":
+            return SINGLE
         return 0 if self.described or self.file is None else longest(read_file(self.file))
 
     @cached_property
@@ -162,8 +164,9 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
         return _described(text)
     file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
-    content, form = read_file(own), form_of(file)
-    model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), _digest(content))
+    form, sha256 = form_of(file), digest(own)
+    digits = SINGLE if form == "usd" else digits_of(read_file(own))
+    model = Model(str(given), file, library, load(file, library, False), False, digits, sha256)
     model = replace(model, own=own if file != own else None)
     if (loops := loops_for(own, loops)) is None:
         return replace(model, says_closures=form != "urdf")

@@ -17,8 +17,6 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.files import check_count, read_xml
 from screwgauge.reference.rotations import Array
 
-_FROM_USD = "make a URDF of it, as Isaac Sim does (isaacsim.asset.exporter.urdf), or give what it was made from"
-
 
 def parse(path: Path) -> ET.Element:
     """The elements of an XML file, prefixes of names left as they are: robots' files often do not declare them.
@@ -26,8 +24,6 @@ def parse(path: Path) -> ET.Element:
     Raises:
         ScrewgaugeError: It cannot be read, is no XML, declares entities, or nests too deeply.
     """
-    if path.suffix.lower().startswith(".usd"):  # which may be binary
-        raise ModelFileError("is USD, which is not read", str(path), _FROM_USD)
     builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate("utf-8"), 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:

@@ -1,13 +1,14 @@
-"""A description made from what was read of any URDF, MJCF or SDF."""
+"""A description made from what was read of any URDF, MJCF, SDF or USD."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-#: How the names of model files end.
-SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world")
+#: How the names of model files end; those of USD.
+USD = (".usd", ".usda", ".usdc", ".usdz")
+SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world", *USD)
 #: And those of files from which models are made: who names one is told so.
-SOURCES = (".xacro", ".usd", ".usda", ".usdc", ".usdz")
+SOURCES = (".xacro",)
 
 
 def is_model(path: Path | str) -> bool:

@@ -122,7 +122,7 @@ def _alone(element: Element, link: Link, machine: Machine) -> Group:
         made = Group("R" if element.kind == "hinge" else "P", _freedoms([element], machine.reading), element.centre)
     else:
         made = Group("R", {name: JointReading("hinge", element.screw, element.centre)}, element.centre)
-    return made if element.joint else replace(made, name=name)
+    return made if FREEDOMS[element.kind] == 1 and element.joint else replace(made, name=name)
 
 
 def pin_name(closures: Sequence[str]) -> str:

@@ -298,7 +298,9 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
     imported = describe(reading, str(path), wanted, given, keyframes, beyond)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
-    return replace(imported, remarks=(said, *source.resolved, *imported.remarks, *points_off_bodies(source)))
+    return replace(
+        imported, remarks=(said, *source.resolved, *reading.remarks, *imported.remarks, *points_off_bodies(source))
+    )
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from screwgauge.models.kinematics import moved
 from screwgauge.models.matter import NOTHING
+from screwgauge.models.poses import screw
 from screwgauge.models.readings.assemble import Assembly, assemble
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading
 from screwgauge.reference.mechanism import GROUND
@@ -55,12 +56,15 @@ class Graph:
     floating: tuple[str, ...] = ()
 
 
-def graph_of_links(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint], where: str) -> Graph:
+def graph_of_links(
+    links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint], where: str, *, rounding: float = 0.0
+) -> Graph:
     """Chooses a tree, in the order of the file and without joints that are to close loops as far as that can be.
 
     Args:
         links: Their matter and poses; whatever no joint keeps to the world floats.
         where: The file, to blame.
+        rounding: Gaps of loops and angles between axes up to this are none [m or rad].
 
     Raises:
         ModelFileError: A body that moves has the name of the ground.
@@ -84,7 +88,9 @@ def graph_of_links(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJ
         moving |= freedoms
     welds = dict[str, tuple[str, str, Array]]()
     for name, joint in ((name, joint) for name, joint in joints.items() if name not in used):
-        pose = shift[joint.parent] @ joint.step @ (links[joint.child].pose if joint.child else np.eye(4))
+        here = links[joint.child].pose if joint.child else np.eye(4)
+        pose, closed = shift[joint.parent] @ joint.step @ here, shift[joint.child] @ here
+        pose = closed if np.abs(pose - closed).max() <= rounding else pose
         freedoms, end = _placed(joint, shift[joint.parent]), joint.parent
         if freedoms:
             end = f"{joint.child or GROUND}.{name}"
@@ -93,7 +99,21 @@ def graph_of_links(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJ
         welds[f"{name}.loop"] = joint.child, end, pose
     assembly = assemble(tree, where)
     closures = {name: _weld(assembly, *ends) for name, ends in welds.items()}
-    return Graph(assembly, moving, closures, tuple(floating))
+    return Graph(assembly, _aligned(moving, rounding), closures, tuple(floating))
+
+
+def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
+    """Joints with one direction for all that are parallel but for rounding: loops hang on that."""
+    known, found = list[Array](), dict[str, JointReading]()
+    for name, joint in joints.items():
+        way = joint.direction
+        if rounding and way.any():
+            near = (sign * other for other in known for sign in (1.0, -1.0))
+            way = next((other for other in near if np.abs(other - way).max() <= rounding), way)
+            known += [way] if way is joint.direction or not known else []
+            joint = replace(joint, screw=screw(joint.kind == "hinge", way, joint.centre))
+        found[name] = joint
+    return found
 
 
 def _placed(joint: GraphJoint, T: Array) -> dict[str, JointReading]:

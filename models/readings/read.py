@@ -23,6 +23,7 @@ from screwgauge.models.readings.pinocchio import read_pinocchio
 from screwgauge.models.readings.reading import OWN, BodyReading, JointReading, Reading
 from screwgauge.models.readings.sdf import read_sdf
 from screwgauge.models.readings.source import Source, prepare
+from screwgauge.models.readings.usd import read_usd
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
 from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
@@ -220,12 +221,17 @@ def _hinges(reading: Reading) -> Iterator[Hinge]:
             yield Hinge(name, joint.home, joint.limits)
 
 
+def _read_here(source: Source) -> Reading:
+    """Reads an SDF or USD."""
+    return read_usd(source.path) if source.form == "usd" else read_sdf(source.root, source.name, str(source.path))
+
+
 #: Library -> the formats that it reads, its own first, and how.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {
     "pinocchio": (("urdf", "mjcf"), read_pinocchio),
     "mujoco": (("mjcf", "urdf"), read_mujoco),
     "yourdfpy": (("urdf",), read_yourdfpy),
-    OWN: (("sdf",), lambda source, _: read_sdf(source.root, source.name, str(source.path))),
+    OWN: (("sdf", "usd"), lambda source, _: _read_here(source)),
 }
 
 

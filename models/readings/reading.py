@@ -168,6 +168,7 @@ class Reading:
         medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
         content: What the file says beyond that, and what the library does not make anything of.
         form: ``urdf``, ``mjcf`` or ``sdf``; empty of a description.
+        remarks: How the file was made whole, a sentence each.
         frames: Joint of the file that is none of `joints`, being fixed, say -> link that it carries.
     """
 
@@ -184,6 +185,7 @@ class Reading:
     content: tuple[Content, ...] = ()
     form: str = ""
     frames: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def ignored(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from screwgauge.models.files.urdf import (
     root_link,
     without_shapes,
 )
+from screwgauge.models.files.usd import elements, is_usd, stage_of
 from screwgauge.models.files.xml import check_numbers, parse
 from screwgauge.models.readings.meshes import weigh, without_meshes
 from screwgauge.models.readings.reading import CouplingReading
@@ -30,7 +31,7 @@ from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count
 
 #: Root element -> format.
-FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf"}
+FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf", "usd": "usd"}
 #: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
 #: Bodies that a sentence names.
@@ -42,7 +43,7 @@ class Source:
     """A model file, prepared.
 
     Attributes:
-        form: ``urdf``, ``mjcf`` or ``sdf``.
+        form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``.
         root: All of it that a library is to see.
         content: What was taken out or changed.
         attached: File of an MJCF that another one attaches, by a name of its own -> what a library is to see of it.
@@ -91,7 +92,7 @@ class Source:
 
         None of a file that is read here, where nothing is dropped.
         """
-        if self.form == "sdf":
+        if self.form in ("sdf", "usd"):
             return []
         if self.form == "urdf":
             return [e.get("name", "") for e in self.root.iterfind(what) if e.get("type") != "fixed"]
@@ -118,7 +119,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
     Raises:
         ScrewgaugeError: It cannot be read, is no model, or asks for what is not done here; says what to do.
     """
-    root = parse(path)
+    root = elements(stage_of(path)) if is_usd(path) else parse(path)
     if any(element.tag in _OF_XACRO for element in root.iter()):
         command = f"xacro {path.name} > robot.urdf"
         raise ModelFileError("is a xacro file, from which a URDF is made", str(path), f"expand it first: {command}")
@@ -126,7 +127,9 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         what = f"is no model: its root element is <{root.tag}>"
         raise ModelFileError(what, str(path), "give a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
     form = FORMATS[root.tag]
-    source = _mjcf(root, path, meshes) if form == "mjcf" else {"urdf": _urdf, "sdf": _sdf}[form](root, path)
+    source = (
+        _mjcf(root, path, meshes) if form == "mjcf" else {"urdf": _urdf, "sdf": _sdf, "usd": _usd}[form](root, path)
+    )
     if floating and form != "urdf":
         what = f"is {form.upper()}, which says itself what floats"
         raise ModelFileError(what, str(path), "do not ask for a floating base")
@@ -136,12 +139,12 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
 
 
 def form_of(path: Path) -> str:
-    """``urdf``, ``mjcf`` or ``sdf``, by the root element; empty of anything else.
+    """Format by the root element, or the ending of a USD; empty of anything else.
 
     Raises:
         ScrewgaugeError: It cannot be read, or is no XML.
     """
-    return FORMATS.get(parse(path).tag, "")
+    return "usd" if is_usd(path) else FORMATS.get(parse(path).tag, "")
 
 
 def check_names(root: ET.Element, form: str, where: str) -> None:
@@ -229,9 +232,9 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
     Raises:
         ScrewgaugeError: See `prepare`.
     """
-    root = parse(path)
-    if FORMATS.get(root.tag) != "mjcf":
+    if form_of(path) != "mjcf":
         return None
+    root = parse(path)
     files, home = parts(root, path), path.parent.resolve()
     taken = {element.get("name") for part in files for element in part.root.iter()}
     names = list[str]()
@@ -246,6 +249,10 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(ET.tostring(part.root, encoding="unicode"), encoding="utf-8")
     return folder / path.name if names else None
+
+
+def _usd(root: ET.Element, path: Path) -> Source:
+    return Source(path, "usd", root)
 
 
 def _attach(part: Part, keys: Mapping[Path, str]) -> None:

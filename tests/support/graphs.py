@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
@@ -115,6 +116,86 @@ def sdf_of(mechanism: Mechanism, last: str = "", gravity: Sequence[float] = (0.0
             axis = ET.SubElement(element, f"axis{'2' * i}")
             ET.SubElement(axis, "xyz", expressed_in="__model__").text = vector_text(freedom.direction)
     return ET.tostring(sdf, encoding="unicode")
+
+
+#: Kind of joint -> type of a USD joint, and the freedoms that it has in the axes of its frame.
+USD_TYPES = {
+    "R": ("Revolute", ("Z",)),
+    "P": ("Prismatic", ("Z",)),
+    "S": ("Spherical", ()),
+    "fixed": ("Fixed", ()),
+    "U": ("", ("rotX", "rotY")),
+    "C": ("", ("rotZ", "transZ")),
+    "E": ("", ("transX", "transY", "rotZ")),
+}
+FREE_AXES = [f"{kind}{axis}" for kind in ("trans", "rot") for axis in "XYZ"]
+
+
+def usd_of(mechanism: Mechanism, last: str = "", unit: float = 1.0) -> str:
+    """A USD whose poses are the home of a mechanism; what closes loops is excluded from the articulation.
+
+    Args:
+        unit: Metres a unit of length.
+    """
+    poses, names = poses_of(mechanism), {body.name: f"body_{i}" for i, body in enumerate(mechanism.bodies)}
+    head = f'defaultPrim = "w"\nmetersPerUnit = {unit!r}\nkilogramsPerUnit = 1\nupAxis = "Z"'
+    out = [f'#usda 1.0\n({head})\ndef Xform "w" {{\ndef PhysicsScene "scene" {{}}']
+    for body in mechanism.bodies:
+        T = poses[body.name].copy()
+        T[:3, 3] /= unit
+        moments, A = np.diag(body.inertia), np.eye(3)
+        if np.abs(body.inertia - np.diag(moments)).max() > 0.0:
+            moments, A = np.linalg.eigh(body.inertia)
+            A[:, 0] *= np.sign(np.linalg.det(A))
+        rows = ", ".join(_tuple(row) for row in T.T)
+        out.append(
+            f'def Xform "{names[body.name]}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {{\n'
+            f'matrix4d xformOp:transform = ({rows})\nuniform token[] xformOpOrder = ["xformOp:transform"]\n'
+            f"float physics:mass = {body.mass!r}\npoint3f physics:centerOfMass = {_tuple(body.com / unit)}\n"
+            f"float3 physics:diagonalInertia = {_tuple(moments / unit**2)}\n"
+            f"quatf physics:principalAxes = {_tuple(quaternion(A))}\n}}"
+        )
+    for joint in ordered(mechanism, last):
+        kind, axes = USD_TYPES[joint.kind]
+        D6 = kind == "" and joint.kind != "fixed"
+        locked = [axis for axis in FREE_AXES if D6 and axis not in axes]
+        api = ", ".join(f'"PhysicsLimitAPI:{axis}"' for axis in locked)
+        head = f"(prepend apiSchemas = [{api}])" if api else ""
+        out.append(f'def Physics{kind}Joint "{usd_name(joint.name)}" {head} {{')
+        turn = _axes(joint)
+        for k, (body, frame) in enumerate(joint.sides):
+            if body != GROUND:
+                out.append(f"rel physics:body{k} = </w/{names[body]}>")
+            out.append(f"point3f physics:localPos{k} = {_tuple(frame.p / unit)}")
+            out.append(f"quatf physics:localRot{k} = {_tuple(quaternion(frame.R @ turn))}")
+        if kind in ("Revolute", "Prismatic"):
+            out.append('uniform token physics:axis = "Z"')
+        out += [f"float limit:{axis}:physics:low = 1\nfloat limit:{axis}:physics:high = -1" for axis in locked]
+        out.append(f"bool physics:excludeFromArticulation = {int(joint.kind == last)}\n}}")
+    return "\n".join([*out, "}\n"])
+
+
+def usd_name(name: str) -> str:
+    """A name as an identifier."""
+    return re.sub(r"\W", "_", name)
+
+
+def _axes(joint: Joint) -> Array:
+    """Rotation to a frame that has a joint's axes along x and y (U), or along z."""
+    if joint.kind in ("S", "fixed"):
+        return np.eye(3)
+    if joint.kind == "U":
+        x, y = joint.axes
+        return np.array([x, y, np.cross(x, y)]).T
+    z = joint.axes[0]
+    x = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z]).T
+
+
+def _tuple(values: object) -> str:
+    return f"({', '.join(repr(float(x)) for x in np.ravel(values))})"  # type: ignore[arg-type]
 
 
 def link_name(body: str) -> str:

@@ -130,7 +130,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
         return "same" if _same(a, b) else "differs"  # type: ignore[arg-type]
     mine, other = readings if b is None else readings[::-1]
     if kind.alone == "aside":
-        return "differs" if mine.form == other.form else "aside" if mine.form == "urdf" else "withheld"
+        return "differs" if mine.form == other.form else "aside" if mine.form != "mjcf" else "withheld"
     can_say = other.library == "mujoco" if kind.arrays else other.form == mine.form
     return "withheld" if kind.alone or not can_say else "differs"
 

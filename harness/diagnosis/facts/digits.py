@@ -17,6 +17,8 @@ from screwgauge.diagnosis.properties import PASSIVE, PROPERTIES
 
 #: Digits of numbers that are not printed shorter than they are.
 ALL = 15
+#: Digits of numbers of 32 bits.
+SINGLE = 8
 #: Share of a file's longer numbers that have as many digits as the longest, if a program has cut them; and how many it
 #: leaves at least: one or two are somebody's edit.
 CUT, FEWEST = 0.3, 5
