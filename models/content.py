@@ -110,6 +110,12 @@ def kind_of(element: str) -> str:
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 
+def force_limits(joint: str, most: float) -> Content:
+    """The largest force or torque of a joint, as MuJoCo keeps it [N or N m]."""
+    values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
+    return Content("force limits", "limit effort", f" of joint {joint}", (("joints", joint, 1.0),), values)
+
+
 def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
     """One phrase for all content of one name, in the order of the file."""
     owners: dict[str, list[str]] = {}

@@ -271,7 +271,7 @@ BAD = {
         )
     ),
     "6 finite numbers": model(arm().replace("0 0 1.5 0 0 0", "0 0 1.5")),
-    "1 finite numbers": model(arm().replace("<mass>2</mass>", "<mass>two</mass>")),
+    "not a finite number": model(arm().replace("<mass>2</mass>", "<mass>two</mass>")),
     "is 0": model(arm(axes=axis("0 0 0"))),
     "'m::b'": model(arm(LINK.format("b", "0 0 0 0 0 0", 1))),
     "weight of a part": model(arm('<link name="c"><gravity>0</gravity></link>' + joint("l", "fixed", "b", "c"))),

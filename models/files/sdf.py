@@ -189,7 +189,8 @@ class Frames:
         bad = np.isnan(values) if tag.startswith("limit/") else ~np.isfinite(values)
         if len(values) != n or bad.any():
             what = f"{tag} of {element.tag} {element.get('name', '')}".rstrip()
-            raise ModelFileError(f"{what} is '{text[:60]}', where {n} finite numbers are due", self.where, "write them")
+            due = f"{n} finite numbers" if n > 1 else "a finite number"
+            raise ModelFileError(f"{what} is '{text[:60]}', not {due}", self.where, "write that")
         return values
 
     def number(self, element: ET.Element, tag: str, default: float) -> float:

@@ -76,6 +76,14 @@ def is_joint(prim: Any) -> bool:
     return bool(prim.IsA(UsdPhysics.Joint)) or str(prim.GetTypeName()).endswith("Joint")
 
 
+def names_of(some: list[Any]) -> list[str]:
+    """Names of prims, those that several have with the names of all that they are in."""
+    short = [prim.GetName() for prim in some]
+    return [
+        n if short.count(n) == 1 else str(p.GetPath())[1:].replace("/", ".") for n, p in zip(short, some, strict=True)
+    ]
+
+
 def value(prim: Any, *names: str, default: Any = None) -> Any:
     """Value of the first of some attributes that has one; floats of 32 bits by their shortest decimals."""
     for name in names:
@@ -102,7 +110,7 @@ def elements(stage: Any) -> ET.Element:
     from pxr import UsdPhysics
 
     default = stage.GetDefaultPrim()
-    root = ET.Element("usd", name=default.GetName() if default else "")
+    root = ET.Element("usd", {"name": default.GetName()} if default else {})
     for prim in prims(stage):
         said = {a.GetName(): str(a.Get()) for a in prim.GetAuthoredAttributes() if a.GetName().startswith(_PHYSICS)}
         if not said:

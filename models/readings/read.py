@@ -223,7 +223,11 @@ def _hinges(reading: Reading) -> Iterator[Hinge]:
 
 def _read_here(source: Source) -> Reading:
     """Reads an SDF or USD."""
-    return read_usd(source.path) if source.form == "usd" else read_sdf(source.root, source.name, str(source.path))
+    return (
+        read_usd(source.path, source.name)
+        if source.form == "usd"
+        else read_sdf(source.root, source.name, str(source.path))
+    )
 
 
 #: Library -> the formats that it reads, its own first, and how.

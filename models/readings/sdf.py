@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.content import Content
+from screwgauge.models.content import Content, force_limits
 from screwgauge.models.files.sdf import OF, Frame, Frames, is_true
 from screwgauge.models.formats import TENSOR, tensor
 from screwgauge.models.matter import NOTHING, SHAPES, Matter, displaced, joined, uniform
@@ -195,8 +195,7 @@ class _Joint:
         for i, name in enumerate(self.coordinates):
             most = self.frames.number(self.axis(i), "limit/effort", -1.0)
             if 0.0 <= most < _BOUNDLESS:
-                values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
-                yield Content("force limits", "limit effort", f" of joint {name}", (("joints", name, 1.0),), values)
+                yield force_limits(name, most)
 
     def couplings(self, joints: Mapping[str, _Joint]) -> Iterator[CouplingReading]:
         """Couplings by which its coordinates follow others, or by which a gearbox lets hinges follow."""

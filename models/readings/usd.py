@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.content import Content
-from screwgauge.models.files.usd import is_joint, prims, stage_of, value
+from screwgauge.models.content import Content, force_limits
+from screwgauge.models.files.usd import is_joint, names_of, prims, stage_of, value
 from screwgauge.models.matter import NOTHING, Matter, displaced, joined, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
 from screwgauge.models.readings.graph import WORLD, GraphJoint, graph_of_links
@@ -42,12 +42,12 @@ _PASSIVE = {
     "stiffness": ("mjc:stiffness",),
     "rest": ("mjc:springref",),
 }
-_DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity", "maxForce")
+_DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
 #: Types of joints that are read.
 _TYPES = tuple(f"Physics{kind}Joint" for kind in ("Revolute", "Prismatic", "Spherical", "Fixed", ""))
 
 
-def read_usd(path: Path) -> Reading:
+def read_usd(path: Path, name: str) -> Reading:
     """Reads all rigid bodies of a stage, and the joints between them; coordinates at home are those of its poses.
 
     Raises:
@@ -61,17 +61,16 @@ def read_usd(path: Path) -> Reading:
         prim for prim in every if prim.HasAPI(UsdPhysics.RigidBodyAPI) and value(prim, "physics:rigidBodyEnabled")
     ]
     check_count(len(moving), "links", str(path))
-    names = dict(zip((prim.GetPath() for prim in moving), _names(moving), strict=True))
+    names = dict(zip((prim.GetPath() for prim in moving), names_of(moving), strict=True))
     units = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
     read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.Default()), names)
     joints = [prim for prim in every if is_joint(prim)]
-    graph = {one.name: one for one in map(read.joint, joints, _names(joints)) if one is not None}
+    graph = {one.name: one for one in map(read.joint, joints, names_of(joints)) if one is not None}
     links = {names[prim.GetPath()]: read.body(prim) for prim in moving}
-    edges, serial = _in_series({name: one.in_graph() for name, one in graph.items()})
+    edges, serial = _in_series({n: one.in_graph() for n, one in graph.items()})
     assembled = graph_of_links(links, edges, str(path), rounding=ROUNDING)
-    default = stage.GetDefaultPrim()
     return Reading(
-        name=default.GetName() if default else path.stem,
+        name=name,
         library=OWN,
         bodies=assembled.assembly.bodies,
         joints=assembled.joints,
@@ -82,7 +81,7 @@ def read_usd(path: Path) -> Reading:
         gravity=read.gravity(next((prim for prim in every if prim.IsA(UsdPhysics.Scene)), None)),
         content=(*read.content, *(each for one in graph.values() for each in one.content())),
         frames={n: joint.child for n, joint in edges.items() if not joint.freedoms},
-        remarks=(*_apart({name: one.gap for name, one in graph.items()}), *serial),
+        remarks=(*_apart({n: one.gap for n, one in graph.items()}), *serial),
     )
 
 
@@ -100,14 +99,6 @@ def _in_series(joints: Mapping[str, GraphJoint]) -> tuple[dict[str, GraphJoint],
     several = [names for names in pairs.values() if len(names) > 1]
     return found, [
         f"Joints {', '.join(names)} join the same bodies: they are read as one after the other." for names in several
-    ]
-
-
-def _names(some: list[Any]) -> list[str]:
-    """Names of prims, those that several have with the names of all that they are in."""
-    short = [prim.GetName() for prim in some]
-    return [
-        n if short.count(n) == 1 else str(p.GetPath())[1:].replace("/", ".") for n, p in zip(short, some, strict=True)
     ]
 
 
@@ -136,11 +127,14 @@ class _Stage:
     def joint(self, prim: Any, name: str) -> _Joint | None:
         """A joint that constrains something."""
         kind = str(prim.GetTypeName())
-        if not value(prim, "physics:jointEnabled", default=True):
-            self.content.append(Content("put in place", f"joint {name}, which is switched off"))
-            return None
-        if kind == "PhysicsDistanceJoint":
-            self.content.append(Content("other equalities", f"distance joint {name}"))
+        off, distance = not value(prim, "physics:jointEnabled", default=True), kind == "PhysicsDistanceJoint"
+        if off or distance:
+            what = (
+                ("put in place", f"joint {name}, switched off")
+                if off
+                else ("other equalities", f"distance joint {name}")
+            )
+            self.content.append(Content(*what))
             return None
         if kind not in _TYPES:
             raise ModelFileError(f"joint {name} is a {kind}", self.where, f"make it one of {', '.join(_TYPES)}")
@@ -365,6 +359,9 @@ class _Joint:
             said = {n: value(self.prim, f"drive:{instance}:physics:{n}") for n in _DRIVE}
             of, values = (("joints", name, 1.0),), tuple((n, x) for n, x in said.items() if x is not None)
             yield Content("drives", "drive", f" of joint {name}", of, values)
+            if math.isfinite(most := value(self.prim, f"drive:{instance}:physics:maxForce", default=math.inf)):
+                per = self.stage.unit ** (2 if instance.startswith(("angular", "rot")) else 1)
+                yield force_limits(name, self.stage.kilo * per * most)
 
     def target(self, relationship: str) -> Any:
         """Path that a relationship names; None if it names nothing."""
