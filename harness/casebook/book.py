@@ -84,7 +84,7 @@ def _no_newer(tried: Sequence[str], versions: Sequence[str]) -> bool:
 
 
 #: Engine -> distribution.
-_PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin"}
+_PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin", "exudyn": "exudyn", "drake": "drake"}
 TEXTS, SHOWN = (Path(__file__).with_name(name) for name in ("casebook.toml", "shown.toml"))
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from casebook.reproduce import RUN
-from screwgauge.casebook.book import CASES, Case, version_key
+from screwgauge.casebook.book import CASES, Case, installed, version_key
 from screwgauge.processes import python as this_python
 from screwgauge.study.matrix import Maker, fresh, lay_out, requirements
 
@@ -52,14 +52,22 @@ def _found(python: Sequence[str], environment: Mapping[str, str], cases: list[st
 
 
 def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh) -> dict[str, Case]:
-    """The cases with what a fresh environment of each pair of versions, of pin and mujoco, shows."""
+    """The cases with what a fresh environment of each pair of versions, of pin and mujoco, shows.
+
+    Those of other engines are shown by the installed versions, where they are installed.
+    """
     cases = {**CASES}
     for pin, mujoco in pairs:
         place = folder / f"pin-{pin}-mujoco-{mujoco}"
         python = make(place / "environment", requirements(pin=pin, mujoco=mujoco))
         lay_out(place / "package")
-        for name, found in found_by([str(python), "-P"], place / "package").items():
+        both = [name for name in RUN if {*CASES[name].engines} <= {"pinocchio", "mujoco"}]
+        for name, found in found_by([str(python), "-P"], place / "package", both).items():
             cases[name] = grown(cases[name], {"pinocchio": pin, "mujoco": mujoco}, found)
+    further = [name for name in RUN if not {*CASES[name].engines} <= {"pinocchio", "mujoco"}]
+    here = {name: dict(zip(CASES[name].engines, installed(CASES[name]) or (), strict=False)) for name in further}
+    for name, found in found_by(cases=[name for name in further if here[name]]).items():
+        cases[name] = grown(cases[name], here[name], found)
     return cases
 
 
