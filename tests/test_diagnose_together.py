@@ -95,7 +95,7 @@ def test_torques_that_differ_for_no_reason_that_is_read_are_not_the_same(files, 
     assert (found.same, found.undecided, found.exit_status) == (False, False, 1)
     assert found.differences == ()
     assert found.verdict.startswith(
-        "The libraries' own torques as loaded (mj_inverse of A and mj_inverse of B, with passive "
+        "The libraries' own forces as loaded (mj_inverse of A and mj_inverse of B, with passive "
     )
     assert "differ by 0.5 of " in found.verdict
 

@@ -81,11 +81,12 @@ class Explanation:
     def plain(self) -> bool:
         """Whether nothing can be told with less: one cause, or conventions alone.
 
-        What sits elsewhere on a body that is round may be a turn of the whole.
+        What sits elsewhere on a body that is round may be a turn of the whole, and so may a left and a right part be.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
-        inner = any(fact.what == "placement" and fact.of != GROUND for fact in self.real)
-        return counting or (self.cost <= ONE and not inner) or self._settled
+        places = [fact.of for fact in self.real if fact.what == "placement"]
+        outer = not places or places == [GROUND]
+        return counting or (self.cost <= ONE and outer) or self._settled
 
     @property
     def _settled(self) -> bool:

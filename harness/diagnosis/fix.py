@@ -101,6 +101,7 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
             best = replace(best, why_not=(*why, f"the changed file cannot be read: {error.what}"))
             continue
         left = among(explained(a.posed, rehomed(again, b.home)[0], _names(pair, again)).facts, only)
+        left = tuple(fact for fact in left if fact.what != "name")
         lost = {(change.item, change.what) for change, _ in patch.left}
         deaf = [f.what for f in left if f.what in OPTIONAL and (f.partner or f.part, f.what) not in lost]
         best = Fix(patch.text, left, why, tuple(dict.fromkeys(deaf)), open_)

@@ -25,7 +25,7 @@ SLIPS: Mapping[str, str] = {
     "sequence": "angles of {0} are in the sequence {1}, where {2} is meant",
     "w last": "quaternions of {0} have w last",
     "left out": "{it} is left out",
-    "decimal point": "the decimal point of {it} is moved by {0:+d}",
+    "decimal point": "{it} has its decimal point {0}",
     "other sign": "{it} has the other sign",
     "mirrored": "{it} is mirrored in {0}",
     "order": "{it} has its entries in the order {0}",
@@ -60,6 +60,7 @@ SLIPS: Mapping[str, str] = {
     "density": "masses come from a density of {0:.6g} kg/m^3 in A and {1:.6g} kg/m^3 in B",
     "settotalmass": "masses are scaled to {1:.6g} kg in all, as the compiler option settotalmass of {0} asks",
     "total kept": "masses are scaled to a total of {0:.6g} kg in both, as MuJoCo's settotalmass does",
+    "joint order": "from the ground outwards {0} in A, {1} in B{2}",
     "exchanged": "the {noun} of {0} and that of {1} are exchanged",
     "before the gear": "the {noun} of {0} is that of the motor, before the gear of {1:.6g}",
     "gear once": "the {noun} of {0} is reduced by the gear of {1:.6g}, not by its square",
@@ -83,4 +84,12 @@ def phrase(reason: Reason) -> str:
     elif reason.part and len(parts) == 1:
         article, nouns = "the", [noun(first.what)]
     it = "B" if first.what == "whole" else f"{article} {listed(nouns)}{f' of {reason.part}' * bool(reason.part)}"
-    return SLIPS[reason.slip].format(*reason.values, it=it, noun=noun(first.what), part=reason.part or first.part)
+    values = map(_places, reason.values) if reason.slip == "decimal point" else reason.values
+    return SLIPS[reason.slip].format(*values, it=it, noun=noun(first.what), part=reason.part or first.part)
+
+
+def _places(moved: str | float) -> str:
+    """Tell where a decimal point is, by the power of ten."""
+    n = int(abs(float(moved)))
+    places = ("one place", "two places", "three places")[n - 1]
+    return f"{places} too far to the {'right' if float(moved) > 0.0 else 'left'}"

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.facts.fact import STANDARD, known_gravity, other_gravi
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.nouns import counted, listed, other
 from screwgauge.diagnosis.properties import CLOSING, OPTIONAL, PROPERTIES, word
-from screwgauge.diagnosis.shares import SAME, UNSEEN, able
+from screwgauge.diagnosis.shares import SAME, UNSEEN, able, components
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.content import kinds
 from screwgauge.reference.errors import first_few
@@ -41,7 +41,8 @@ def news(found: Findings) -> Iterator[str]:
         yield from _strange(found)
         return
     if not found.facts and found.agreement is not None and found.agreement.scaled > SAME:
-        yield f"Torques differ by {_amount(found.agreement)}, and no difference between the files explains it."
+        forces = "Forces" if found.agreement.unit == "N" else "Torques"
+        yield f"{forces} differ by {_amount(found.agreement)}, and no difference between the files explains it."
     if found.together is not None and not found.together.agrees:
         yield _as_loaded(found.together)
         if found.beyond.withheld:
@@ -113,27 +114,35 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
         most = max(seen, key=lambda each: each.share)
         name = Speaker(found.pair.a).name(most.groups[0])
         much = f"by up to {_amount(found.torques)}"
+        forces = "forces" if found.torques.unit == "N" else "torques"
         if len(causes) == 1:
-            yield f"It changes torques {much}."
+            yield f"It changes {forces} {much}."
         elif len(seen) == 1:
-            yield f"Torques change {much}, by {name} alone."
+            yield f"{forces.capitalize()} change {much}, by {name} alone."
         else:
-            yield f"Together they change torques {much}; {percent(most.share)} of that by {name} alone."
+            yield f"Together they change {forces} {much}; {percent(most.share)} of that by {name} alone."
     yield from _outside(causes)
     plain = [each for each in causes if not _left_out(each)]
     unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
         counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
-        yield f"{_subject(unseen, causes)} {'coordinates alone, and ' * counts}no torque."
+        yield f"{_subject(unseen, causes)} {'coordinates alone, and ' * counts}no {_force(found)}."
     counting = [each for each in plain if math.isnan(each.share) and all(f.kind == "convention" for f in each.facts)]
     if counting:
         yield f"{_subject(counting, causes)} no motion."
     without = [each for each in plain if each.kind == "cause" and math.isnan(each.share)]
     if any(len(each.groups) > 1 for each in without):
-        yield "Their torques cancel each other, so that none has a share."
+        yield "Their effects cancel each other, so that none has a share."
     elif any(each.facts[0].kind == "model" for each in without):
         it = "It has" if len(causes) == 1 else "What no value in a file makes has"
-        yield f"{it} no share of torque{': no value in a file makes it' * (len(causes) == 1)}."
+        yield f"{it} no share{': no value in a file makes it' * (len(causes) == 1)}."
+
+
+def _force(found: Findings, *, several: bool = False) -> str:
+    """Name what the joints of A exert: torques, forces, or both."""
+    units = {unit for _, unit in components(found.pair.a.reading)}
+    names = [f"{name}{'s' * several}" for name, unit in (("torque", "N m"), ("force", "N")) if unit in units]
+    return (" and " if several else " or ").join(names)
 
 
 def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
@@ -221,7 +230,7 @@ def _agreement(found: Findings) -> Iterator[str]:
     reading = found.a.reading
     agree = f"{counted(len(reading.joints), 'joint')} and {counted(len(reading.bodies), 'body', 'bodies')} agree"
     if found.agreement is not None:
-        agree += f", their torques to {found.agreement.scaled:.1g} of the largest"
+        agree += f", their {_force(found, several=True)} to {found.agreement.scaled:.1g} of the largest"
     if found.together is not None and any(found.together.calls):
         agree += f", those of the libraries as loaded to {found.together.row.scaled:.1g}"
     withheld = [*not_compared(found)]
@@ -236,8 +245,9 @@ def _agreement(found: Findings) -> Iterator[str]:
 def _as_loaded(both: Together) -> str:
     """Tell how far apart the libraries' own torques are."""
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
+    forces = "forces" if both.row.unit == "N" else "torques"
     return (
-        f"The libraries' own torques as loaded ({' and '.join(calls)}, with passive forces) differ by "
+        f"The libraries' own {forces} as loaded ({' and '.join(calls)}, with passive forces) differ by "
         f"{both.row.value:.4g} of {both.largest:.4g} {both.row.unit} ({both.row.component})."
     )
 

@@ -185,5 +185,6 @@ def bare(reading: Reading) -> Reading:
 
 
 def able(facts: Sequence[Fact]) -> bool:
-    """Whether values make all of some facts."""
-    return all(fact.changes or isinstance(fact.b, Whole) for fact in facts)
+    """Whether values make all of some facts, whatever joints are called."""
+    real = [fact for fact in facts if fact.what != "name"]
+    return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)

@@ -20,6 +20,7 @@ from screwgauge.diagnosis.units import UNITS
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
 from screwgauge.reference.errors import first_few
+from screwgauge.reference.mechanism import GROUND
 
 _NAMED = 3
 #: Axes in which a whole is told.
@@ -101,6 +102,8 @@ class Speaker:
             return first.of if len(facts) == 1 else f"{first.what} ({len(facts)})"
         if not first.part:
             return nouns(facts)
+        if _in_another_order(facts):
+            return f"order of {len(parts)} joints"
         if len(parts) > 2:
             return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
         whats = {part: nouns([fact for fact in facts if fact.part == part]) for part in parts}
@@ -121,6 +124,8 @@ class Speaker:
             return f"{len(parts)} joints have names of other joints in B{'' if self.brief else f': {pairs}'}"
         if first.what in _SUBTREES and not {fact.what for fact in facts} - {first.what}:
             return f"{len(parts)} {_SUBTREES[first.what]} {other(first.side)}{names}"
+        if _in_another_order(facts):
+            return f"{len(parts)} joints follow each other in another order in B"
         owners = self._counted(facts, len(parts))
         if {(fact.what, fact.side) for fact in facts} in ({("limits", "A")}, {("limits", "B")}):
             return f"{owners} have no limits in {other(first.side)}{names}"
@@ -136,7 +141,7 @@ class Speaker:
 
     def _counted(self, facts: Sequence[Fact], n: int) -> str:
         """``all 4 joints``, ``3 bodies``."""
-        owners = {PROPERTIES[fact.what].owner if fact.what in PROPERTIES else "" for fact in facts}
+        owners = {PROPERTIES[fact.what].owner for fact in facts if fact.what in PROPERTIES}
         owner = owners.pop() if len(owners) == 1 else ""
         every = len(getattr(self.a.reading, ROOMS.get(owner, ""), ())) == n
         return f"{'all ' * every}{n} {OWNERS.get(owner, 'parts')}"
@@ -150,19 +155,24 @@ class Speaker:
 
     def _small(self, cause: Cause) -> str:
         names = "" if self.brief else f": {first_few(map(self.name, cause.groups), _NAMED)}"
-        share = f"{100.0 * abs(cause.share):.1g} % of the torque difference"
+        share = f"{100.0 * abs(cause.share):.1g} % of the difference"
         return f"{len(cause.groups)} small differences make {share}{names}"
 
     def axes(self, *names: str) -> list[Axes]:
         """Axes of bodies, then those of the world."""
-        known = (name for name in names if name in self.a.reading.bodies)
-        return [*(Axes(f"{name} in A", self.a.reading.bodies[name].pose[:3, :3]) for name in known), WORLD]
+        bodies = self.a.reading.bodies
+        own = {name: Axes(f"{name} in A", bodies[name].pose[:3, :3]) for name in names if name in bodies}
+        return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:
-        """Tell the step of a place."""
+        """Tell the step of a place, in the axes of the body that it is on, else of the one that it carries."""
         joint = fact.part.partition("/")[0]
         carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
-        return turn_and_way(np.asarray(fact.b), self.axes(*carried, fact.of), self.a.length, turned, brief=self.brief)
+        return turn_and_way(np.asarray(fact.b), self.axes(fact.of, *carried), self.a.length, turned, brief=self.brief)
+
+
+def _in_another_order(facts: Sequence[Fact]) -> bool:
+    return {"axis", "name"} <= {fact.what for fact in facts}
 
 
 def _of(fact: Fact, text: str) -> str:

@@ -16,7 +16,7 @@ from screwgauge.diagnosis.causes.trials import Trial
 from screwgauge.diagnosis.causes.written import LEFT, WATER, Slip, Written, written
 from screwgauge.diagnosis.facts.fact import Fact, Pair, apart
 from screwgauge.diagnosis.machine.whole import Whole
-from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, unit_of
+from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, unit_of
 from screwgauge.diagnosis.units import UNITS
 from screwgauge.models.machine import Machine
 from screwgauge.models.matter import Matter, displaced, joined, remainder, steiner
@@ -74,7 +74,7 @@ def reasons(facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | 
     """
     real = [fact for fact in facts if fact.kind != "digits"]
     case, found = Case(real, pair, (written(files[0]), written(files[1]))), list[Reason]()
-    for entry in (_geoms, _weighed, _whole, _exchanged, _geared, _merged, _placed, _alone):
+    for entry in (_geoms, _weighed, _whole, _reordered, _exchanged, _geared, _merged, _placed, _alone):
         some = _gathered(entry(case))
         found += some
         taken = {id(fact) for each in some for fact in each.facts}
@@ -132,6 +132,29 @@ def _weighed(case: Case) -> Iterator[Reason]:
     for x, y in product(*(file.densities or (WATER,) for file in case.files)):
         if x != y and math.isclose(y, max(factors) * x, rel_tol=1e-4):
             yield Reason("density", tuple(facts), (x, y))
+
+
+def _reordered(case: Case) -> Iterator[Reason]:
+    """Joints that follow each other in another order: axes are elsewhere where names are in each other's place."""
+    names = {fact.part: fact.b for fact in case.of("name")}
+    cycles = [cycle for cycle in _cycles(names) if any(fact.part in cycle for fact in case.of("axis", "kind"))]
+    whats = ("name", "axis", "kind", *PASSIVE, "limits")
+    if cycles:
+        facts = [fact for fact in case.of(*whats) if any(fact.part in cycle for cycle in cycles)]
+        orders = (", ".join(order) for order in (cycles[0], map(names.__getitem__, cycles[0])))
+        yield Reason("joint order", tuple(facts), (*orders, f", {len(cycles) - 1} more alike" * (len(cycles) > 1)))
+
+
+def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
+    """Names that stand in each other's place, each of these once, in their order."""
+    left = [*names]
+    while left:
+        cycle = [left[0]]
+        while (following := names[cycle[-1]]) in left and following not in cycle:
+            cycle.append(following)
+        left = [name for name in left if name not in cycle]
+        if names[cycle[-1]] == cycle[0]:
+            yield [name for name in names if name in cycle]
 
 
 def _exchanged(case: Case) -> Iterator[Reason]:

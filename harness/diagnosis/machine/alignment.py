@@ -22,8 +22,8 @@ from screwgauge.reference.rotations import Array
 
 #: Share of the machine's length up to which features are near each other; and share of bodies of which most are.
 NEAR, MANY = 0.01, 0.5
-#: Cost up to which two links are taken for one.
-MOST = 3.2
+#: Cost up to which two links are taken for one; and where they carry bodies of one name.
+MOST, NAMED = 3.2, 6.0
 #: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
 FAR = 0.1
 #: Cost of a joint that leads others beside one that follows: it distinguishes fingers that are the same but for that.
@@ -181,7 +181,8 @@ class _Walk:
         pairs = sorted(assignment(cost), key=lambda pair: cost[pair])
         for i, j in pairs:
             one, other = ours[i], theirs[j]
-            if cost[i, j] <= MOST and self._may_meet((one, other)):
+            named = one.far in self.called and self.called[one.far] == other.far
+            if cost[i, j] <= (NAMED if named else MOST) and self._may_meet((one, other)):
                 yield one, other
 
     def _may_meet(self, pair: tuple[Link, Link]) -> bool:
