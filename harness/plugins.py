@@ -6,12 +6,13 @@ below stay within a major version; modules behind them may move in any version.
 Conventions. SI units; angles in rad. Arrays run over samples first. Bodies are those of the description in its order,
 ground before them at 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3). World axes
 unless said otherwise. Wrenches (..., 6) are force, then moment about a named point; twists (..., 6), and
-accelerations of bodies, are angular, then of the body's origin, as in `OpenTree`. `Array` is the type of all of these.
+accelerations of bodies, are angular, then of the body's origin, as in `OpenTree`. `Array` is the type of all of
+these.
 
 **Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package.
 That function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress`
-takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engine that can compute in float32 lists it,
-``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
+takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engine that can compute in float32 lists
+it, ``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
 ``NAME@float32``; its answers are arrays of float64 in any case.
 
 **Question.** A `Problem` has a task, what acts, names of wanted quantities and the rule for redundant actuators.
@@ -25,20 +26,41 @@ all that can be.
 rotors, dampers and dry friction as `Resistance`.
 
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` gives components and
-units of each quantity in order; `Names` is their type. A `Clock` takes the time of each stage.
+units of each quantity in order; `Names` is their type. `stages` says how far wanted quantities need a computation to
+go: ``q``, ``v``, ``a`` or ``f``. A `Clock` takes the time of each stage. `answer` packs what a function makes of each
+part of a motion (`Answered`).
+
+**Bodies and joints.** `body_poses` puts the bodies where joint coordinates say, such as those of home;
+`absolute_poses` does it for positions and quaternions. `read_joints` reads joint coordinates from poses,
+`follow_joints` counts turns along a motion; a `JointReading` has their rates and accelerations from twists and
+accelerations of bodies. `com_accelerations` and `shifted` move accelerations to other points. `length` is that of a
+mechanism, by which lengths become numbers.
+
+**What acts.** `acting` gives loads, springs, motors, dampers and friction as wrenches on bodies and forces along
+joint coordinates, `along_joints` the latter alone; `load_point` is where a load acts; `resistance` is the quantity of
+that name. `required_wrenches` is what a motion needs of each body (Newton, Euler) from its `Matter`, which
+`matter_of` reads from a description; `summed_inwards` adds them up along a tree.
+
+**Closed loops.** An engine that states bodies and constraints in coordinates of its own is a `Constrained`:
+`solve_constrained` answers a problem by it, in all quantities but those of an open tree. Its parts: `Closing` follows
+a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations
+(`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of redundant actuators,
+`axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert by their multipliers,
+`reactions` makes components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` are the
+quantities.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
 `SingularPoseError`. `check_fits` refuses a problem that is not that of a description.
 
 **Open trees.** An engine whose library has a tree and no loops implements `OpenTree` (and `Mover`, `TreeDynamics` for
-simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and
-`loops_file`. `shifted` moves accelerations to other points of bodies.
+simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and `loops_file` (a
+`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold.
 
 **Tracer.** `Trace` records arithmetic on `Node` numbers; `program` makes a `Program` of it, `Lanes` runs that over
 samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names for
-inputs and outputs. Derivatives are recorded in the same trace: `tangents` by forward mode, `adjoints` by reverse mode;
-`substitute` puts other numbers in the place of some.
+inputs and outputs. Derivatives are recorded in the same trace: `tangents` by forward mode, `adjoints` by reverse
+mode; `substitute` puts other numbers in the place of some.
 """
 
 from __future__ import annotations
@@ -46,8 +68,24 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.chunks import Names, check_fits
+from screwgauge.engines.chunks import Names, check_fits, stages
 from screwgauge.engines.chunks import described as names
+from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
+from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
+from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.constrained import Constrained, solve_constrained
+from screwgauge.engines.kit.newton_euler import Matter, matter_of, required_wrenches, summed_inwards
+from screwgauge.engines.kit.poses import (
+    JointReading,
+    absolute_poses,
+    body_poses,
+    com_accelerations,
+    follow_joints,
+    read_joints,
+    shifted,
+)
+from screwgauge.engines.kit.projection import along_line, min_norm
+from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions, unit_wrenches
 from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import (
@@ -60,7 +98,7 @@ from screwgauge.problem import (
     States,
     quiet,
 )
-from screwgauge.quantities import GIVEN, OF_MOTION
+from screwgauge.quantities import GIVEN, OF_MOTION, length
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
 from screwgauge.reference.errors import (
@@ -83,19 +121,27 @@ from screwgauge.solution import Clock, Error, Solution, Values
 if TYPE_CHECKING:
     from screwgauge.engines.tree.closed_tree import close_tree
     from screwgauge.engines.tree.model import TreeModel, loops_file
-    from screwgauge.engines.tree.protocol import BodyPoses, Mover, OpenTree, TreeDynamics, shifted
+    from screwgauge.engines.tree.protocol import BodyPoses, Mover, OpenTree, TreeDynamics
+    from screwgauge.models.files.loops import LoopsFile
+    from screwgauge.models.files.urdf import tree_urdf
 
 __all__ = [
     "GIVEN",
     "GRAVITY",
     "GROUND",
     "OF_MOTION",
+    "Accelerated",
+    "Answered",
     "Applied",
     "Array",
+    "Balanced",
     "Body",
     "BodyPoses",
     "Clock",
+    "ClosedMotion",
+    "Closing",
     "ClosureError",
+    "Constrained",
     "Coupling",
     "DescriptionError",
     "Engine",
@@ -108,9 +154,12 @@ __all__ = [
     "InitialValue",
     "Integration",
     "Joint",
+    "JointReading",
     "JointSpring",
     "Lanes",
     "Load",
+    "LoopsFile",
+    "Matter",
     "Mechanism",
     "ModelFileError",
     "ModelFiles",
@@ -119,6 +168,7 @@ __all__ = [
     "Names",
     "Node",
     "OpenTree",
+    "Placement",
     "PointSpring",
     "PolynomialSum",
     "Problem",
@@ -134,32 +184,59 @@ __all__ = [
     "TreeModel",
     "UnknownNameError",
     "Values",
+    "absolute_poses",
+    "acting",
     "adjoints",
+    "along_joints",
+    "along_line",
+    "answer",
     "apply",
+    "axial_line",
+    "body_poses",
     "check_fits",
     "close_tree",
+    "com_accelerations",
+    "follow_joints",
+    "force_values",
+    "inertia_values",
+    "joint_wrenches",
+    "length",
     "load_mechanism",
+    "load_point",
     "loops_file",
+    "matter_of",
+    "min_norm",
+    "motion_values",
     "names",
     "program",
     "quiet",
+    "reactions",
+    "read_joints",
+    "required_wrenches",
+    "resistance",
     "resistances",
     "shifted",
+    "solve_constrained",
+    "stages",
     "substitute",
+    "summed_inwards",
     "tangents",
+    "tree_urdf",
+    "unit_wrenches",
 ]
 
 _TREE = "screwgauge.engines.tree"
 #: Modules that only engines with an open tree need, and that take half of the time of all imports.
 _HOMES = {
     "BodyPoses": f"{_TREE}.protocol",
+    "LoopsFile": "screwgauge.models.files.loops",
     "Mover": f"{_TREE}.protocol",
     "OpenTree": f"{_TREE}.protocol",
     "TreeDynamics": f"{_TREE}.protocol",
     "TreeModel": f"{_TREE}.model",
     "close_tree": f"{_TREE}.closed_tree",
     "loops_file": f"{_TREE}.model",
-    "shifted": f"{_TREE}.protocol",
+    "tree_urdf": "screwgauge.models.files.urdf",
 }
 
 

@@ -25,6 +25,8 @@ ROOMS = {
     "mujoco": ("engines/mujoco/", "models/readings/"),
     "pinocchio": ("engines/pinocchio/", "models/readings/"),
     "flint": ("engines/truth.py", "truth/"),
+    "exudyn": ("engines/exudyn.py",),
+    "pydrake": ("engines/drake.py",),
     "yourdfpy": ("models/readings/",),
 }
 #: Folders beside each other in the project that are one package when installed.

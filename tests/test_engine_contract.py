@@ -18,7 +18,7 @@ from support.engines import ENGINES, IN_DOUBLES, Engine, check_engines, further_
 from support.mechanism import KINDS, load_mechanism
 from support.scene import BODY_UNITS, GIVEN, RATE, TABLE, GivenMotion, InitialValue, States
 
-FURTHER = {"toy": "support.toy_engine:TOY", "drake": "support.drake_engine:DRAKE"}
+FURTHER = {"toy": "support.toy_engine:TOY", "frozen": "support.frozen_engine:FROZEN"}
 #: Which the tests of built-in and random mechanisms compare already, or which are wrong on purpose.
 COMPARED = {*IN_DOUBLES, "truth", "toy"}
 LEGS = ("leg1", "leg2", "leg3", "leg4")

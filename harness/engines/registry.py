@@ -167,6 +167,8 @@ _LEFT = {
     "mass_matrix": "its Newton-Euler equations are solved whole",
     "axis_moment": "without springs, motors and resistance this is the actuator force, which it certifies",
 }
+_NO_TREE = "it has no tree: each body has coordinates of its own"
+_GIVEN_ONLY = "given motions are all that is made of its equations here"
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -196,6 +198,29 @@ ENGINES: dict[str, Engine] = {
             },
             most=201,
             extra="truth",
+        ),
+        Engine(
+            "exudyn",
+            "EXUDYN, absolute coordinates, no tree and no cut",
+            f"{_HERE}.exudyn:load",
+            frozenset((GivenMotion,)),
+            "exudyn",
+            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _NO_TREE),
+            refuses={"InitialValue": _GIVEN_ONLY, "States": _NO_TREE},
+            extra="exudyn",
+            apart=True,
+        ),
+        Engine(
+            "drake",
+            "Drake on the URDF, minimal cut",
+            f"{_HERE}.drake:load",
+            frozenset((GivenMotion,)),
+            "drake",
+            ".urdf",
+            "minimal",
+            refuses=dict.fromkeys(("InitialValue", "States"), _GIVEN_ONLY),
+            extra="drake",
+            apart=True,
         ),
     )
 }

@@ -7,6 +7,7 @@ have no inertial. Loops are closed by a file beside it: see `files.loops`.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Set
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -20,6 +21,7 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rigid import inverse
 from screwgauge.reference.rotations import Array, rotation
@@ -177,6 +179,15 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
             held = leads not in moving
             couplings[name] = CouplingReading(name, PolynomialSum.of({"" if held else leads: ratio}))
     return couplings
+
+
+def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
+    """Reads a URDF, with a hinge in place of each fixed joint of a description.
+
+    Raises:
+        ModelFileError: It cannot be read, or see `with_hinges`.
+    """
+    return with_hinges(read_model(urdf), joints, str(urdf))
 
 
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:

@@ -12,9 +12,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from screwgauge.engines.kit.poses import shifted
 from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_STAGE, curvature
 from screwgauge.engines.mujoco.fixed import editable
-from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.files.parts import check_made
 from screwgauge.models.layout import Closure

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.engines.kit.poses import shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import LoopsFile
-from screwgauge.models.files.urdf import with_hinges
+from screwgauge.models.files.urdf import tree_urdf
 from screwgauge.models.readings.pinocchio import overheard
 from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
-from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.resistance import rotors_of
 from screwgauge.reference.rotations import Array, cross
@@ -39,7 +39,7 @@ def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
 
     Its parser reports errors on stderr only, and goes on with half of the file.
     """
-    text, reason = with_hinges(read_model(urdf), joints, str(urdf)), ""
+    text, reason = tree_urdf(urdf, joints), ""
     with overheard() as messages:
         try:
             model = pin.buildModelFromXML(text)

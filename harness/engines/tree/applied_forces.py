@@ -7,10 +7,10 @@ becomes wrenches on bodies (`applied_wrenches`) or forces along the coordinates 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
+from screwgauge.engines.kit.acting import ActingForces, BodyMotion, Coordinate, exert_along, exert_on_bodies
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
@@ -20,29 +20,8 @@ from screwgauge.reference.equations.kinematics import coordinates, joint_screws,
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistances
-from screwgauge.reference.rotations import Array, cross, times
-
-BodyMotion = Callable[[int], tuple[Array, Array, Array]]
-"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and velocity (..., 6), angular, then of its origin."""
-
-Coordinate = Callable[[str], tuple[Array | float, Array | float]]
-"""Joint coordinate -> its value and rate. Shape (...)."""
-
-
-@dataclass(slots=True, eq=False)
-class ActingForces:
-    """What acts besides gravity.
-
-    Attributes:
-        wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
-        along: Coordinate and the force along it [N or N m]. Shape (...).
-        power: That is put in and not stored: of motors, loads and dampers [W]. Shape (...).
-    """
-
-    wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
-    along: list[tuple[str, Array]] = field(default_factory=list)
-    power: Array | float = 0.0
+from screwgauge.reference.resistance import LOSSES, Resistance, resistances
+from screwgauge.reference.rotations import Array, cross
 
 
 def resisting(closed: ClosedTree) -> tuple[Resistance, ...]:
@@ -63,59 +42,10 @@ def exerted(
     Args:
         t: Times [s]. Shape (...).
     """
-    out, index = ActingForces(), closed.loops.index
-    for motor in applied.motors:
-        force = motor.force(t)
-        out.along.append((motor.coordinate, force))
-        out.power = out.power + force * read(motor.coordinate)[1]
-    for one in resist:
-        moved = np.asarray(read(one.coordinate)[1])
-        resisted = taken(one, moved)
-        out.along.append((one.coordinate, -resisted))
-        out.power = out.power - resisted * moved
-    for load in applied.loads:
-        i = index[load.body]
-        R, _, V = body(i)
-        moment = load.torque + cross(times(R, closed.load_point(load)), load.force)
-        out.wrenches.append((i, load.force, moment))
-        out.power = out.power + _dot(load.force, V[..., 3:]) + _dot(moment, V[..., :3])
-    for spring in applied.springs:
-        if isinstance(spring, JointSpring):
-            value, rate = read(spring.coordinate)
-            out.along.append((spring.coordinate, -spring.pull(value, rate)))
-        else:
-            rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)
-        out.power = out.power - spring.damping * rate * rate
+    out = ActingForces()
+    exert_along(out, applied, resist, t, read)
+    exert_on_bodies(out, applied, closed.loops.index, closed.load_point, t, body)
     return out
-
-
-def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
-    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (...)."""
-    if one.what == "friction":
-        return one.amount * np.sign(rate) * (np.abs(rate) > REST)
-    return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
-
-
-def _pull(
-    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
-) -> Array:
-    """Adds the tension of a spring between two points; returns the rate of its length."""
-    arms = [times(R, point) for _, R, _, _, point in ends]
-    first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
-    u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
-    length = np.sqrt(_dot(second - first, second - first))
-    if not np.all(length > 0.0):
-        raise spring.no_direction(f" at t = {np.ravel(t)[np.argmin(length)]:g} s")
-    line = (second - first) / length[..., None]
-    rate = _dot(line, v - u)
-    force = spring.pull(length, rate)[..., None] * line
-    for (i, *_), arm, pull in zip(ends, arms, (force, -force), strict=True):
-        out.wrenches.append((i, pull, cross(arm, pull)))
-    return rate
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray((a[..., None, :] @ b[..., None])[..., 0, 0])
 
 
 def applied_wrenches(

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.engines.kit.projection import along_line, min_norm
 from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.quantities import RULED
-from screwgauge.reference import linear
 from screwgauge.reference.equations.joint_types import JointPose, reaction_names
 from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
@@ -108,13 +108,11 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
     joint = next(joint for joint in closed.file.joints if joint.name == name)
     constant, shares = _force(joint, closed, alone)
     across = across_direction(at.R[:, loops.index[joint.child]], direction)
-    (n, m, nv), anchored = G.shape, len(driven) + 3 * len(loops.anchors)
-    system = np.zeros((n, nv + 2, len(driven) + m))
-    system[:, driven, range(len(driven))] = 1.0
-    system[:, :nv, len(driven) :] = G.swapaxes(1, 2)
-    system[:, nv:, len(driven) : anchored] = (shares[:, None] * across[:, :, None]).reshape(n, 2, -1)
-    right = np.concatenate([need, -(across @ constant[..., None])[..., 0]], axis=1)
-    return linear.solve(system, right[..., None])[:, : len(driven), 0], linear.condition(system)
+    m, anchored = G.shape[1], 3 * len(loops.anchors)
+    line = np.zeros((len(G), 2, m))
+    line[:, :, :anchored] = (shares[:, None] * across[:, :, None]).reshape(len(G), 2, -1)
+    drive = np.broadcast_to(np.eye(G.shape[2])[driven], (len(G), len(driven), G.shape[2]))
+    return along_line(drive, G, need, line, -(across @ constant[..., None])[..., 0])
 
 
 def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
@@ -163,20 +161,6 @@ def components(at: JointPose, wrench: Array, about: Array) -> Array:
     force = wrench[:, :3]
     moment = wrench[:, 3:] - cross(at.p_child - about, force)
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)
-
-
-def min_norm(B: Array, Q: Array) -> tuple[Array, Array]:
-    """The actuator forces of smallest norm with ``B^T f = Q``.
-
-    Args:
-        B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
-        Q: Generalised forces. Shape (n, k).
-
-    Returns:
-        Shape (n, n_actuator), and the condition number of B, (n,).
-    """
-    back, condition = linear.inverted(B)
-    return (Q[:, None] @ back)[:, 0], condition
 
 
 def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> Array:

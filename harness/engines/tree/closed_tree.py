@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.engines.kit.poses import shifted
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
-from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.layout import Closure
 from screwgauge.reference.applied import Load

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import SURE, triad
+from screwgauge.engines.kit.poses import angle_condition
+from screwgauge.reference.equations.joint_types import triad
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import (
     MIDDLE,
     Array,
     cross,
-    follow,
     nearest_angles,
     other_triple,
     sequence_angles,
@@ -42,9 +42,7 @@ class Chart:
     @property
     def condition(self) -> Array:
         """How much the reading of its rates loses, 1 at best: the condition number of its axes over 3. Shape (n,)."""
-        if self.q.shape[1] < 3:
-            return np.ones(len(self.q))
-        return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(self.q[:, 1]) ** 2) / 3.0))
+        return angle_condition(self.q)
 
     @property
     def duals(self) -> Array:
@@ -101,16 +99,3 @@ def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     M = R.swapaxes(1, 2) @ (R_child @ (joint.child_frame.R @ basis.T))
     # the last angle turns about the last axis
     return Chart(sequence_angles(M, len(joint.axes), hand), R, hand * M[..., 2])
-
-
-def unwrapped(begin: Array, chart: Chart, given: bool) -> Array:
-    """Angles at the samples of a given motion, without jumps of a turn. Shape (n, m).
-
-    Args:
-        begin: As in `follow`.
-        given: Whether some of them are independent: those say which triple is meant. The other joints keep the one
-            that is read, as poses in closed form do, which know of no way there.
-    """
-    if given:
-        return follow(begin, chart.q, chart.condition < SURE)
-    return np.asarray(np.unwrap(np.vstack([begin, chart.q]), axis=0)[1:])

@@ -12,10 +12,11 @@ import numpy as np
 
 from screwgauge.engines.chunks import Names, assemble, component_names, stages
 from screwgauge.engines.error_estimate import Part, Trust, examined
-from screwgauge.engines.tree.applied_forces import applied_wrenches, taken
+from screwgauge.engines.kit.acting import resistance
+from screwgauge.engines.kit.poses import counted_turns
+from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
-from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
@@ -82,7 +83,7 @@ class _Work:
         with self.clock.stage("positions"):
             q, A, at = self._positions(motion)
             charts = loops.charts(at)
-            cut = {name: unwrapped(self.cut[name], c, name in self.closed.given) for name, c in charts.items()}
+            cut = {name: counted_turns(self.cut[name], c.q, name in self.closed.given) for name, c in charts.items()}
             self.cut = {name: angles[-1] for name, angles in cut.items()}
             charts = {name: replace(c, q=cut[name]) for name, c in charts.items()}
         self.assembly.append(self.closed.joints(q, cut))
@@ -229,8 +230,7 @@ class _Pass:
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
         if "resistance" in self.wanted:
             rates, changes = self.values["joint_velocity"], self.values["joint_acceleration"]
-            each = [taken(one, rates[:, one.column], changes[:, one.column]) for one in resistances(closed.file.joints)]
-            self.values["resistance"] = np.stack(each, axis=1) if each else np.zeros((n, 0))
+            self.values["resistance"] = resistance(closed.file.joints, rates, changes)
         if "tree_force_soft" in self.wanted:
             self._measure(A)
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.engines.chunks import joint_units
-from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting, taken
-from screwgauge.engines.tree.closed_forces import min_norm
+from screwgauge.engines.kit.acting import taken
+from screwgauge.engines.kit.projection import min_norm
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.engines.kit.poses import shifted
 from screwgauge.models.layout import Closure
 from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.applied import JointSpring
@@ -95,12 +96,6 @@ class BodyPoses:
         return V
 
 
-def shifted(V: Array, A: Array, arms: Array) -> Array:
-    """Accelerations of points of bodies. V, A of others: (n, m, 6); arms to those wanted: (n, m, 3) -> (n, m, 3)."""
-    w = V[..., :3]
-    return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
-
-
 class OpenTree(Protocol):
     """An engine's open tree.
 
@@ -161,6 +156,8 @@ class OpenTree(Protocol):
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Wrench on each body from its tree parent: force, then moment about the body's origin.
+
+        A library that does not say it knows accelerations: `required_wrenches` and `summed_inwards` make it of these.
 
         Args:
             at: Poses at q.

@@ -1,0 +1,119 @@
+"""Drake on the URDF, for given motions: it says what its open tree does; loops are closed as of all such trees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+
+import screwgauge.plugins as kit
+from screwgauge.plugins import Array
+
+
+def load(files: kit.ModelFiles) -> kit.TreeModel:
+    """Loads a URDF with its loops file."""
+    file = kit.loops_file(files)
+    return kit.TreeModel(kit.close_tree(DrakeTree(files.model, file), file))
+
+
+class DrakeTree(kit.OpenTree):
+    """See `OpenTree`. Drake has [angular; linear], too, and bodies at their joints."""
+
+    engine, version = "drake", version("drake")
+
+    def __init__(self, urdf: Path, file: kit.LoopsFile) -> None:
+        self.plant = plant = MultibodyPlant(0.0)
+        text = kit.tree_urdf(urdf, file.joints)
+        try:
+            Parser(plant).AddModelsFromString(text, "urdf")
+        except RuntimeError as error:
+            what = f"Drake cannot load it ({str(error).splitlines()[-1].rstrip('.')})"
+            raise kit.ModelFileError(what, str(urdf), "correct the URDF") from None
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(kit.GROUND))
+        plant.Finalize()
+        self.context = plant.CreateDefaultContext()
+        self.closures, self.couplings = file.closures, file.couplings
+        joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
+        moving = sorted((j for j in joints if j.num_velocities()), key=lambda j: int(j.velocity_start()))
+        for joint in moving:  # what joints lose is no part of the open tree
+            joint.SetDampingVector(self.context, np.zeros(1))
+        self.coordinates = tuple(j.name() for j in moving)
+        above = {j.child_body().name(): j.parent_body().name() for j in joints}
+        closed = (side for closure in file.closures for side in (closure.parent, closure.child))
+        known = {kit.GROUND, *file.bodies, *closed}
+        self.bodies = tuple(sorted(known - {kit.GROUND}))
+        parents = list[str]()
+        for name in map(above.__getitem__, self.bodies):
+            while name not in known:  # a massless cross of a composite joint
+                name = above[name]
+            parents.append(name)
+        self.parents = tuple(parents)
+        index = {name: i for i, name in enumerate((kit.GROUND, *self.bodies))}
+        self.carriers = [index[name] for name in parents]
+        self.links = [plant.GetBodyByName(name) for name in self.bodies]
+        inertias = [link.default_spatial_inertia() for link in self.links]
+        self.masses = np.array([M.get_mass() for M in inertias])
+        self.com = np.nan_to_num([M.get_com() for M in inertias])  # massless bodies have none
+        about = [M.Shift(c).CalcRotationalInertia() for M, c in zip(inertias, self.com, strict=True)]
+        self.matter = kit.Matter(self.masses, self.com, np.array([I.CopyToFullMatrix3() for I in about]))
+        rotors = {one.coordinate: one.amount for one in kit.resistances(file.joints, ("rotor",))}
+        self.rotors = np.array([rotors.get(name, 0.0) for name in self.coordinates])
+        self.under(None)
+
+    def under(self, gravity: Array | None) -> None:
+        """Sets gravity."""
+        self.g = np.array(kit.GRAVITY if gravity is None else gravity)
+        self.plant.mutable_gravity_field().set_gravity_vector(self.g)
+
+    def _at(self, q: Array, v: Array) -> Iterator[int]:
+        for i in range(len(q)):
+            self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q[i], v[i]]))
+            yield i
+
+    def poses(self, q: Array) -> kit.BodyPoses:
+        """Poses, and screws by Drake's Jacobians at the world's origin."""
+        shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
+        R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
+        moves = np.zeros((shape[1], q.shape[1]))
+        for i in self._at(q, np.zeros_like(q)):
+            for k, link in enumerate(self.links, 1):
+                X = link.EvalPoseInWorld(self.context)
+                R[i, k], p[i, k] = X.rotation().matrix(), X.translation()
+                at = link.body_frame(), X.inverse().translation(), world, world
+                J = self.plant.CalcJacobianSpatialVelocity(self.context, JacobianWrtVariable.kV, *at)
+                moves[k] = J.any(axis=0)
+                screws[i] = np.where(moves[k], J, screws[i])
+        return kit.BodyPoses(R, p, screws, moves)
+
+    def bias(self, at: kit.BodyPoses, q: Array, v: Array, V: Array) -> Array:
+        """Accelerations of the bodies at constant velocities."""
+        A = np.zeros_like(V)
+        for i in self._at(q, v):
+            moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, np.zeros_like(v[i]))
+            for k, link in enumerate(self.links, 1):
+                A[i, k] = moved[int(link.index())].get_coeffs()
+        return A
+
+    def tree_force(self, q: Array, v: Array, a: Array) -> Array:
+        """Inverse dynamics of the open tree, with the armatures that a URDF does not say."""
+        tau = np.empty_like(q)
+        for i in self._at(q, v):
+            weights = MultibodyForces(self.plant)
+            self.plant.CalcForceElementsContribution(self.context, weights)
+            tau[i] = self.plant.CalcInverseDynamics(self.context, a[i], weights)
+        return tau + self.rotors * a
+
+    def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+        """Newton and Euler from the tips inwards.
+
+        Drake's own reactions need its forward dynamics, which massless crosses of composite joints make singular.
+        """
+        V = at.velocities(v)
+        A = self.bias(at, q, v, V) + at.velocities(a)
+        needed = kit.required_wrenches(self.matter, at.R, V, A, self.g) - wrench
+        return kit.summed_inwards(self.carriers, at.p, needed)

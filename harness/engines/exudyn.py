@@ -1,0 +1,159 @@
+"""EXUDYN on the description: bodies in absolute coordinates (Euler parameters), every joint a GenericJoint.
+
+There is no spanning tree and no cut. Mass matrix, gravity, loads, springs between points, constraints, their derivative
+and their multipliers are EXUDYN's; what acts along joint coordinates has its virtual work here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import exudyn as exu
+import numpy as np
+from exudyn.utilities import Force, MarkerBodyRigid, ObjectJointGeneric, RigidBodyInertia, SpringDamper, Torque
+
+import screwgauge.plugins as kit
+from screwgauge.plugins import Array
+
+#: Slides and turns along x, y and z that a joint locks between frames on both sides, see `System._join`.
+LOCKED = {"R": "111110", "fixed": "111110", "C": "110110", "P": "110111", "E": "001110", "U": "111100", "S": "111000"}
+LOCKED |= {"F": "000000"}
+#: Weights of points along a line for the derivative: exact for polynomials of degree six, constraints have less.
+STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
+
+
+def load(files: kit.ModelFiles) -> ExudynModel:
+    """Loads a description."""
+    return ExudynModel(kit.load_mechanism(files.model), str(files.model))
+
+
+@dataclass(frozen=True)
+class ExudynModel:
+    """A description, of which each problem builds a system of EXUDYN's."""
+
+    mechanism: kit.Mechanism
+    where: str
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Labels of the independent coordinates."""
+        return tuple(self.mechanism.independent)
+
+    def solve(self, problem: kit.Problem, progress: kit.Progress = kit.quiet) -> kit.Solution:
+        """Answers a given motion."""
+        if not isinstance(problem.task, kit.GivenMotion):
+            raise kit.ModelFileError("takes given motions only", self.where, "name another engine")
+        kit.check_fits(problem, self.mechanism, self.where)
+        labels = "exudyn", version("exudyn"), f"absolute coordinates, rule {problem.rule}"
+        with _silent():
+            return kit.solve_constrained(labels, System(self.mechanism, problem.applied), problem, progress)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keeps EXUDYN from printing; the switch is one for the whole process."""
+    told, exu.config.printToConsole = exu.config.printToConsole, False
+    try:
+        yield
+    finally:
+        exu.config.printToConsole = told
+
+
+class System(kit.Constrained):
+    """A system of EXUDYN's, which is put into any state: x has position and Euler parameters of each body.
+
+    Attributes:
+        home: x at home. Shape (n_x,).
+        kept, rows: Algebraic equations that are gaps, one norm of parameters a body first; gaps of each joint.
+    """
+
+    def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied) -> None:
+        self.mechanism, self.container = mechanism, exu.SystemContainer()
+        self.mbs, bodies = self.container.AddSystem(), len(mechanism.bodies)
+        (R,), (p,) = kit.body_poses(mechanism, mechanism.home[None])
+        self.numbers = [self.mbs.CreateGround()]
+        for i, body in enumerate(mechanism.bodies, 1):
+            inertia = RigidBodyInertia(body.mass, body.inertia, body.com, inertiaTensorAtCOM=True)
+            place = {"referencePosition": p[i], "referenceRotationMatrix": R[i]}
+            made = self.mbs.CreateRigidBody(inertia=inertia, **place, gravity=[*applied.g], returnDict=True)
+            self.numbers.append(made["bodyNumber"])
+        joints = [self._join(joint) for joint in mechanism.joints]
+        markers = [self._mark(load.body, kit.load_point(mechanism, load)) for load in applied.loads]
+        self.loads = [self.mbs.AddLoad(kind(markerNumber=at)) for at in markers for kind in (Force, Torque)]
+        for spring in (one for one in applied.springs if isinstance(one, kit.PointSpring)):
+            markers = [self._mark(*end) for end in spring.ends]
+            self.mbs.AddObject(SpringDamper("", markers, spring.rest, spring.stiffness, spring.damping))
+        self.mbs.Assemble()
+        self.solver, settings = exu.MainSolverImplicitSecondOrder(), exu.SimulationSettings()
+        settings.solution.file.write = False
+        self.solver.InitializeSolver(self.mbs, settings)
+        # the function for total coordinates frees what it does not own where there are more than a hundred (1.13.6)
+        self.home = np.array(self.mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference))
+        self.kept, self.rows, L = [*range(bodies)], list[list[int]](), kit.length(mechanism)
+        for number, locked in joints:
+            own = [row for row, on in zip(self.mbs.systemData.GetObjectLTGAE(number), locked, strict=True) if on]
+            self.rows.append([*range(len(self.kept), len(self.kept) + len(own))])
+            self.kept += own
+        lengths = [L if k < 3 else 1.0 for _, locked in joints for k in np.flatnonzero(locked)]
+        self.units, self.gap_units = np.tile([L, L, L, 1.0, 1.0, 1.0, 1.0], bodies), np.array([1.0] * bodies + lengths)
+
+    def _mark(self, body: str, place: Array, R: Array | None = None) -> int:
+        """Adds a marker at a point of a body, by default in its axes."""
+        frame = exu.HT(rotation=np.eye(3) if R is None else R, translation=place)
+        number = self.numbers[self.mechanism.body_index[body]]
+        return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
+
+    def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
+        """Adds a joint between frames whose z is its last axis: number of the object, and what it locks."""
+        z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
+        y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # y of the parent stays across z
+        frame = np.stack([np.cross(y, z), y, z], axis=1)
+        markers = [self._mark(body, at.p, at.R @ frame) for body, at in joint.sides]
+        return int(self.mbs.AddObject(ObjectJointGeneric("", markers, locked))), locked
+
+    def _put(self, x: Array, xd: Array | float = 0.0) -> None:
+        """Sets a state."""
+        self.mbs.systemData.SetODE2Coordinates(x - self.home)
+        self.mbs.systemData.SetODE2Coordinates_t(xd + 0.0 * x)
+
+    def _constraints(self, x: Array) -> tuple[Array, Array]:
+        """Gaps and their derivative. Shape (n_x,) -> (m,), (m, n_x)."""
+        self._put(x)
+        self.solver.ComputeAlgebraicEquations(self.mbs)
+        gaps, n = np.array(self.solver.GetSystemResidual())[len(x) :], len(x)
+        self.solver.SetSystemJacobian(np.zeros((n + len(gaps),) * 2))  # it adds
+        self.solver.ComputeJacobianAE(self.mbs, 1.0, 0.0, 1.0, False)
+        return gaps[self.kept], np.array(self.solver.GetSystemJacobian())[n:, :n][self.kept]
+
+    def place(self, x: Array) -> kit.Placement:
+        """What coordinates make of the mechanism, parameters of norm one: in others gaps are no functions of pose."""
+        parts = x.reshape(len(x), -1, 7).copy()
+        norms = np.linalg.norm(parts[..., 3:], axis=2)
+        parts[..., 3:] /= norms[..., None]
+        gaps, G = (np.array(some) for some in zip(*map(self._constraints, parts.reshape(x.shape)), strict=True))
+        gaps[:, : norms.shape[1]] = norms**2 - 1.0
+        return kit.Placement(*kit.absolute_poses(parts), gaps, G)
+
+    def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
+        """Second derivatives of the gaps, and accelerations of the bodies, at constant rates: E(e') e' vanishes."""
+        out = np.empty((len(x), len(self.kept)))
+        for i, (at, v) in enumerate(zip(x, xd, strict=True)):
+            h = 0.2 / max(float(np.abs(v).max()), 1e-9)
+            out[i] = sum(w * self._constraints(at + k * h * v)[1] for k, w in STENCIL) @ v / (60.0 * h)
+        return out, np.zeros((len(x), len(self.numbers), 6))
+
+    def dynamics(self, x: Array, xd: Array, applied: kit.Applied) -> tuple[Array, Array]:
+        """Mass matrix, and all that acts with velocity terms."""
+        M, acting = np.empty((len(x), x.shape[1], x.shape[1])), np.empty_like(x)
+        vectors = [np.broadcast_to(v, (len(x), 3)) for load in applied.loads for v in (load.force, load.torque)]
+        for i, state in enumerate(zip(x, xd, strict=True)):
+            for number, vector in zip(self.loads, vectors, strict=True):
+                self.mbs.SetLoadParameter(number, "loadVector", [*vector[i]])
+            self._put(*state)
+            self.solver.ComputeMassMatrix(self.mbs)
+            self.solver.ComputeODE2RHS(self.mbs)
+            M[i], acting[i] = self.solver.GetSystemMassMatrix(), self.solver.GetSystemResidual()[: x.shape[1]]
+        return M, acting

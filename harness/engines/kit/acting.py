@@ -1,0 +1,179 @@
+"""What acts besides gravity and constraints: loads, springs, dampers, motors, rotors, damping and friction of joints.
+
+`exert_along` and `exert_on_bodies` state it once, for many samples and for one state. `acting` makes wrenches on bodies
+and forces along joint coordinates of it; trees make theirs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from screwgauge.engines.kit.poses import JointReading
+from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring
+from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistances
+from screwgauge.reference.rotations import Array, cross, times
+
+BodyMotion = Callable[[int], tuple[Array, Array, Array]]
+"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and velocity (..., 6), angular, then of its origin."""
+
+Coordinate = Callable[[str], tuple[Array | float, Array | float]]
+"""Joint coordinate -> its value and rate. Shape (...)."""
+
+LoadPoint = Callable[[Load], Array]
+"""Where a load acts, in its body [m]. Shape (3,)."""
+
+
+@dataclass(slots=True, eq=False)
+class ActingForces:
+    """What acts besides gravity.
+
+    Attributes:
+        wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
+        along: Coordinate and the force along it [N or N m]. Shape (...).
+        power: That is put in and not stored: of motors, loads and dampers [W]. Shape (...).
+    """
+
+    wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
+    along: list[tuple[str, Array]] = field(default_factory=list)
+    power: Array | float = 0.0
+
+
+def exert_along(
+    out: ActingForces, applied: Applied, resist: Sequence[Resistance], t: Array | float, read: Coordinate
+) -> None:
+    """Adds forces of motors, springs and dampers at joints, and of joints that resist.
+
+    Args:
+        t: Times [s]. Shape (...).
+        resist: Damping and dry friction; rotors are the engine's own.
+    """
+    for motor in applied.motors:
+        force = motor.force(t)
+        out.along.append((motor.coordinate, force))
+        out.power = out.power + force * read(motor.coordinate)[1]
+    for one in resist:
+        moved = np.asarray(read(one.coordinate)[1])
+        resisted = taken(one, moved)
+        out.along.append((one.coordinate, -resisted))
+        out.power = out.power - resisted * moved
+    for spring in applied.springs:
+        if isinstance(spring, JointSpring):
+            value, rate = read(spring.coordinate)
+            out.along.append((spring.coordinate, -spring.pull(value, rate)))
+            out.power = out.power - spring.damping * rate**2
+
+
+def exert_on_bodies(
+    out: ActingForces,
+    applied: Applied,
+    index: Mapping[str, int],
+    load_point: LoadPoint,
+    t: Array | float,
+    body: BodyMotion,
+) -> None:
+    """Adds forces of loads, and of springs and dampers between points of bodies.
+
+    Args:
+        index: Body -> its number, ground being 0.
+        t: Times [s]. Shape (...).
+    """
+    for load in applied.loads:
+        i = index[load.body]
+        R, _, V = body(i)
+        moment = load.torque + cross(times(R, load_point(load)), load.force)
+        out.wrenches.append((i, load.force, moment))
+        out.power = out.power + _dot(load.force, V[..., 3:]) + _dot(moment, V[..., :3])
+    for spring in applied.springs:
+        if isinstance(spring, PointSpring):
+            rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)
+            out.power = out.power - spring.damping * rate * rate
+
+
+def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
+    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (...)."""
+    if one.what == "friction":
+        return one.amount * np.sign(rate) * (np.abs(rate) > REST)
+    return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
+
+
+def _pull(
+    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
+) -> Array:
+    """Adds the tension of a spring between two points; returns the rate of its length."""
+    arms = [times(R, point) for _, R, _, _, point in ends]
+    first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
+    u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
+    length = np.sqrt(_dot(second - first, second - first))
+    if not np.all(length > 0.0):
+        raise spring.no_direction(f" at t = {np.ravel(t)[np.argmin(length)]:g} s")
+    line = (second - first) / length[..., None]
+    rate = _dot(line, v - u)
+    force = spring.pull(length, rate)[..., None] * line
+    for (i, *_), arm, pull in zip(ends, arms, (force, -force), strict=True):
+        out.wrenches.append((i, pull, cross(arm, pull)))
+    return rate
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a[..., None, :] @ b[..., None])[..., 0, 0])
+
+
+def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
+    """Wrenches on bodies and forces along joint coordinates, besides gravity and rotors. Their works add up.
+
+    Args:
+        t: Times [s]. Shape (n,).
+        joints: Poses, and joint coordinates there.
+        V: Twists of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
+
+    Returns:
+        Force and moment about its origin of loads and springs between points on each body, (n, n_body + 1, 6), and of
+        motors, springs, dampers and friction along the coordinates [N or N m], shape (n, n_q).
+
+    Raises:
+        SingularPoseError: The ends of a spring meet.
+    """
+    mechanism, found, wrenches = joints.mechanism, ActingForces(), np.zeros_like(V)
+    point = partial(load_point, mechanism)
+    exert_on_bodies(found, applied, mechanism.body_index, point, t, lambda i: (joints.R[:, i], joints.p[:, i], V[:, i]))
+    for i, force, moment in found.wrenches:
+        wrenches[:, i, :3] += force
+        wrenches[:, i, 3:] += moment
+    return wrenches, along_joints(applied, t, joints, V)
+
+
+def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> Array:
+    """Forces of motors, springs, dampers and friction along joint coordinates [N or N m], see `acting`. (n, n_q)."""
+    mechanism, q, qd, found = joints.mechanism, joints.q, joints.rates(V), ActingForces()
+    column, out = {name: i for i, name in enumerate(mechanism.coordinates)}, np.zeros_like(q)
+    losses = resistances(mechanism.joints, LOSSES)
+    exert_along(found, applied, losses, t, lambda name: (q[:, column[name]], qd[:, column[name]]))
+    for name, amount in found.along:
+        out[:, column[name]] += amount
+    return out
+
+
+def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
+    """What rotors, damping and dry friction of joints take, one by one [N or N m].
+
+    Args:
+        qd, qdd: Rates and accelerations of all joint coordinates. Shape (n, n_q).
+
+    Returns:
+        Shape (n, n_resistance).
+    """
+    each = [taken(one, qd[:, one.column], qdd[:, one.column]) for one in resistances(joints)]
+    return np.stack(each, axis=1) if each else np.zeros((len(qd), 0))
+
+
+def load_point(mechanism: Mechanism, load: Load) -> Array:
+    """Where a load acts, in its body [m]: by default the centre of mass, of the ground its origin. Shape (3,)."""
+    if load.point is not None:
+        return load.point
+    i = mechanism.body_index[load.body]
+    return np.asarray(mechanism.mass_centres[i - 1]) if i else np.zeros(3)

@@ -1,0 +1,121 @@
+"""Answers: quantities of a closed motion, and values with the names and units of the description, part after part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.engines.chunks import described
+from screwgauge.engines.kit.acting import resistance
+from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion
+from screwgauge.engines.kit.poses import com_accelerations
+from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Clock, Solution, Values
+
+#: Samples that are worked on at a time.
+PART = 256
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answered:
+    """What an engine found at some samples.
+
+    Attributes:
+        values: Quantity -> its components in the order of `names`; what is not wanted is left out later. Shape (n, m).
+        q: All joint coordinates [rad or m]. Shape (n, n_q).
+        condition: Condition number of the closed loops. Shape (n,).
+    """
+
+    values: Mapping[str, Array]
+    q: Array
+    condition: Array
+
+
+def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
+    """Quantities of velocity, or of acceleration if that is given, as far as they are wanted."""
+    n, V = len(closed.x), closed.V
+    known: dict[str, Callable[[], Array]] = {
+        "joint_velocity": lambda: closed.qd,
+        "body_angular_velocity": lambda: V[:, 1:, :3].reshape(n, -1),
+    }
+    if moved is not None:
+        A = moved.bodies
+        known = {
+            "joint_acceleration": lambda: moved.q,
+            "body_angular_acceleration": lambda: A[:, 1:, :3].reshape(n, -1),
+            "com_acceleration": lambda: com_accelerations(closed.mechanism, closed.at.R, V, A).reshape(n, -1),
+            "resistance": lambda: resistance(closed.mechanism.joints, closed.qd, moved.q),
+        }
+    return {name: value() for name, value in known.items() if name in wanted}
+
+
+def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, along: Array) -> dict[str, Array]:
+    """Quantities of forces but for reactions.
+
+    Args:
+        along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
+    """
+    moments = along - closed.mechanism.rotors * moved.q
+    moments[:, closed.mechanism.actuated_columns] += balanced.actuator
+    return {"generalized_force": balanced.generalized, "actuator_force": balanced.actuator, "axis_moment": moments}
+
+
+def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
+    """The mass matrix in the independent coordinates, from that in an engine's, without rotors. Shape (n, n_x, n_x)."""
+    K, turned = closed.K, closed.J @ closed.K
+    whole = K.swapaxes(1, 2) @ M @ K + (turned * closed.mechanism.rotors[:, None]).swapaxes(1, 2) @ turned
+    return {"mass_matrix": whole[(..., *np.triu_indices(whole.shape[1]))]}
+
+
+def answer(
+    labels: tuple[str, str, str],
+    mechanism: Mechanism,
+    problem: Problem,
+    solve_part: Callable[[GivenMotion, Applied], Answered],
+    progress: Progress = quiet,
+    clock: Clock | None = None,
+) -> Solution:
+    """Solves a given motion part by part, and gives the wanted values with names and units.
+
+    Args:
+        labels: Engine, its version, and method and settings in words.
+        solve_part: Takes the parts of the motion one after the other, with what acts at their samples.
+        clock: Has the time of the engine's stages.
+    """
+    n, parts = len(problem.task), list[Answered]()
+    for first in range(0, n, PART):
+        parts.append(solve_part(*_part(problem, slice(first, first + PART))))
+        progress(min(1.0, (first + PART) / n))
+    table, (engine, version, setting) = described(mechanism), labels
+    wanted = [name for name in parts[0].values if name in problem.wanted]
+    return Solution(
+        engine,
+        version,
+        {name: Values(*table[name], np.concatenate([part.values[name] for part in parts])) for name in wanted},
+        np.concatenate([part.condition for part in parts]),
+        timings=() if clock is None else clock.timings(engine, setting, n),
+        assembly=np.concatenate([part.q for part in parts]),
+        setting=setting,
+    )
+
+
+def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
+    """Some samples of a given motion, and what acts there: loads may change from sample to sample.
+
+    Raises:
+        TypeError: The task is no given motion.
+    """
+    task, applied = problem.task, problem.applied
+    if not isinstance(task, GivenMotion):
+        raise TypeError(f"{type(task).__name__} is no given motion")
+
+    def some(vectors: Array) -> Array:
+        return vectors[rows] if vectors.ndim == 2 else vectors
+
+    loads = tuple(replace(load, force=some(load.force), torque=some(load.torque)) for load in applied.loads)
+    return task.part(rows), replace(applied, loads=loads)

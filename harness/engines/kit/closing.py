@@ -1,0 +1,252 @@
+"""Closed poses, velocities and accelerations of a given motion, for engines in coordinates of their own.
+
+An engine says where its coordinates put the bodies and how far constraints are open there. Joint coordinates that a
+motion gives, or that couplings join, become further unknowns: whole turns of them count, which no pose tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.engines.kit.poses import JointReading, follow_joints, read_joints
+from screwgauge.engines.kit.projection import along_line, min_norm
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import length
+from screwgauge.reference import linear
+from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.couplings import CouplingRows, bind
+from screwgauge.reference.mechanism import KINDS, Mechanism
+from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placement:
+    """What coordinates x of an engine make of a mechanism.
+
+    Attributes:
+        R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
+        T: Twist of each body, angular, then of its origin, per rate of x. Shape (n, n_body + 1, 6, n_x).
+        gaps: How far each constraint is open; couplings are none of these. Shape (n, m).
+        G: Derivative of the gaps by x. Shape (n, m, n_x).
+    """
+
+    R: Array
+    p: Array
+    T: Array
+    gaps: Array
+    G: Array
+
+
+Place = Callable[[Array], Placement]
+"""Coordinates of an engine, shape (n, n_x), to what they make of the mechanism."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Accelerated:
+    """Second derivatives of a closed motion.
+
+    Attributes:
+        x: Of the coordinates of the engine. Shape (n, n_x).
+        bodies: Accelerations of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
+        q: Of the joint coordinates. Shape (n, n_q).
+    """
+
+    x: Array
+    bodies: Array
+    q: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Balanced:
+    """Forces that deliver what a motion needs.
+
+    Attributes:
+        generalized: Along the independent coordinates [N or N m]. Shape (n, k).
+        actuator: Of the actuators [N or N m]. Shape (n, n_actuator).
+        gaps, couplings: Multipliers. Shapes (n, m), (n, n_coupling).
+    """
+
+    generalized: Array
+    actuator: Array
+    gaps: Array
+    couplings: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedMotion:
+    """Samples of a given motion at which all loops are closed.
+
+    Attributes:
+        x: Coordinates of the engine. Shape (n, n_x).
+        at: What they make of the mechanism.
+        joints: Joint coordinates there.
+        A: Closing system: derivative of the gaps, of what joins further unknowns to the poses, and of the couplings, by
+            x and by the s further unknowns. Shape (n, m + s + c, n_x + s).
+        inverse: Inverse of the system with rows that select y below it. Shape (n, n_x + s, m + s + c + k).
+        condition: Its condition number without dimension. Shape (n,).
+        tracked: Joint coordinates that are further unknowns.
+    """
+
+    mechanism: Mechanism
+    task: GivenMotion
+    x: Array
+    at: Placement
+    joints: JointReading
+    A: Array
+    inverse: Array
+    condition: Array
+    tracked: list[int]
+
+    @property
+    def q(self) -> Array:
+        """Joint coordinates [rad or m]. Shape (n, n_q)."""
+        return self.joints.q
+
+    @cached_property
+    def K(self) -> Array:
+        """Rates of x per rate of y. Shape (n, n_x, k)."""
+        return np.asarray(self.inverse[:, : self.x.shape[1], self.A.shape[1] :])
+
+    @cached_property
+    def J(self) -> Array:
+        """Rates of the joint coordinates per rate of x. Shape (n, n_q, n_x)."""
+        n, q, b, _ = self.joints.matrix.shape
+        return np.asarray(self.joints.matrix.reshape(n, q, 6 * b) @ self.at.T.reshape(n, 6 * b, -1))
+
+    @cached_property
+    def xd(self) -> Array:
+        """Rates of x. Shape (n, n_x)."""
+        return np.asarray((self.K @ self.task.yd[..., None])[..., 0])
+
+    @cached_property
+    def V(self) -> Array:
+        """Twists of the bodies. Shape (n, n_body + 1, 6)."""
+        return self._moved(self.xd)
+
+    @cached_property
+    def qd(self) -> Array:
+        """Rates of the joint coordinates. Shape (n, n_q)."""
+        return self.joints.rates(self.V)
+
+    def _moved(self, rates: Array) -> Array:
+        return np.asarray((self.at.T @ rates[:, None, :, None])[..., 0])
+
+    def accelerated(self, bias: Array, rest: Array) -> Accelerated:
+        """Second derivatives of x, of the bodies and of the joint coordinates.
+
+        Args:
+            bias: Second derivative of the gaps where x has none, ``dG/dt xd``. Shape (n, m).
+            rest: Accelerations of the bodies where x has none, ``dT/dt xd``. Shape (n, n_body + 1, 6).
+        """
+        s, tied = self.tracked, self.joints.accelerations(self.V, rest)
+        coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
+        right = np.concatenate([-bias, -tied[:, s], -coupled, self.task.ydd], axis=1)
+        xdd = (self.inverse[:, : self.x.shape[1]] @ right[..., None])[..., 0]
+        A = rest + self._moved(xdd)
+        return Accelerated(xdd, A, self.joints.accelerations(self.V, A))
+
+    def balanced(self, need: Array, line: Array | None = None) -> Balanced:
+        """Forces of actuators and constraints that deliver forces along x.
+
+        Args:
+            need: What actuators and constraints have to deliver: inertia less all that acts besides. Shape (n, n_x).
+            line: For the rule ``spherical_axial``: what unit multipliers of the gaps make of the joint's force in two
+                directions across its line. Shape (n, 2, m). By default actuator forces have the smallest norm.
+        """
+        m, s, n_x = self.at.gaps.shape[1], len(self.tracked), self.x.shape[1]
+        drive = self.J[:, self.mechanism.actuated_columns]
+        Q = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0]
+        if line is None:
+            f = min_norm(drive @ self.K, Q)[0]
+        else:
+            wide = ((0, 0), (0, 0), (0, s))
+            across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))
+            f = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)[0]
+        rest = need - (f[:, None] @ drive)[:, 0]
+        # what actuators leave over moves no y: the rows of y take nothing of it
+        forces = (rest[:, None] @ self.inverse[:, :n_x])[:, 0]
+        return Balanced(Q, f, forces[:, :m], forces[:, m + s : self.A.shape[1]])
+
+
+def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
+    """The couplings of a mechanism as equations in some of its joint coordinates."""
+    return bind(mechanism.couplings, [mechanism.coordinates[i] for i in columns])
+
+
+class Closing:
+    """Closes the loops of an engine by Newton's method along a motion, from the assembly of home on.
+
+    Redundant constraints may be among the gaps.
+    """
+
+    def __init__(self, mechanism: Mechanism, place: Place, home: Array, units: Array, gap_units: Array) -> None:
+        """Begins at home.
+
+        Args:
+            home: Coordinates of the engine at home, which close the loops there nearly. Shape (n_x,).
+            units: What a number of x is measured by: 1 for angles and what has no dimension, a length for lengths.
+                Shape (n_x,).
+            gap_units: The same of the gaps. Shape (m,).
+        """
+        self.mechanism, self.place, names = mechanism, place, mechanism.coordinates
+        wanted = {*mechanism.independent.values(), *(name for one in mechanism.couplings for name in one.named)}
+        self.tracked = [i for i, name in enumerate(names) if name in wanted]
+        self.couplings = bind_to(mechanism, self.tracked)
+        self.pick = [self.tracked.index(i) for i in mechanism.independent_columns]
+        turns = np.array([turn for joint in mechanism.joints for turn in KINDS[joint.kind]], dtype=bool)[self.tracked]
+        sizes = np.where(turns, 1.0, length(mechanism))
+        self.home, self.size = np.concatenate([home, mechanism.home[self.tracked]]), np.concatenate([units, sizes])
+        self.y_size, coupled = sizes[self.pick], sizes[self.couplings.columns]
+        self.rows = np.concatenate([gap_units, sizes, coupled, self.y_size])
+        angles = np.concatenate([np.zeros(len(home), dtype=bool), turns]), turns[self.pick]
+        start = self.home / self.size, mechanism.home[mechanism.independent_columns]
+        self.before: Array | None = None
+        self.path = Continuation(self._evaluate, start, angles, self.y_size)
+
+    def _evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
+        """Residuals and their derivative, both without dimension."""
+        x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
+        at = self.place(x)
+        read = read_joints(self.mechanism, at.R, at.p, self._known(s))
+        open_by, A = self._system(at, read, s)
+        away = s[:, self.pick] - y * self.y_size
+        return np.concatenate([open_by, away], axis=1) / self.rows, A * self.size / self.rows[:, None]
+
+    def _known(self, s: Array) -> Array:
+        """Joint coordinates as far as they are unknowns, else NaN. Shape (n, n_s) -> (n, n_q)."""
+        near = np.full((len(s), len(self.mechanism.coordinates)), np.nan)
+        near[:, self.tracked] = s
+        return near
+
+    def _system(self, at: Placement, read: JointReading, s: Array) -> tuple[Array, Array]:
+        """What is open, and the whole closing system, rows of y last."""
+        (n, m, n_x), k, c = at.G.shape, len(self.tracked), len(self.couplings)
+        A = np.zeros((n, m + k + c + len(self.pick), n_x + k))
+        A[:, :m, :n_x] = at.G
+        rows = read.matrix[:, self.tracked]
+        A[:, m : m + k, :n_x] = rows.reshape(n, k, -1) @ at.T.reshape(n, -1, n_x)
+        A[:, range(m, m + k), range(n_x, n_x + k)] = -1.0
+        A[:, m + k : m + k + c, n_x:] = self.couplings.matrix(s)
+        A[:, range(m + k + c, A.shape[1]), [n_x + i for i in self.pick]] = 1.0
+        tied = read.q[:, self.tracked] - s
+        return np.concatenate([at.gaps, tied, self.couplings.residuals(s)], axis=1), A
+
+    def follow(self, task: GivenMotion) -> ClosedMotion:
+        """Closes the samples of a motion that goes on from those before.
+
+        Raises:
+            ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
+        """
+        z, A, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
+        x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
+        at = self.place(x)
+        inverse, condition = linear.inverted_along(A)
+        joints = follow_joints(self.mechanism, at.R, at.p, self._known(s), self.before)
+        self.before = joints.q[-1]
+        inverse = inverse * self.size[:, None] / self.rows
+        A = A[:, : -len(self.pick)] * self.rows[: -len(self.pick), None] / self.size
+        return ClosedMotion(self.mechanism, task, x, at, joints, A, inverse, condition, self.tracked)

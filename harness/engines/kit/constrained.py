@@ -1,0 +1,122 @@
+"""Given motions of engines that state constraints in coordinates of their own, such as absolute ones of all bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from screwgauge.engines.chunks import stages
+from screwgauge.engines.kit.acting import along_joints
+from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
+from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
+from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.quantities import RULED
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Clock, Solution
+
+
+class Constrained(Protocol):
+    """What an engine says of a mechanism in its coordinates x. Couplings, and what acts along joints, it need not know.
+
+    Attributes:
+        mechanism: Its description.
+        home, units: x at home, which closes the loops nearly, and what each number is measured by: 1 for angles and
+            numbers without dimension, a length for lengths. Shape (n_x,).
+        gap_units: The same of the gaps. Shape (m,).
+        rows: Gaps of each joint, in the order of the description. Other gaps belong to no joint.
+    """
+
+    mechanism: Mechanism
+    home: Array
+    units: Array
+    gap_units: Array
+    rows: Sequence[Sequence[int]]
+
+    def place(self, x: Array) -> Placement:
+        """Poses of the bodies, what moves them, and gaps of the constraints. Shape (n, n_x)."""
+
+    def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
+        """Second derivatives of the gaps, and accelerations of the bodies, at constant rates.
+
+        Args:
+            x, xd: Shape (n, n_x).
+
+        Returns:
+            Shapes (n, m), (n, n_body + 1, 6).
+        """
+
+    def dynamics(self, x: Array, xd: Array, applied: Applied) -> tuple[Array, Array]:
+        """Mass matrix, and gravity, loads, springs between points and velocity terms along x.
+
+        Args:
+            x, xd: Shape (n, n_x).
+            applied: Loads at these samples, each of shape (3,) or (n, 3); springs and motors at joints are left out.
+
+        Returns:
+            M and f of ``M xdd = f + constraints``. Shapes (n, n_x, n_x), (n, n_x).
+        """
+
+
+def solve_constrained(
+    labels: tuple[str, str, str], engine: Constrained, problem: Problem, progress: Progress = quiet
+) -> Solution:
+    """Answers a given motion: all quantities but those of an open tree.
+
+    Args:
+        labels: Engine, its version, and method and settings in words.
+
+    Raises:
+        ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
+    """
+    clock = Clock()
+    closing = Closing(engine.mechanism, engine.place, engine.home, engine.units, engine.gap_units)
+    return answer(labels, engine.mechanism, problem, _Parts(engine, problem, closing, clock).solve, progress, clock)
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """Solves the parts of a problem, as far as its quantities need it."""
+
+    engine: Constrained
+    problem: Problem
+    closing: Closing
+    clock: Clock
+
+    def solve(self, motion: GivenMotion, applied: Applied) -> Answered:
+        wanted, depth = self.problem.wanted, stages(self.problem.wanted)
+        with self.clock.stage("positions"):
+            closed = self.closing.follow(motion)
+        values, moved = {"joint_position": closed.q}, None
+        if depth in "vaf":
+            with self.clock.stage("velocities"):
+                values |= motion_values(wanted, closed)
+        if depth in "af":
+            with self.clock.stage("accelerations"):
+                moved = closed.accelerated(*self.engine.bias(closed.x, closed.xd))
+                values |= motion_values(wanted, closed, moved)
+        if depth == "f" or "mass_matrix" in wanted:
+            with self.clock.stage("forces"):
+                M, acting = self.engine.dynamics(closed.x, closed.xd, applied)
+                values |= inertia_values(closed, M) if "mass_matrix" in wanted else {}
+            if moved is not None:
+                values |= self._forces(closed, moved, (M @ moved.x[..., None])[..., 0] - acting)
+        return Answered(values, closed.q, closed.condition)
+
+    def _forces(self, closed: ClosedMotion, moved: Accelerated, need: Array) -> dict[str, Array]:
+        """Forces; `need` is what constraints, actuators, and what acts along joints deliver. Shape (n, n_x)."""
+        problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
+        with self.clock.stage("forces"):
+            along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
+            need = need - ((along - mechanism.rotors * moved.q)[:, None] @ closed.J)[:, 0]
+            ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
+            balanced = closed.balanced(need, axial_line(mechanism, at, rows) if ruled else None)
+            values = force_values(closed, moved, balanced, along)
+        if "reaction" in problem.wanted:
+            with self.clock.stage("reactions"):
+                wrenches = joint_wrenches(mechanism, at, rows, balanced.gaps)
+                values["reaction"] = reactions(mechanism, at.R, at.p, wrenches, balanced.couplings)
+        return values

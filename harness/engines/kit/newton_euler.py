@@ -1,0 +1,77 @@
+"""Newton's and Euler's equations, for engines that only know how bodies move."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.engines.kit.poses import shifted
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array, cross, times
+
+
+class Matter(NamedTuple):
+    """What the bodies are made of, ground left out.
+
+    Attributes:
+        masses: [kg]. Shape (n_body,).
+        com: Centres of mass in the bodies [m]. Shape (n_body, 3).
+        inertias: About these, in body axes [kg m^2]. Shape (n_body, 3, 3).
+    """
+
+    masses: Array
+    com: Array
+    inertias: Array
+
+
+def matter_of(mechanism: Mechanism) -> Matter:
+    """What the bodies of a description are made of."""
+    return Matter(mechanism.masses, mechanism.mass_centres, mechanism.inertias)
+
+
+def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) -> Array:
+    """What has to act on each body besides gravity.
+
+    Args:
+        R: Orientations, ground first. Shape (n, n_body + 1, 3, 3).
+        V, A: Twists and accelerations, angular, then of the origins, without gravity. Shape (n, n_body + 1, 6).
+        g: Gravity [m/s^2]. Shape (3,).
+
+    Returns:
+        Force, and moment about the origin of the body, zero of ground. Shape (n, n_body + 1, 6).
+    """
+    R, w, b, out = R[:, 1:], V[:, 1:, :3], A[:, 1:, :3], np.zeros_like(A)
+    arm = times(R, matter.com)
+    force = matter.masses[:, None] * (shifted(V[:, 1:], A[:, 1:], arm) - g)
+    back = R.swapaxes(-1, -2)
+    inner_w, inner_b = times(back, w), times(back, b)
+    spin = cross(inner_w, (matter.inertias @ inner_w[..., None])[..., 0])
+    moment = times(R, (matter.inertias @ inner_b[..., None])[..., 0] + spin)
+    out[:, 1:, :3], out[:, 1:, 3:] = force, moment + cross(arm, force)
+    return out
+
+
+def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
+    """Wrench on each body of a tree from the body that carries it, so that all bodies have what they need.
+
+    Args:
+        parents: Number of the body that carries each, ground being 0 and itself left out. Length n_body.
+        p: Origins of the bodies, ground first. Shape (n, n_body + 1, 3).
+        wrenches: That each body needs: force, then moment about its origin. Shape (n, n_body + 1, 6).
+
+    Returns:
+        About the origin of the body, zero of ground. Shape (n, n_body + 1, 6).
+    """
+    out = np.array(wrenches)
+
+    def depth(body: int) -> int:
+        return 1 + depth(parents[body - 1]) if body else 0
+
+    for body in sorted(range(1, len(parents) + 1), key=depth, reverse=True):
+        if carrier := parents[body - 1]:  # what it takes, its carrier gives
+            out[:, carrier, :3] += out[:, body, :3]
+            out[:, carrier, 3:] += out[:, body, 3:] + cross(p[:, body] - p[:, carrier], out[:, body, :3])
+    out[:, 0] = 0.0
+    return out

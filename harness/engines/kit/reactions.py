@@ -1,0 +1,92 @@
+"""Reactions of joints from the multipliers of an engine's constraints, for engines in coordinates of single bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from screwgauge.engines.kit.closing import Placement
+from screwgauge.engines.kit.poses import joint_frames
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import Joint, Mechanism, by_role
+from screwgauge.reference.rotations import Array, across_direction, skew
+
+Rows = Sequence[int]
+"""Gaps that a joint closes."""
+
+
+def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows) -> Array:
+    """Wrench of a joint on its child per multiplier of its gaps: force, then moment about the joint's point there.
+
+    Args:
+        rows: Its gaps. Coordinates of a body that they depend on move no other body.
+
+    Returns:
+        World axes. Shape (n, 6, m_joint).
+    """
+    parent, child = (mechanism.body_index[name] for name in joint.bodies)
+    body, sign = (child, 1.0) if child else (parent, -1.0)
+    twisted = np.linalg.pinv(at.T[:, body].swapaxes(1, 2))
+    wrench = sign * (twisted @ at.G[:, [*rows]].swapaxes(1, 2))
+    moment, force = wrench[:, :3], wrench[:, 3:]
+    arm = joint_frames(mechanism, joint, at.R, at.p).p_child - at.p[:, body]
+    return np.concatenate([force, moment - skew(arm) @ force], axis=1)
+
+
+def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], multipliers: Array) -> Array:
+    """Wrenches of all joints on their children, see `reactions`.
+
+    Args:
+        rows: Gaps of each joint, in the order of the description.
+        multipliers: Of all gaps. Shape (n, m).
+
+    Returns:
+        Shape (n, n_joint, 6).
+    """
+    pairs = zip(mechanism.joints, rows, strict=True)
+    parts = [(unit_wrenches(mechanism, j, at, own) @ multipliers[:, [*own], None])[..., 0] for j, own in pairs]
+    return np.stack(parts, axis=1)
+
+
+def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Array:
+    """What unit multipliers make of the force that the rule ``spherical_axial`` wants along a line, across that line.
+
+    Args:
+        rows: Gaps of each joint, in the order of the description.
+
+    Returns:
+        In two directions. Shape (n, 2, m).
+
+    Raises:
+        ModelFileError: The mechanism names no such joint.
+    """
+    if mechanism.axial is None:
+        raise ModelFileError("has no [spherical_axial]", "rule spherical_axial", "add it to the description")
+    name, direction = mechanism.axial
+    number = next(i for i, joint in enumerate(mechanism.joints) if joint.name == name)
+    joint, own, line = mechanism.joints[number], [*rows[number]], np.zeros((len(at.R), 2, at.gaps.shape[1]))
+    across = across_direction(at.R[:, mechanism.body_index[joint.child]], direction)
+    line[..., own] = across @ unit_wrenches(mechanism, joint, at, own)[:, :3]
+    return line
+
+
+def reactions(mechanism: Mechanism, R: Array, p: Array, wrenches: Array, couplings: Array | None = None) -> Array:
+    """Reaction components in their order, see `names`, from what joints exert.
+
+    Args:
+        R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
+        wrenches: Of each joint in the order of the description: force of the parent on the child, then moment about the
+            joint's point of the child; world axes. Shape (n, n_joint, 6).
+        couplings: Force of each coupling along its coordinate; none by default. Shape (n, n_coupling).
+
+    Returns:
+        [N or N m]. Shape (n, m).
+    """
+    order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
+    parts = list[Array]()
+    for joint in by_role(mechanism.joints):
+        frames, wrench = joint_frames(mechanism, joint, R, p), wrenches[:, order[joint.name], :, None]
+        parts += [(frames.type.forces(frames) @ wrench[:, :3])[..., 0]]
+        parts += [(frames.type.moments(frames) @ wrench[:, 3:])[..., 0]]
+    return np.concatenate([*parts, *([] if couplings is None else [couplings])], axis=1)

@@ -1,0 +1,198 @@
+"""The kit that engines of others are made of gives what the solver has, for joints of all kinds and all that acts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import plugins as kit
+from screwgauge.families.draw import families
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.witness.joints import mechanism_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates
+from support.engines import further_engines
+from support.frozen_engine import FrozenModel
+from support.judging import agreed
+from support.solve import ScrewModel, layout
+from support.tolerances import AGREE, LINEAR, ROUNDING
+
+#: Joints of all kinds, couplings, rotors, redundant constraints.
+BUILT_IN = ("3ups-upu-s", "bennett", "geared-five-bar", "planetary-gear", "rccc", "ruse", "screw-press", "stewart")
+SPRINGS = """
+mechanism = "3ups-upu-s"
+rule = "{rule}"
+[time]
+times = [0.1, 0.6, 1.3]
+[motion.a]
+harmonics = [[4, 0.2, 0.1]]
+[motion.b]
+harmonics = [[5, -0.1, 0.2]]
+[[loads]]
+on = "platform"
+by = "environment"
+force = [10, -200, 300]
+torque = [1, 20, -3]
+[[springs]]
+coordinate = "leg1.q3"
+stiffness = 3e3
+rest = 0.6
+damping = 50
+[[springs]]
+coordinate = "leg3.q5"
+stiffness = 60
+rest = 0.2
+damping = 5
+[[springs]]
+first = "platform"
+first_point = [0.1, 0.2, 0.05]
+second = "leg3.lower"
+second_point = [0.02, 0, 0.1]
+stiffness = 900
+rest = 0.3
+damping = 20
+[[motors]]
+coordinate = "s.q2"
+offset = 12
+harmonics = [[3, 0, 30]]
+"""
+
+
+def solved(scene, *quantities):
+    """Answer of the solver."""
+    return ScrewModel(layout(scene.mechanism)).solve(scene.problem(quantities)).values
+
+
+def body_motions(scene):
+    """Joint coordinates, and twists and accelerations of the bodies as the witness has them."""
+    values = solved(scene, "joint_position", "joint_velocity", "joint_acceleration")
+    q, v, a = (values[name].array for name in ("joint_position", "joint_velocity", "joint_acceleration"))
+    tree = mechanism_tree(scene.mechanism, spanning_tree(scene.mechanism))
+    at = move(tree, TreeStates(q, v, a)).bodies
+    ground = np.zeros((len(q), 1, 6))
+    V, A = (np.concatenate([ground, np.concatenate(pair, axis=2)], axis=1) for pair in ((at.w, at.v), (at.b, at.a)))
+    return (q, v, a), V, A
+
+
+def whole_turns_apart(a, b, units):
+    """Difference, angles less whole turns."""
+    turns = np.array(units) == "rad"
+    return np.where(turns, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
+
+
+@pytest.fixture(scope="module", params=[*families(), *BUILT_IN])
+def scene(request):
+    if request.param in BUILT_IN:
+        whole = screwgauge.load_scene(request.param)
+        return whole.at(np.linspace(whole.t[0], whole.t[-1], 4).tolist())
+    return screwgauge.random(7, request.param)
+
+
+@pytest.mark.slow
+def test_joint_coordinates_and_their_derivatives_are_read_from_bodies(scene):
+    mechanism, ((q, v, a), V, A) = scene.mechanism, body_motions(scene)
+    R, p = kit.body_poses(mechanism, q)
+    near = np.full_like(q, np.nan)
+    near[:, mechanism.independent_columns] = scene.motion.y
+    read = kit.follow_joints(mechanism, R, p, near)
+    assert np.abs(whole_turns_apart(read.q, q, mechanism.units)).max() < LINEAR
+    rates = np.einsum("nqbs,nbs->nq", read.matrix, V)
+    for found, right in ((read.rates(V), v), (rates, v), (read.accelerations(V, A), a)):
+        assert np.abs(found - right).max() < LINEAR * max(np.abs(right).max(), 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.sampled(3)
+def test_an_engine_of_the_kit_agrees_with_the_solver_in_all_quantities(scene):
+    """Closing, accelerations, projection, reactions, Newton and Euler: by the engine that is kept as it was."""
+    quantities = [name for name in kit.OF_MOTION if not name.startswith("tree_")]
+    problem = scene.problem(quantities)
+    found = FrozenModel(scene.mechanism, "").solve(problem).values
+    unique = {name: set(found[name].components) for name in found}
+    with further_engines({"frozen": "support.frozen_engine:FROZEN"}):
+        asked = [name for name in scene.quantities if not name.startswith("tree_")]
+        results = screwgauge.run(scene, engines=["screw", "frozen"], quantities=asked)
+    agreed(results)
+    assert results.pairs["max_scaled"].max() < AGREE
+    right = solved(scene, "mass_matrix", "resistance")
+    for name, values in right.items():
+        assert set(values.components) == unique[name]
+        size = max(np.abs(values.array).max(initial=0.0), 1e-9)
+        assert np.abs(found[name].pick(values.components).array - values.array).max(initial=0.0) < 10 * LINEAR * size
+
+
+@pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
+def test_both_rules_with_loads_springs_and_motors(write, rule):
+    scene = screwgauge.load_scene(write("sprung.toml", SPRINGS.format(rule=rule)))
+    with further_engines({"frozen": "support.frozen_engine:FROZEN"}):
+        results = screwgauge.run(scene, engines=["screw", "frozen"])
+    agreed(results)
+    assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
+    assert results.pairs["max_scaled"].max() < AGREE
+
+
+def test_loads_may_change_from_sample_to_sample(write):
+    scene = screwgauge.load_scene(write("sprung.toml", SPRINGS.format(rule="min_norm")))
+    problem = scene.problem(["generalized_force"])
+    model = FrozenModel(scene.mechanism, "")
+    (load,) = problem.applied.loads
+    factors = np.array([1.0, 0.0, -2.0])
+
+    def forces(load):
+        return (
+            model.solve(replace(problem, applied=replace(problem.applied, loads=(load,))))
+            .values["generalized_force"]
+            .array
+        )
+
+    changing = forces(replace(load, force=factors[:, None] * load.force, torque=factors[:, None] * load.torque))
+    for i, factor in enumerate(factors):
+        held = forces(replace(load, force=factor * load.force, torque=factor * load.torque))
+        assert np.array_equal(changing[i], held[i])
+
+
+def test_what_acts_has_the_virtual_work_of_the_solver(write):
+    """Without inertia and weight what acts along y is the generalized force, but for its sign."""
+    scene = screwgauge.load_scene(write("sprung.toml", SPRINGS.format(rule="min_norm")))
+    (q, *_), V, _ = body_motions(scene)
+    acts, none = (
+        solved(some, "generalized_force")["generalized_force"].array
+        for some in (scene, scene.under(loads=(), springs=(), motors=()))
+    )
+    R, p = kit.body_poses(scene.mechanism, q)
+    joints = kit.JointReading(scene.mechanism, R, p, q)
+    wrenches, along = kit.acting(scene.applied, scene.motion.t, joints, V)
+    for k in range(2):
+        motion = replace(scene.motion, yd=np.tile(np.eye(2)[k], (3, 1)), drive=None)
+        (_, qd, _), moved, _ = body_motions(replace(scene, task=motion))
+        work = np.einsum("nbs,nbs->n", wrenches[..., [3, 4, 5, 0, 1, 2]], moved) + np.einsum("nq,nq->n", along, qd)
+        assert np.abs(work - (none - acts)[:, k]).max() < LINEAR * np.abs(acts).max()
+
+
+def test_wrenches_summed_inwards_are_the_reactions_of_an_arm():
+    scene = screwgauge.load_scene("arm7").at([0.1, 0.4])
+    mechanism, ((q, _, _), V, A) = scene.mechanism, body_motions(scene)
+    R, p = kit.body_poses(mechanism, q)
+    needed = kit.required_wrenches(kit.matter_of(mechanism), R, V, A, scene.applied.g)
+    joints = kit.JointReading(mechanism, R, p, q)
+    needed -= kit.acting(scene.applied, scene.motion.t, joints, V)[0]
+    index = mechanism.body_index
+    carriers = {index[joint.child]: index[joint.parent] for joint in mechanism.joints}
+    through = kit.summed_inwards([carriers[i] for i in range(1, len(index))], p, needed)
+    wrenches = np.stack([through[:, index[joint.child]] for joint in mechanism.joints], axis=1)
+    for i, joint in enumerate(mechanism.joints):
+        child = index[joint.child]
+        arm = R[:, child] @ joint.child_frame.p
+        wrenches[:, i, 3:] -= np.cross(arm, wrenches[:, i, :3])
+    right = solved(scene, "reaction")["reaction"].array
+    assert np.abs(kit.reactions(mechanism, R, p, wrenches) - right).max() < ROUNDING * np.abs(right).max()
+
+
+def test_a_rule_that_a_mechanism_does_not_name_is_refused():
+    scene = screwgauge.load_scene("slider-crank").at([0.1])
+    problem = replace(scene.problem(["actuator_force"]), rule="spherical_axial")
+    with pytest.raises(kit.ModelFileError, match=r"has no \[spherical_axial\]"):
+        FrozenModel(scene.mechanism, "").solve(problem)
