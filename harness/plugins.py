@@ -55,7 +55,9 @@ what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureEr
 
 **Open trees.** An engine whose library has a tree and no loops implements `OpenTree` (and `Mover`, `TreeDynamics` for
 simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and `loops_file` (a
-`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold.
+`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold. A port of MuJoCo
+may derive its tree from `MujocoTree`, which reads an MJCF with its closures and couplings; its `open_model` is the file
+without equality constraints.
 
 **Tracer.** `Trace` records arithmetic on `Node` numbers; `program` makes a `Program` of it, `Lanes` runs that over
 samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names for
@@ -119,6 +121,7 @@ from screwgauge.reference.traced.trace import Node, Trace, apply
 from screwgauge.solution import Clock, Error, Solution, Values
 
 if TYPE_CHECKING:
+    from screwgauge.engines.mujoco.tree import MujocoTree
     from screwgauge.engines.tree.closed_tree import close_tree
     from screwgauge.engines.tree.model import TreeModel, loops_file
     from screwgauge.engines.tree.protocol import BodyPoses, Mover, OpenTree, TreeDynamics
@@ -165,6 +168,7 @@ __all__ = [
     "ModelFiles",
     "Motor",
     "Mover",
+    "MujocoTree",
     "Names",
     "Node",
     "OpenTree",
@@ -231,6 +235,7 @@ _HOMES = {
     "BodyPoses": f"{_TREE}.protocol",
     "LoopsFile": "screwgauge.models.files.loops",
     "Mover": f"{_TREE}.protocol",
+    "MujocoTree": "screwgauge.engines.mujoco.tree",
     "OpenTree": f"{_TREE}.protocol",
     "TreeDynamics": f"{_TREE}.protocol",
     "TreeModel": f"{_TREE}.model",

@@ -65,7 +65,7 @@ def components(quantity: str, cut: str) -> dict[str, str]:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Every engine, but where others are compared already."""
     if "engine_name" in metafunc.fixturenames:
-        names = [*dict.fromkeys((*ENGINES, *FURTHER))]
+        names = [*dict.fromkeys((*(next(iter(one.methods)) for one in ENGINES.values()), *FURTHER))]
         if metafunc.function.__module__ == test_mechanisms.__name__:
             names = [pytest.param(name, marks=pytest.mark.slow) for name in names if name not in COMPARED]
         metafunc.parametrize("engine_name", names, scope="session")

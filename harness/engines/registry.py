@@ -118,20 +118,23 @@ class Engine:
             self._check_settings(settings, getattr(source, "Settings", load))
         return cast(EngineModel, load(files, **settings))
 
+    @property
+    def methods(self) -> dict[str, str]:
+        """Name -> number type: the engine's own name stands for float64, ``mjx@float32`` for float32."""
+        return {self.name if each == FLOAT64.name else f"{self.name}{AS}{each}": each for each in self.precisions}
+
     def in_precision(self, name: str, where: str = "") -> Engine:
         """The engine in the number type of a name, such as ``mjx@float32``; of given motions alone if not float64.
 
         Raises:
             DescriptionError: It does not compute in that type.
         """
-        base = name.partition(AS)[0]
-        names = {base if each == FLOAT64.name else f"{base}{AS}{each}": each for each in self.precisions}
-        if name not in names:
-            what = f"engine '{base}' computes in {' or '.join(self.precisions)}"
-            raise DescriptionError(what, where or name, f"name it {' or '.join(map(repr, names))}")
-        if name == base:
+        if name not in self.methods:
+            what = f"engine '{self.name}' computes in {' or '.join(self.precisions)}"
+            raise DescriptionError(what, where or name, f"name it {' or '.join(map(repr, self.methods))}")
+        if name == self.name:
             return self
-        return replace(self, name=name, precision=names[name], tasks=self.tasks & {GivenMotion})
+        return replace(self, name=name, precision=self.methods[name], tasks=self.tasks & {GivenMotion})
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
         """Refuses names that are no parameters of what takes the settings."""
@@ -161,6 +164,14 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
     )
 
 
+def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
+    """A port of MuJoCo."""
+    source, tasks = f"{_HERE}.mujoco.ports:load_{name}", frozenset[type[Task]]((GivenMotion,))
+    refuses = {"InitialValue": "forward, it has soft constraints alone", "States": "it is asked given motions only"}
+    more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
+    return Engine(name, meaning, source, tasks, package, ".xml", "minimal", **more)
+
+
 _TRUTH = "ball arithmetic with rigorous radii, on request"
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
 _LEFT = {
@@ -184,6 +195,8 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("mujoco", "MuJoCo on the MJCF, minimal cut", _MUJOCO, "minimal"),
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
+        _port("mjx", "MJX, MuJoCo in JAX, on the MJCF, minimal cut", "mujoco-mjx", ("float64", "float32")),
+        _port("mjwarp", "MuJoCo Warp on the MJCF, minimal cut, in float32", "mujoco-warp", ("float32",)),
         Engine(
             "truth",
             _TRUTH,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from screwgauge.casebook.book import CASES as CASEBOOK
 from screwgauge.casebook.book import Case, Versions, installed
@@ -21,6 +21,13 @@ def mechanisms() -> dict[str, str]:
     return dict(line for one in known for line in ((f"{one.group}:", ""), (f"  {one.name}", one.title)))
 
 
+def _methods(engine: Engine) -> Iterator[tuple[str, str]]:
+    """Names of an engine, in each of its number types, with what they mean."""
+    first, *others = engine.methods.items()
+    yield first[0], _meaning(engine)
+    yield from ((name, f"the same in {precision}") for name, precision in others)
+
+
 def _meaning(engine: Engine) -> str:
     return engine.meaning if engine.installed else f"{engine.meaning} (pip install {engine.requirement})"
 
@@ -28,7 +35,7 @@ def _meaning(engine: Engine) -> str:
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "mechanisms": lambda: mechanisms(),
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
-    "engines": lambda: {engine.name: _meaning(engine) for engine in engines().values()},
+    "engines": lambda: dict(line for engine in engines().values() for line in _methods(engine)),
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name, case in CASES.items()},
     "discrepancies": lambda: {case.id: case.title for case in CASEBOOK.values()},

@@ -416,7 +416,8 @@ def _engines() -> str:
     taken = [{task.__name__ for task in one.tasks} for one in known]
     tasks = {what: [kind in some for some in taken] for kind, what in TASKS.items()}
     parts += ["## Tasks", _ticks("task", tasks, known)]
-    types = {name: [name in one.precisions for one in known] for name in NUMBER_TYPES}
+    named = [{each: f"`{name}`" for name, each in one.methods.items()} for one in known]
+    types = {each: [names.get(each, "-") for names in named] for each in NUMBER_TYPES}
     parts += ["## Number types", _ticks("[number type](tolerances.md#number-types)", types, known)]
     joints = {f"{name}: {what}" if name in KINDS else what: name for name, what in FEATURES.items()}
     known_to = {shown: [name not in one.refuses for one in known] for shown, name in joints.items()}

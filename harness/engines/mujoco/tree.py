@@ -99,7 +99,7 @@ class MujocoTree(OpenTree):
         prepare(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
-        self.gravity = self.model.opt.gravity.copy()
+        self.file, self.gravity = mjcf, self.model.opt.gravity.copy()
         self.data = mujoco.MjData(self.model)
         self.engine = "mujoco" if file.cut == "minimal" else f"mujoco-{file.cut}"
         self.version = mujoco.__version__
@@ -118,6 +118,15 @@ class MujocoTree(OpenTree):
         self.state, self.turning = DataBlock(data.qpos, data.qvel), DataBlock(data.cdof_dot, data.subtree_com)
         self.placed = DataBlock(data.xmat, data.xpos, data.xaxis, data.xanchor)
         self._check_motors(file)
+
+    def open_model(self) -> mujoco.MjModel:
+        """The model of the file without its equality constraints, for libraries that take no flag against them."""
+        spec = editable(self.file, self.fixed)
+        for constraint in [*spec.equalities]:
+            spec.delete(constraint)
+        model = spec.compile()
+        prepare(model)
+        return model
 
     def under(self, gravity: Array | None) -> None:
         self.model.opt.gravity[:] = self.gravity if gravity is None else gravity
