@@ -70,8 +70,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.chunks import Names, check_fits, stages
-from screwgauge.engines.chunks import described as names
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
 from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion, Closing, Placement
@@ -98,9 +96,11 @@ from screwgauge.problem import (
     Problem,
     Progress,
     States,
+    check_fits,
     quiet,
 )
-from screwgauge.quantities import GIVEN, OF_MOTION, length
+from screwgauge.quantities import GIVEN, OF_MOTION, Names, length, stages
+from screwgauge.quantities import described as names
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
 from screwgauge.reference.errors import (

@@ -1,4 +1,4 @@
-"""Problems for engines: what acts on a mechanism, the task, the rule, and the wanted quantities. Data only."""
+"""Problems for engines: what acts on a mechanism, the task, the rule, and the wanted quantities."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
@@ -201,3 +203,22 @@ class Problem:
     wanted: frozenset[str]
     rule: str = "min_norm"
     wording: Wording = Wording()
+
+
+def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
+    """Refuses a problem that is not that of a description.
+
+    Raises:
+        ModelFileError: It has another number of independent coordinates, or loads on other bodies.
+    """
+    task, k = problem.task, len(mechanism.independent)
+    given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}
+    if isinstance(task, InitialValue):
+        given = {"start": len(task.start)}
+    for what, n in given.items():
+        if n != k:
+            differs = f"has {k} independent coordinates, the {what} {n}"
+            raise ModelFileError(differs, where, "name a description of the same mechanism")
+    for load in problem.applied.loads:
+        if load.body not in mechanism.body_index:
+            raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the scene")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -10,8 +10,10 @@ import numpy as np
 
 from screwgauge.reference import graph
 from screwgauge.reference.equations import kinematics
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import check_choice
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.reference.resistance import resistances
 
 G0 = 9.81  # [m/s^2], only a scale
 MAX_DIGITS = 17.0
@@ -161,6 +163,69 @@ def pairs(units: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     both = [*combinations_with_replacement(units, 2)]
     names = tuple(",".join(sorted(pair)) for pair in both)
     return names, tuple(INERTIA[sum(units[label] == "rad" for label in pair)] for pair in both)
+
+
+Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
+"""Quantity -> names and units of its components."""
+
+
+def stages(quantities: frozenset[str]) -> str:
+    """How far the computation has to go: ``q``, ``v``, ``a`` or ``f``."""
+    return max((QUANTITIES[name].needs for name in quantities), key="qvaf".index, default="q")
+
+
+def joint_units(joints: Sequence[Joint]) -> dict[str, str]:
+    """Unit of every joint coordinate, in the order of the description."""
+    return {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+
+
+def component_names(
+    joints: Sequence[Joint],
+    bodies: Sequence[str],
+    independent: Mapping[str, str],
+    tree: Sequence[str],
+    actuators: Sequence[str],
+    reactions: tuple[tuple[str, ...], tuple[str, ...]],
+) -> Names:
+    """Names and units of every quantity.
+
+    Args:
+        joints: All joints, in the order of the description.
+        bodies: Moving bodies.
+        independent: Label -> coordinate.
+        tree: Coordinates of the spanning tree.
+        actuators: Names of the actuators, in the order of the actuated joints.
+        reactions: Names and units of the reaction components.
+    """
+    unit = joint_units(joints)
+    axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
+    driven, resist = [joint.coordinates[0] for joint in joints if joint.actuated], resistances(tuple(joints))
+    along = {
+        "tree": (tuple(tree), tree),
+        "independent": (tuple(independent), independent.values()),
+        "actuator": (tuple(actuators), driven),
+        "axis": (tuple(unit), tuple(unit)),
+    }
+    forces = {of: (names, tuple(FORCE[unit[c]] for c in coordinates)) for of, (names, coordinates) in along.items()}
+
+    def components(quantity: Quantity) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        if quantity.of == "joint":
+            return tuple(unit), tuple(f"{each}{RATE[quantity.needs]}" for each in unit.values())
+        if quantity.of == "body":
+            return axes, (BODY_UNITS[quantity.body],) * len(axes)
+        if quantity.of == "pair":
+            return pairs({label: unit[c] for label, c in independent.items()})
+        if quantity.of == "resistance":
+            return tuple(one.name for one in resist), tuple(one.unit for one in resist)
+        return reactions if quantity.of == "reaction" else forces[quantity.of]
+
+    return {name: components(QUANTITIES[name]) for name in OF_MOTION}
+
+
+def described(mechanism: Mechanism) -> Names:
+    """Names and units as the description alone has them: without those of a tree, which an engine cuts."""
+    bodies, reactions = [body.name for body in mechanism.bodies], reaction_names(mechanism.joints, mechanism.couplings)
+    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
 def digits(scaled: float) -> float:

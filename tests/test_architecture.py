@@ -24,7 +24,7 @@ MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 10, 400, 8
 ROOMS = {
     "mujoco": ("engines/mujoco/", "models/readings/"),
     "pinocchio": ("engines/pinocchio/", "models/readings/"),
-    "flint": ("engines/truth.py", "truth/"),
+    "flint": ("truth/",),
     "exudyn": ("engines/exudyn.py",),
     "pydrake": ("engines/drake.py",),
     "yourdfpy": ("models/readings/",),

@@ -172,9 +172,9 @@ def test_missing_python_flint_is_one_sentence(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "flint", None)
-    monkeypatch.delitem(sys.modules, "screwgauge.engines.truth", raising=False)
+    monkeypatch.delitem(sys.modules, "screwgauge.truth.engine", raising=False)
     results = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0]), engines=["truth"])
     assert results.exit_status == 3
     reason = results.failures["truth"].reason
     assert reason.startswith("not installed")
-    assert reason.endswith("pip install python-flint")
+    assert reason.endswith("pip install 'screwgauge[truth]'")

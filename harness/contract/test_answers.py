@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from screwgauge.contract.fixtures import Loaded
-from screwgauge.engines.chunks import described
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import FORCE, number_type
+from screwgauge.quantities import FORCE, described, number_type
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 

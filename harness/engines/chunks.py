@@ -2,103 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.engines.error_estimate import Part, error_of
-from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
-from screwgauge.quantities import BODY_UNITS, FORCE, OF_JOINTS, OF_MOTION, QUANTITIES, RATE, Quantity, pairs
-from screwgauge.reference.equations.joint_types import reaction_names
-from screwgauge.reference.errors import ClosureError, ModelFileError
-from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
-from screwgauge.reference.resistance import resistances
+from screwgauge.problem import InitialValue, Progress
+from screwgauge.quantities import OF_JOINTS, RATE, Names, joint_units
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
 PART = 2048  # samples worked on at a time: keeps memory constant and arrays in the cache
-
-Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
-"""Quantity -> names and units of its components."""
-
-
-def stages(quantities: frozenset[str]) -> str:
-    """How far the computation has to go: ``q``, ``v``, ``a`` or ``f``."""
-    return max((QUANTITIES[name].needs for name in quantities), key="qvaf".index, default="q")
-
-
-def joint_units(joints: Sequence[Joint]) -> dict[str, str]:
-    """Unit of every joint coordinate, in the order of the description."""
-    return {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
-
-
-def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
-    """Refuses a problem that is not that of a description.
-
-    Raises:
-        ModelFileError: It has another number of independent coordinates, or loads on other bodies.
-    """
-    task, k = problem.task, len(mechanism.independent)
-    given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}
-    if isinstance(task, InitialValue):
-        given = {"start": len(task.start)}
-    for what, n in given.items():
-        if n != k:
-            differs = f"has {k} independent coordinates, the {what} {n}"
-            raise ModelFileError(differs, where, "name a description of the same mechanism")
-    for load in problem.applied.loads:
-        if load.body not in mechanism.body_index:
-            raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the scene")
-
-
-def component_names(
-    joints: Sequence[Joint],
-    bodies: Sequence[str],
-    independent: Mapping[str, str],
-    tree: Sequence[str],
-    actuators: Sequence[str],
-    reactions: tuple[tuple[str, ...], tuple[str, ...]],
-) -> Names:
-    """Names and units of every quantity.
-
-    Args:
-        joints: All joints, in the order of the description.
-        bodies: Moving bodies.
-        independent: Label -> coordinate.
-        tree: Coordinates of the spanning tree.
-        actuators: Names of the actuators, in the order of the actuated joints.
-        reactions: Names and units of the reaction components.
-    """
-    unit = joint_units(joints)
-    axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
-    driven, resist = [joint.coordinates[0] for joint in joints if joint.actuated], resistances(tuple(joints))
-    along = {
-        "tree": (tuple(tree), tree),
-        "independent": (tuple(independent), independent.values()),
-        "actuator": (tuple(actuators), driven),
-        "axis": (tuple(unit), tuple(unit)),
-    }
-    forces = {of: (names, tuple(FORCE[unit[c]] for c in coordinates)) for of, (names, coordinates) in along.items()}
-
-    def components(quantity: Quantity) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        if quantity.of == "joint":
-            return tuple(unit), tuple(f"{each}{RATE[quantity.needs]}" for each in unit.values())
-        if quantity.of == "body":
-            return axes, (BODY_UNITS[quantity.body],) * len(axes)
-        if quantity.of == "pair":
-            return pairs({label: unit[c] for label, c in independent.items()})
-        if quantity.of == "resistance":
-            return tuple(one.name for one in resist), tuple(one.unit for one in resist)
-        return reactions if quantity.of == "reaction" else forces[quantity.of]
-
-    return {name: components(QUANTITIES[name]) for name in OF_MOTION}
-
-
-def described(mechanism: Mechanism) -> Names:
-    """Names and units as the description alone has them: without those of a tree, which an engine cuts."""
-    bodies, reactions = [body.name for body in mechanism.bodies], reaction_names(mechanism.joints, mechanism.couplings)
-    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 
 def assemble(

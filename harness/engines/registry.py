@@ -18,6 +18,7 @@ from screwgauge.processes import python, safe_path
 from screwgauge.quantities import AS, FLOAT64, NUMBER_TYPES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.solution import Solution
+from screwgauge.truth import LACKS, MOST
 
 GROUP = "screwgauge.engines"
 TEXT = 1000  # characters of a text in the description of an engine
@@ -173,11 +174,6 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request"
-_OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
-_LEFT = {
-    "mass_matrix": "its Newton-Euler equations are solved whole",
-    "axis_moment": "without springs, motors and resistance this is the actuator force, which it certifies",
-}
 _NO_TREE = "it has no tree: each body has coordinates of its own"
 _GIVEN_ONLY = "given motions are all that is made of its equations here"
 ENGINES: dict[str, Engine] = {
@@ -200,16 +196,16 @@ ENGINES: dict[str, Engine] = {
         Engine(
             "truth",
             _TRUTH,
-            f"{_HERE}.truth:load",
+            "screwgauge.truth.engine:load",
             frozenset((GivenMotion,)),
             "python-flint",
-            lacks=_OPEN | _LEFT,
+            lacks=LACKS,
             refuses={
                 "springs": "it encloses what acts along joints and on bodies, and no springs",
                 "InitialValue": "it encloses samples of a given motion, and no integration",
                 "States": "it closes loops itself, and has no open tree",
             },
-            most=201,
+            most=MOST,
             extra="truth",
         ),
         Engine(

@@ -17,7 +17,6 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.casebook.book import installed, suspects
-from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, engine_names
 from screwgauge.engines.rounding import rounding_errors
 from screwgauge.environment import environment
@@ -29,7 +28,7 @@ from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.judging.trust import Refusal, integrated, integration_note, refusals
 from screwgauge.problem import Report, silent, spread
-from screwgauge.quantities import FLOAT64, OF_MOTION, SIMULATED, check_quantities, number_type
+from screwgauge.quantities import FLOAT64, OF_MOTION, SIMULATED, Names, check_quantities, described, number_type
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout

@@ -10,7 +10,6 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.chunks import Names
 from screwgauge.engines.registry import ENGINES, Engine, engine_names, get_engine
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
@@ -30,7 +29,7 @@ from screwgauge.models.importing.left_out import check_whole, left_out_of
 from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.source import prepare
 from screwgauge.problem import ModelFiles, Problem, Rows
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import QUANTITIES, Names
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import (
     DescriptionError,

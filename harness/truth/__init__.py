@@ -3,3 +3,13 @@
 Independent of `screwgauge.reference`: only the tables of a description, their names and an unverified starting guess
 of the positions come from there. Needs python-flint (the extra ``truth``).
 """
+
+#: Samples that the engine solves at the most.
+MOST = 201
+_OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
+#: Quantity that it does not give -> why.
+LACKS = {
+    **_OPEN,
+    "mass_matrix": "its Newton-Euler equations are solved whole",
+    "axis_moment": "without springs, motors and resistance this is the actuator force, which it certifies",
+}

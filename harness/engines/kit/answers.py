@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.chunks import described
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.quantities import described
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array

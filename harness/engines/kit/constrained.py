@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from screwgauge.engines.chunks import stages
 from screwgauge.engines.kit.acting import along_joints
 from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
 from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
-from screwgauge.quantities import RULED
+from screwgauge.quantities import RULED, stages
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.chunks import Names, assemble, component_names, stages
+from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
-from screwgauge.quantities import OF_MOTION, QUANTITIES, RULED
+from screwgauge.quantities import OF_MOTION, QUANTITIES, RULED, Names, component_names, stages
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import Poses

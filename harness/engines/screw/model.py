@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.chunks import JointMotion, Simulated, check_fits, joint_units
+from screwgauge.engines.chunks import JointMotion, Simulated
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
-from screwgauge.quantities import FLOAT64, NUMBER_TYPES
+from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, check_fits, quiet
+from screwgauge.quantities import FLOAT64, NUMBER_TYPES, joint_units
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.forward import NewtonEuler

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.chunks import Names, assemble, component_names, stages
+from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.poses import counted_turns
@@ -19,6 +19,7 @@ from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.quantities import Names, component_names, stages
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.resistance import resistances

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.chunks import joint_units
 from screwgauge.engines.kit.acting import taken
 from screwgauge.engines.kit.projection import min_norm
 from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting
@@ -16,7 +15,7 @@ from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics
 from screwgauge.models.files.loops import LoopsFile, read_loops
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
-from screwgauge.quantities import FORCE
+from screwgauge.quantities import FORCE, joint_units
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.newton import velocity_map

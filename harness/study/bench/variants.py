@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.chunks import component_names
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.quantities import component_names
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations

@@ -18,18 +18,16 @@ from flint import ctx
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.engines.chunks import Names, check_fits, described, stages
-from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet, spread
-from screwgauge.quantities import QUANTITIES
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, check_fits, quiet, spread
+from screwgauge.quantities import QUANTITIES, Names, described, stages
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import ENCLOSURE, Clock, Error, Solution, Timing, Values, empty
-from screwgauge.truth import cache
+from screwgauge.truth import LACKS, MOST, cache
 from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen, NotCertified
@@ -64,7 +62,7 @@ class TruthModel:
         """
         motion = self._checked(problem)
         n = len(motion)
-        rows = spread(n, ENGINES["truth"].most)
+        rows = spread(n, MOST)
         depth = stages(_certifiable(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), packages=("python-flint", "numpy"))
@@ -91,7 +89,7 @@ class TruthModel:
 
 
 def _certifiable(problem: Problem) -> frozenset[str]:
-    return problem.wanted - set(ENGINES["truth"].lacks)
+    return problem.wanted - set(LACKS)
 
 
 def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> SampleTable | None:
