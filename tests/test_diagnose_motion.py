@@ -10,9 +10,9 @@ import pytest
 
 from screwgauge.diagnosis.explanation import explained
 from screwgauge.diagnosis.libraries import agreement
+from screwgauge.diagnosis.machine.alignment import partners
 from screwgauge.diagnosis.model import alike, at_home, loaded
 from screwgauge.diagnosis.motion import followed, partners_of
-from screwgauge.diagnosis.names import partners
 from screwgauge.diagnosis.shares import Torques, weighed
 from screwgauge.models.kinematics import plant
 from screwgauge.models.machine import machine_of

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from screwgauge.diagnosis.answer import phrase
 from screwgauge.diagnosis.causes.reasons import Reason, reasons
 from screwgauge.diagnosis.explanation import Explanation, explained
-from screwgauge.diagnosis.names import partners
-from screwgauge.diagnosis.phrases import phrase
+from screwgauge.diagnosis.machine.alignment import partners
 from screwgauge.models.readings.read import libraries_for, read
 
 URDF = """<?xml version="1.0"?>

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from golden import told
 
-from screwgauge.diagnosis.answer import WORDS
-from screwgauge.diagnosis.phrases import SLIPS
+from screwgauge.diagnosis.answer import SLIPS, WORDS
 from screwgauge.diagnosis.properties import PROPERTIES
 from screwgauge.diagnosis.words import EVENTS, Speaker
 

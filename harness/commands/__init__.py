@@ -64,7 +64,7 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
-    from screwgauge.diagnosis.order import indexed
+    from screwgauge.diagnosis.shares import indexed
     from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
@@ -229,7 +229,7 @@ def stress(options: argparse.Namespace) -> int:
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
     from screwgauge.diagnosis.diagnose import diagnose
-    from screwgauge.diagnosis.summary import summary
+    from screwgauge.diagnosis.findings import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides

@@ -1,4 +1,4 @@
-"""Amounts in words: numbers with as many digits as distinguish them, steps along axes, tensors, factors."""
+"""Amounts and nouns in words: numbers with the digits that distinguish them, steps along axes, tensors, lists."""
 
 from __future__ import annotations
 
@@ -8,7 +8,57 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.diagnosis.properties import word
 from screwgauge.reference.rotations import Array
+
+#: Kind of a link -> what it is.
+LINKS = {
+    "R": "a hinge",
+    "P": "a slide",
+    "S": "a ball joint",
+    "C": "a cylindrical joint",
+    "U": "a universal joint",
+    "F": "free",
+}
+#: Letter of a freedom, or kind of a joint -> its noun.
+JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
+JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
+#: Event -> what differs, where that is not its own name.
+_NOUNS = {
+    "axis": "place of the axis",
+    "base": "joints of the base",
+    "branch": "subtree",
+    "coupling": "coupling",
+    "end": "place of an end",
+    "fixed": "freedom",
+    "held": "freedom",
+    "kind": "kind of joint",
+    "link": "joint",
+    "sign": "direction of the coordinate",
+    "start": "start",
+    "whole": "place and units of the whole",
+}
+
+
+def noun(what: str) -> str:
+    """Name what differs."""
+    return _NOUNS.get(what) or word(what)
+
+
+def other(side: str) -> str:
+    """Name the other side."""
+    return "B" if side == "A" else "A"
+
+
+def listed(nouns: Sequence[str]) -> str:
+    """``a``, ``a and b``, ``a, b and c``."""
+    return " and ".join(filter(None, (", ".join(nouns[:-1]), nouns[-1])))
+
+
+def counted(n: int, one: str, several: str = "") -> str:
+    """``1 joint``, ``2 joints``."""
+    return f"{n} {one if n == 1 else several or f'{one}s'}"
+
 
 _AXES = "xyz"
 
@@ -174,3 +224,15 @@ def _ratio(a: Array, b: Array) -> str:
     if not 0.1 <= other / most <= 10.0:
         return f"largest entry {change(most, other)}"
     return f"{100.0 * float(np.abs(a - b).max()) / max(most, other):.3g} % apart"
+
+
+def link_kind(kind: str) -> str:
+    return LINKS.get(kind) or freedoms(kind)
+
+
+def freedoms(kinds_: Sequence[str]) -> str:
+    """``3 slides and a ball joint``."""
+    named = [JOINTS.get(kind, kind) for kind in kinds_]
+    return listed(
+        [f"a {each}" if named.count(each) == 1 else counted(named.count(each), each) for each in dict.fromkeys(named)]
+    )

@@ -15,16 +15,14 @@ from screwgauge.diagnosis.causes.causes import causes
 from screwgauge.diagnosis.causes.reasons import reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import explained
-from screwgauge.diagnosis.facts.content import Beyond, content_of
-from screwgauge.diagnosis.facts.digits import as_compiled, rounded
-from screwgauge.diagnosis.facts.fact import Fact, Pair, among, other_gravity
+from screwgauge.diagnosis.facts.fact import Fact, Pair, among, as_compiled, other_gravity, rounded
+from screwgauge.diagnosis.facts.structure import Beyond, content_of
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import fixed, write_fix
 from screwgauge.diagnosis.libraries import agreement, library_checks, together
+from screwgauge.diagnosis.machine.alignment import Names, partners, read_map
 from screwgauge.diagnosis.model import Loops, Model, Read, Weighed, alike, at_home, each_loops, in_process, loaded
-from screwgauge.diagnosis.names import Names, partners, read_map
-from screwgauge.diagnosis.order import order_of
-from screwgauge.diagnosis.shares import Torques, able, bare, freedom_left, weighed
+from screwgauge.diagnosis.shares import Torques, able, bare, freedom_left, order_of, weighed
 from screwgauge.models.content import kinds
 from screwgauge.models.readings.read import implausible
 from screwgauge.models.readings.reading import Reading

@@ -8,23 +8,20 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.groups import grouped
-from screwgauge.diagnosis.facts.bodies import body_facts
-from screwgauge.diagnosis.facts.couplings import coupling_facts
+from screwgauge.diagnosis.causes.causes import grouped
+from screwgauge.diagnosis.facts.bodies import body_facts, fused_bodies, fused_by_names
 from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
-from screwgauge.diagnosis.facts.fused import fused_bodies, fused_by_names
 from screwgauge.diagnosis.facts.links import link_facts
+from screwgauge.diagnosis.facts.loops import coupling_facts, softness_facts
 from screwgauge.diagnosis.facts.structure import (
     actuator_facts,
     model_facts,
     name_facts,
-    softness_facts,
     structure_facts,
 )
-from screwgauge.diagnosis.machine.alignment import aligned
+from screwgauge.diagnosis.machine.alignment import Names, aligned, partners
 from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.machine.whole import Whole, wholes
-from screwgauge.diagnosis.names import Names, partners
 from screwgauge.models.machine import Machine, machine_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND

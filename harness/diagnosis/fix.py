@@ -15,10 +15,9 @@ from typing import TypeVar
 import numpy as np
 
 from screwgauge.diagnosis.explanation import Explanation, compared, explained, of_pair
-from screwgauge.diagnosis.facts.digits import EXACT, numbers_in
-from screwgauge.diagnosis.facts.fact import Fact, Pair, among
+from screwgauge.diagnosis.facts.fact import EXACT, Fact, Pair, among, numbers_in
+from screwgauge.diagnosis.machine.alignment import Names
 from screwgauge.diagnosis.model import Model, Read
-from screwgauge.diagnosis.names import Names
 from screwgauge.diagnosis.patch import patched
 from screwgauge.diagnosis.properties import OPTIONAL, Change, applied, sequence
 from screwgauge.models.content import FORMATS

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from screwgauge.diagnosis.facts.digits import ALL, SINGLE, digits_of, longest
-from screwgauge.diagnosis.facts.fact import STANDARD
+from screwgauge.diagnosis.facts.fact import ALL, SINGLE, STANDARD, digits_of, longest
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
 from screwgauge.models.files.loops import OWN, read_loops

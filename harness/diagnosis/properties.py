@@ -2,22 +2,129 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from screwgauge.diagnosis.transformations import (
-    carried,
-    counted_back,
-    counted_from,
-    seated,
-    spliced,
-    turned,
-    without,
-)
+import numpy as np
+
+from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, cross
+
+_INCH, _POUND = 0.0254, 0.45359237
+ANGLE = {180.0 / math.pi: "degrees"}
+UNITS: dict[str, dict[float, str]] = {
+    "kg": {1e3: "g", 1.0 / _POUND: "lb"},
+    "m": {1e3: "mm", 1e2: "cm", 1.0 / _INCH: "inches"},
+    "kg m^2": {
+        1e9: "g mm^2",
+        1e6: "kg mm^2",
+        1e7: "g cm^2",
+        1e4: "kg cm^2",
+        1e3: "g m^2",
+        1.0 / (_POUND * _INCH**2): "lb in^2",
+    },
+    "rad": ANGLE,
+    "N m s/rad": {math.pi / 180.0: "N m s/deg"},
+    "N m/rad": {math.pi / 180.0: "N m/deg", 1e3: "N mm/rad"},
+    "N m": {1e3: "N mm"},
+    "m/s^2": {1e3: "mm/s^2", 1.0 / 9.81: "g"},
+}
+
+
+def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
+    """Bodies that a joint carries, and the joints that it carries, itself first."""
+    bodies: list[str] = []
+    joints: list[str] = []
+    for name, body in reading.bodies.items():
+        if body.near in bodies:
+            joints += body.joints
+        elif joint in body.joints:
+            joints += body.joints[body.joints.index(joint) :]
+        else:
+            continue
+        bodies.append(name)
+    return bodies, joints
+
+
+def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
+    """A hinge or slide on another axis. Shape (3,) both."""
+    parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
+    return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
+
+
+def carried(reading: Reading, joint: str, T: Array) -> Reading:
+    bodies, joints = outwards(reading, joint)
+    return replace(
+        reading,
+        bodies={**reading.bodies, **{n: replace(reading.bodies[n], pose=T @ reading.bodies[n].pose) for n in bodies}},
+        joints={**reading.joints, **{n: moved(reading.joints[n], T) for n in joints}},
+    )
+
+
+def seated(reading: Reading, joint: str, T: Array) -> Reading:
+    """A reading with all that a joint carries displaced on it, the joint left where it is. T: shape (4, 4)."""
+    moved_ = carried(reading, joint, T)
+    return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
+
+
+def counted_back(reading: Reading, name: str) -> Reading:
+    """A joint that counts the other way, and so do the couplings with it."""
+    joint = reading.joints[name]
+    low, high = joint.limits
+    new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
+    couplings = {}
+    for key, coupling in reading.couplings.items():
+        function = coupling.function.counted({}, {name: -1.0})
+        couplings[key] = replace(coupling, function=function.times(-1.0) if coupling.joint == name else function)
+    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
+
+
+def counted_from(reading: Reading, name: str, home: float) -> Reading:
+    """A joint whose coordinate at home is another one, and with it its limits, its rest and the couplings with it."""
+    joint = reading.joints[name]
+    step = home - joint.home
+    low, high = joint.limits
+    new = replace(joint, home=home, limits=(low + step, high + step), rest=joint.rest + step)
+    couplings = {}
+    for key, coupling in reading.couplings.items():
+        function = coupling.function.counted({name: -step}, {})
+        couplings[key] = replace(coupling, function=function.plus(step) if coupling.joint == name else function)
+    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
+
+
+def without(reading: Reading, joint: str) -> Reading:
+    """A reading without a joint and what it carries. Joints before it, of the same body, go with it."""
+    bodies, joints = outwards(reading, joint)
+    return _lacking(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
+
+
+def spliced(reading: Reading, joint: str) -> Reading:
+    """A reading without the body that a joint moves; what hangs on that hangs, where it is, on its parent."""
+    name = reading.moved_by(joint)
+    gone = reading.bodies[name]
+    bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
+    return _lacking(replace(reading, bodies=bodies), [name], {*gone.joints})
+
+
+def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
+    """A reading without some bodies and joints, and without what is of them."""
+
+    def stays(body: str) -> bool:
+        return body not in bodies
+
+    return replace(
+        reading,
+        bodies={name: body for name, body in reading.bodies.items() if stays(name)},
+        joints={name: joint for name, joint in reading.joints.items() if name not in joints},
+        closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
+        couplings={n: c for n, c in reading.couplings.items() if not {*c.named} & {*joints}},
+        actuators={n: driven for n, driven in reading.actuators.items() if driven.joint not in joints},
+    )
+
 
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 #: Case of the casebook on springs that Pinocchio does not read.

@@ -8,15 +8,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.amounts import WORLD, Axes, both, in_axes, percent, shown, turn_and_way
-from screwgauge.diagnosis.causes.causes import Cause
-from screwgauge.diagnosis.causes.groups import factor_of, sideless
-from screwgauge.diagnosis.facts.digits import AXES
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact
+from screwgauge.diagnosis.amounts import (
+    WORLD,
+    Axes,
+    both,
+    counted,
+    freedoms,
+    in_axes,
+    link_kind,
+    listed,
+    noun,
+    other,
+    percent,
+    shown,
+    turn_and_way,
+)
+from screwgauge.diagnosis.causes.causes import Cause, factor_of, sideless
+from screwgauge.diagnosis.facts.fact import AXES, TOLERANCE, Fact
 from screwgauge.diagnosis.machine.whole import Whole
-from screwgauge.diagnosis.nouns import counted, listed, noun, other
-from screwgauge.diagnosis.properties import PROPERTIES, ROOMS
-from screwgauge.diagnosis.units import UNITS
+from screwgauge.diagnosis.properties import PROPERTIES, ROOMS, UNITS
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
 from screwgauge.reference.errors import first_few
@@ -25,18 +35,6 @@ from screwgauge.reference.mechanism import GROUND
 _NAMED = 3
 #: Axes in which a whole is told.
 _THERE = replace(WORLD, name="the world")
-#: Kind of a link -> what it is.
-LINKS = {
-    "R": "a hinge",
-    "P": "a slide",
-    "S": "a ball joint",
-    "C": "a cylindrical joint",
-    "U": "a universal joint",
-    "F": "free",
-}
-#: Letter of a freedom, or kind of a joint -> its noun.
-JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
-JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
 #: Owner of a property -> several of them.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
 #: What one side lacks, of several joints.
@@ -262,24 +260,12 @@ def _start(speaker: Speaker, fact: Fact) -> str:
 
 def _kind(speaker: Speaker, fact: Fact) -> str:
     same = "; the loops leave the same motions" if fact.kind == "convention" else ""
-    return f"{fact.part} is {_link_kind(fact.b)} in B, {_link_kind(fact.a)} in A{same}"
-
-
-def _link_kind(kind: str) -> str:
-    return LINKS.get(kind) or _freedoms(kind)
+    return f"{fact.part} is {link_kind(fact.b)} in B, {link_kind(fact.a)} in A{same}"
 
 
 def _base(speaker: Speaker, fact: Fact) -> str:
-    freedoms = f"{_freedoms(fact.b)} in B, {_freedoms(fact.a)} in A"
-    return f"{fact.part}: the base is stated differently and moves alike: {freedoms}"
-
-
-def _freedoms(kinds_: Sequence[str]) -> str:
-    """``3 slides and a ball joint``."""
-    named = [JOINTS.get(kind, kind) for kind in kinds_]
-    return listed(
-        [f"a {each}" if named.count(each) == 1 else counted(named.count(each), each) for each in dict.fromkeys(named)]
-    )
+    base = f"{freedoms(fact.b)} in B, {freedoms(fact.a)} in A"
+    return f"{fact.part}: the base is stated differently and moves alike: {base}"
 
 
 def _fixed(speaker: Speaker, fact: Fact) -> str:

@@ -51,7 +51,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
     # a scene without files of the user's own has no use for the diagnosis
     from screwgauge.diagnosis.answer import differences_of
     from screwgauge.diagnosis.explanation import compared
-    from screwgauge.diagnosis.facts.digits import ALL, digits_of, rounded
+    from screwgauge.diagnosis.facts.fact import ALL, digits_of, rounded
 
     engine, mechanism = get_engine(name), scene.mechanism
     cut = engine.cut or "full"  # which a description is read as

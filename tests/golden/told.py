@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from screwgauge.diagnosis.answer import phrase
 from screwgauge.diagnosis.causes.causes import Cause
 from screwgauge.diagnosis.causes.reasons import Reason
 from screwgauge.diagnosis.facts.fact import Fact
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.model import loaded
-from screwgauge.diagnosis.phrases import phrase
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.machine import machine_of
 
@@ -179,6 +179,8 @@ REASONS = (
     *(_reason(slip, "B", facts=BODY_FACTS) for slip in ("inertiafromgeom", "default density", "geoms")),
     _reason("density", 1000.0, 1200.0, facts=MASSES),
     _reason("settotalmass", "B", 5.0, facts=MASSES),
+    _reason("total kept", 5.0, facts=MASSES),
+    _reason("joint order", f"{J}, {K}", f"{K}, {J}", "", facts=[FACTS["axis"], FACTS["name"]]),
     _reason("exchanged", *BODIES[:2], facts=MASSES[:2]),
     *(_reason(slip, "B", 100.0, facts=ROTORS) for slip in ("before the gear", "gear once")),
     _reason("missing part", "hand", "B", facts=BODY_FACTS),

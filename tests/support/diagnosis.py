@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.findings import summary
 from screwgauge.diagnosis.libraries import answers, pairs
 from screwgauge.diagnosis.model import in_process
 from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.shares import STATES
-from screwgauge.diagnosis.summary import summary

@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.groups import factor_of
-from screwgauge.diagnosis.causes.trials import Trial
-from screwgauge.diagnosis.causes.written import LEFT, WATER, Slip, Written, written
+from screwgauge.diagnosis.causes.causes import factor_of
+from screwgauge.diagnosis.causes.trials import LEFT, WATER, Slip, Trial, Written, written
 from screwgauge.diagnosis.facts.fact import Fact, Pair, apart
 from screwgauge.diagnosis.machine.whole import Whole
-from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, unit_of
-from screwgauge.diagnosis.units import UNITS
+from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, UNITS, unit_of
 from screwgauge.models.machine import Machine
 from screwgauge.models.matter import Matter, displaced, joined, remainder, steiner
 from screwgauge.models.poses import relative

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.ends import SUM, end_facts
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, apart, step_of
+from screwgauge.diagnosis.facts.loops import SUM, end_facts
 from screwgauge.diagnosis.machine.features import EXACT, Feature, feature, features, gap
 from screwgauge.diagnosis.machine.placement import descended, laid
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of

@@ -14,7 +14,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from screwgauge.diagnosis.transformations import turned
+from screwgauge.diagnosis.properties import turned
 from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.matter import Matter

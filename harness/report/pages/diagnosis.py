@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.findings import summary
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import STATES
-from screwgauge.diagnosis.summary import summary
 from screwgauge.report.blocks import Banner, Block, Heading, Items
 from screwgauge.report.figures.diagnosis import has_share, make_plots, share_text
 from screwgauge.report.layout import Report

@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.diagnosis.answer import Difference
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.facts.digits import ALL, INEXACT, digits_of
+from screwgauge.diagnosis.facts.fact import ALL, INEXACT, digits_of
 from screwgauge.diagnosis.shares import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage

@@ -1,17 +1,18 @@
-"""Facts of couplings, as functions of A's coordinates: followed joints, held ones, and gauges that nothing shows."""
+"""Facts of what closes loops: ends of closures, couplings as functions of A's coordinates, and their softness."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from screwgauge.diagnosis.facts.fact import Fact, Pair
-from screwgauge.diagnosis.facts.structure import coupling_partners
-from screwgauge.diagnosis.machine.features import features, gap
-from screwgauge.diagnosis.nouns import listed
+from screwgauge.diagnosis.amounts import listed
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, apart
+from screwgauge.diagnosis.machine.alignment import assignment
+from screwgauge.diagnosis.machine.features import EXACT, features, gap
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displaced
@@ -20,6 +21,59 @@ from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.linear import rank
 from screwgauge.reference.rotations import Array
+
+#: A place told by several numbers is the same up to so many times the tolerance.
+SUM = 3.0
+
+
+def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+    """Points of closures that lie elsewhere on one of their bodies, or on both alike."""
+    for x, y in zip(one.elements, other.elements, strict=True):
+        for name, partner in closure_names(pair, x, y).items():
+            ends = [*_ends(pair, name, partner)]
+            if not ends:
+                continue
+            both = len(ends) == 2 and np.linalg.norm(ends[0].b - ends[1].b) < EXACT * pair.a.length
+            yield replace(ends[0], of="", changes=ends[0].changes + ends[1].changes) if both else ends[0]
+            yield from ends[1:] if not both else ()
+
+
+def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
+    """Closures of two elements: by their names, else those whose points are nearest to each other."""
+    if {*x.closures} == {*y.closures}:
+        return {name: name for name in x.closures}
+    T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
+    points = [[_first_end(m, name)[1] for name in e.closures] for m, e in ((pair.a, x), (pair.b, y))]
+    moved = [T[:3, :3] @ point + T[:3, 3] for point in points[1]]
+    cost = np.array([[float(np.linalg.norm(p - q)) for q in moved] for p in points[0]])
+    return {x.closures[i]: y.closures[k] for i, k in assignment(cost)}
+
+
+def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
+    """The first body of a closure, and its point in the world. Shape (3,)."""
+    (body, frame), _ = machine.reading.ends(name)
+    return body, frame[:3, 3]
+
+
+def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
+    """Ends of a closure that lie elsewhere on their bodies; one that the file derives from the other follows it."""
+    a, b = pair.a.reading, pair.b.reading
+    known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
+    derived = a.closures[name].derived and b.closures[partner].derived
+    for k, (end, frame) in enumerate(b.ends(partner)):
+        body = next((n for n, o in pair.alignment.bodies.items() if o == pair.b.part_of(end)), "")
+        if body not in known or (k == 1 and derived):
+            continue
+        own, here = known[body]
+        there = pair.alignment.placed[body] @ frame
+        way = there[:3, 3] - here[:3, 3]
+        size = float(np.linalg.norm(way)) / pair.a.length
+        if size > SUM * TOLERANCE:
+            what = "first_frame" if own == a.closures[name].first else "second_frame"
+            change = Change(name, what, np.asarray(np.linalg.inv(a.poses[own]) @ there))
+            step = np.array([np.zeros(3), way])
+            yield Fact(name, "end", np.zeros((2, 3)), step, "m", size, changes=(change,), partner=partner, of=body)
+
 
 #: Couplings that differ by less over a unit range are one [rad or m]; features that a turn leaves in place are round.
 SAME, ROUND = 1e-8, 1e-6
@@ -154,3 +208,43 @@ def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
     own = link.of(body)
     others = [f for each in machine.at(body) if each.names != own.names for f in features(each, body)]
     return same and all(bool(np.linalg.norm(gap(f, f.placed(T), machine.length)) < ROUND) for f in others)
+
+
+def softness_facts(pair: Pair) -> Iterator[Fact]:
+    """Compare how softly a library keeps closures and couplings, where both files say it."""
+    for room, partners in (("closures", _closure_partners(pair)), ("couplings", coupling_partners(pair))):
+        for name, other in partners.items():
+            a, b = (
+                np.array(getattr(machine.reading, room)[each].softness)
+                for machine, each in ((pair.a, name), (pair.b, other))
+            )
+            if a.size == b.size and a.size and (size := _largest(a, b)):
+                change = Change(name, "softness", b)
+                yield Fact(name, "softness", a, b, "", size, changes=(change,), partner=other)
+
+
+def _largest(a: Array, b: Array) -> float:
+    return max(apart(float(x), float(y)) for x, y in zip(a, b, strict=True))
+
+
+def _closure_partners(pair: Pair) -> dict[str, str]:
+    """Closures of A with those of B: of one link, in the order of their names there; welds by their names."""
+    found: dict[str, str] = {}
+    for one, other in pair.alignment.links:
+        for x, y in zip(one.elements, other.elements, strict=False):
+            if len(x.closures) == len(y.closures):
+                found.update(closure_names(pair, x, y))
+    welds = [{n for n, c in machine.reading.closures.items() if c.kind == "weld"} for machine in (pair.a, pair.b)]
+    return {**{name: name for name in sorted(welds[0] & welds[1])}, **found}
+
+
+def coupling_partners(pair: Pair) -> dict[str, str]:
+    """Couplings of A with those of B, by the joint that follows, else by all joints that they couple."""
+    a, b, back, found = pair.a.reading.couplings, pair.b.reading.couplings, pair.back, dict[str, str]()
+    named = {name: [back.get(joint, joint) for joint in each.named] for name, each in b.items()}
+    keys: tuple[Callable[[Sequence[str]], Hashable], ...] = (lambda joints: joints[0], frozenset)
+    for key in keys:
+        theirs = {key(joints): name for name, joints in named.items() if name not in found.values()}
+        ours = {name: key(each.named) for name, each in a.items() if name not in found}
+        found |= {name: theirs[each] for name, each in ours.items() if each in theirs}
+    return found
