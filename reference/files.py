@@ -108,6 +108,7 @@ def read_xml(path: Path) -> str:
         DescriptionError: It cannot be read, see `read_file`, or means another text in the encoding that it declares.
     """
     text = read_file(path)
+    text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # which has to come first
     declared = _DECLARED.match(text)
     if declared and not _means_the_same(text, declared[1]):
         what = f"declares the encoding {shown(declared[1])} for what is read as UTF-8"

@@ -6,7 +6,7 @@ that was probably meant; implausible geometry and masses with the place to look 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
@@ -23,6 +23,12 @@ from screwgauge.reference.rotations import Array, cross, widest
 LARGER, AIR = 2.0, 1.2
 #: Half axes of its ellipsoid are taken for no less than this share of the longest one: rods and plates have a volume.
 SLENDER = 1.0 / 30.0
+#: Density of osmium [kg/m^3], and how much of the inertia of a ball of it a body has at least.
+OSMIUM, LEAST = 22600.0, 0.2
+#: Radius of gyration over size of what is meant as a point; mass of what is no small part [kg].
+POINT, HEAVY = 1e-3, 100.0
+#: A body that is longer than this [m] and has less mass than that to the metre [kg/m] is none.
+LONG, THIN = 20.0, 0.05
 #: Units of moments of inertia in data sheets and CAD -> kg m^2.
 UNITS = {"g m^2": 1e-3, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9}
 #: Radius of gyration over size of a body that can be.
@@ -47,12 +53,14 @@ class Solid:
     Attributes:
         inertia: About the centre of mass [kg m^2]. Shape (3, 3).
         size: Between its joints and its centre of mass or, of a body with one joint, those of all bodies [m].
+        span: Between its own joints and its centre of mass [m].
     """
 
     name: str
     mass: float
     inertia: Array
     size: float
+    span: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +121,52 @@ def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
 
 def implausible(mechanism: Mechanism) -> tuple[str, ...]:
     """Sentences on bodies and joints."""
-    return (*all_too_wide(solids(mechanism)), *too_far(hinges(mechanism)))
+    return (*of_bodies([*solids(mechanism)]), *too_far(hinges(mechanism)))
+
+
+def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
+    """Sentences on bodies that no matter makes: too wide, too dense, or too long for their mass."""
+    return (*all_too_wide(bodies), *too_dense(bodies), *too_long(bodies))
+
+
+def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
+    """Sentences on bodies with less inertia than a ball of the densest metal; a point without inertia is meant so."""
+    sentences = {one.name: text for one in bodies if (text := _too_dense(one))}
+    if len(sentences) <= SHOWN:
+        return (*sentences.values(),)
+    first, *rest = sentences
+    return sentences[first], f"{len(rest)} more bodies are too dense in the same way: {first_few(rest, SHOWN)}"
+
+
+def _too_dense(body: Solid) -> str:
+    """A sentence on a body; empty if there can be one."""
+    moments = np.linalg.eigvalsh(body.inertia)
+    ball = float(np.cbrt(0.75 * body.mass / (np.pi * OSMIUM)))
+    share = 0.5 * float(moments.sum()) / (0.6 * body.mass * ball**2)
+    radius = float(np.sqrt(max(moments[-1], 0.0) / body.mass))
+    if not 0.0 < share < LEAST or radius < POINT * body.size:
+        return ""
+    denser = share**-1.5
+    heavy = body.mass > HEAVY and share * 1e5 > LEAST  # which goes with the mass to the power -5/3
+    likely = (
+        "likely g were meant: multiply the mass by 0.001" if heavy else "a placeholder: write the tensor of the body"
+    )
+    return (
+        f"{body.name}: {body.mass:.4g} kg on a radius of gyration of {1e3 * radius:.3g} mm are {denser:.2g} times as "
+        f"dense as osmium, in a body about {body.size:.2g} m large ({likely})"
+    )
+
+
+def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
+    """A sentence on bodies of tens of metres that weigh next to nothing."""
+    long = [one for one in bodies if one.span > LONG and one.mass < THIN * one.span]
+    if not long:
+        return ()
+    names, mass = first_few([one.name for one in long], SHOWN), sum(one.mass for one in long)
+    return (
+        f"{names}: {mass:.4g} kg reach over up to {max(one.span for one in long):.3g} m, as no machine does; likely "
+        "millimetres were meant: multiply lengths by 0.001 and moments of inertia by 1e-6",
+    )
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
@@ -145,7 +198,7 @@ def solids(mechanism: Mechanism) -> Iterator[Solid]:
         if body.name not in turning:
             continue
         points = [*(end.frame.p for end in ends[body.name]), body.com]
-        yield Solid(body.name, body.mass, body.inertia, size_of(points, extent))
+        yield Solid(body.name, body.mass, body.inertia, size_of(points, extent), widest(points))
 
 
 def size_of(points: list[Array], extent: float) -> float:

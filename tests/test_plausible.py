@@ -10,7 +10,16 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
-from support.mechanism import Solid, all_too_wide, implausible, load_mechanism, mechanism_names, suspicious, too_wide
+from support.mechanism import (
+    Solid,
+    all_too_wide,
+    implausible,
+    load_mechanism,
+    mechanism_names,
+    of_bodies,
+    suspicious,
+    too_wide,
+)
 from support.models import import_model, notes, write_models
 from support.report import verdict
 from support.scene import doubts
@@ -169,3 +178,39 @@ def test_many_are_named_in_one_sentence(arm) -> None:
 @pytest.mark.parametrize("name", mechanism_names())
 def test_built_in_mechanisms_are_not_doubted(name: str) -> None:
     assert not implausible(load_mechanism(name))
+
+
+FIELD = """<robot name="arm"><link name="base"/>
+<link name="shoulder"><inertial><origin xyz="{com}"/><mass value="{mass}"/>
+<inertia ixx="{I}" iyy="{I}" izz="{I}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="fore"><inertial><origin xyz="{com}"/><mass value="{mass}"/>
+<inertia ixx="{I}" iyy="{I}" izz="{I}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j1" type="revolute"><parent link="base"/><child link="shoulder"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
+<joint name="j2" type="revolute"><parent link="shoulder"/><child link="fore"/><origin xyz="{far}" rpy="0 {turn} 0"/>
+<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint></robot>"""
+METRES = {"com": "0.01 0 0.14", "far": "0 0.05 0.28", "mass": "2.4", "I": "0.02", "turn": "0.5"}
+#: What a file of the field has -> bodies or joints that are named, and the remedy.
+DOUBTED = {
+    "millimetres": ({"com": "10 0 140", "far": "0 50 280", "I": "20000"}, "shoulder", "by 0.001"),
+    "degrees": ({"turn": "90"}, "j2", "pi/180"),
+    "tonnes in decimetres": ({"mass": "2400"}, "shoulder", "by 0.001"),
+    "gyration of millimetres": ({"mass": "60", "I": "0.001"}, "shoulder", "write the tensor"),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTED)
+def test_import_says_what_no_machine_has_with_a_remedy(case, tmp_path) -> None:
+    changes, name, remedy = DOUBTED[case]
+    (tmp_path / "m.urdf").write_text(FIELD.format(**METRES), encoding="utf-8")
+    assert not [said for said in import_model(tmp_path / "m.urdf").remarks if said.startswith("Check this")]
+    (tmp_path / "m.urdf").write_text(FIELD.format(**{**METRES, **changes}), encoding="utf-8")
+    first, *_ = (said for said in import_model(tmp_path / "m.urdf").remarks if said.startswith("Check this"))
+    assert name in first
+    assert remedy in first
+
+
+def test_a_mass_in_a_point_is_meant_so() -> None:
+    point = Solid("bob", 1.0, np.diag([1e-12, 1e-12, 1e-12]), 1.0, 1.0)
+    assert not of_bodies([point])
+    assert of_bodies([Solid("base", 60.0, 1e-3 * np.eye(3), 0.5, 0.5)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from screwgauge import ScrewgaugeError
 from support.models import INERTIAL, MATTER, mjcf
 from support.readings import read
 
@@ -105,3 +106,28 @@ def test_a_mesh_from_which_mujoco_would_take_a_mass_is_said(write):
     mesh = '<collision><geometry><mesh filename="package://x/y.stl"/></geometry></collision>'
     path = write("shell.urdf", ARM.replace('<link name="a"/>', f'<link name="a">{mesh}</link>'))
     assert "mesh of link a, from which MuJoCo would take its mass" in read(path, "mujoco").ignored
+
+
+PLUGIN = """<mujoco><extension><plugin plugin="{name}"><instance name="i"/></plugin></extension>
+<asset><mesh name="m"><plugin instance="i"/></mesh></asset>
+<worldbody><body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>{geom}
+</body></worldbody></mujoco>"""
+GEOM = '<geom type="sdf" mesh="m"><plugin instance="i"/></geom>'
+
+
+def test_plugins_of_collisions_are_left_out_by_name_though_mujoco_knows_none_of_that_name(tmp_path):
+    (tmp_path / "m.xml").write_text(PLUGIN.format(name="soil.grains", geom=GEOM), encoding="utf-8")
+    assert "plugin soil.grains" in read(tmp_path / "m.xml", "mujoco").ignored
+
+
+def test_lines_of_plugins_that_mujoco_refuses_are_named(tmp_path):
+    text = PLUGIN.format(name="soil.grains", geom='\n<plugin plugin="soil.grains"/>')
+    (tmp_path / "m.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(ScrewgaugeError, match="line 1, 2, 4"):
+        read(tmp_path / "m.xml", "mujoco")
+
+
+def test_a_declaration_may_stand_below_an_empty_line(tmp_path):
+    text = PLUGIN.format(name="soil.grains", geom=GEOM)
+    (tmp_path / "m.xml").write_text(f'\n <?xml version="1.0"?>\n{text}', encoding="utf-8")
+    assert list(read(tmp_path / "m.xml", "mujoco").bodies) == ["a"]

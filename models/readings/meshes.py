@@ -66,8 +66,20 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
             content.append(Content(kind_of(child.tag), f"{child.tag} {child.get('name', '')}".rstrip()))
-    content += _pairs(root)
+    content += [*_pairs(root), *_idle_plugins(root)]
     return list(dict.fromkeys(content))
+
+
+def _idle_plugins(root: ET.Element) -> Iterator[Content]:
+    """Takes plugins out that only what was taken out has used: collisions, sensors."""
+    declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
+    used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
+    for extension in root.findall("extension"):
+        for plugin in extension.findall("plugin"):
+            names = {plugin.get("plugin"), *(each.get("name") for each in plugin.iterfind("instance"))}
+            if not names & (used - {None}):
+                extension.remove(plugin)
+                yield Content("plugins", f"plugin {plugin.get('plugin', '')}".rstrip())
 
 
 def _without_files(default: ET.Element) -> None:

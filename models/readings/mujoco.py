@@ -31,6 +31,8 @@ from screwgauge.models.readings.reading import (
     Reading,
 )
 from screwgauge.models.readings.source import Source
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
@@ -85,7 +87,15 @@ def loaded(source: Source) -> Any:
     Raises:
         ModelFileError: MuJoCo refuses it.
     """
-    return compiled(source.text, str(source.path), source.models)
+    try:
+        return compiled(source.text, str(source.path), source.models)
+    except ModelFileError as error:
+        numbered = enumerate(read_file(source.path).splitlines(), 1)
+        lines = [str(n) for n, line in numbered if "<plugin" in line or "<extension" in line]
+        if "plugin" not in error.what or not lines:
+            raise
+        remedy = f"take the plugins out, if they exert nothing on bodies: line {', '.join(lines)}"
+        raise ModelFileError(error.what, error.where, remedy) from None
 
 
 def is_disabled(model: Any, flag: str) -> bool:

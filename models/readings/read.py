@@ -25,7 +25,7 @@ from screwgauge.models.readings.sdf import read_sdf
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.models.readings.usd import read_usd
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
-from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
+from screwgauge.reference.lint import Hinge, Solid, of_bodies, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
 
 #: Type of a joint in URDF -> kind; `fixed` has none.
@@ -187,7 +187,7 @@ def dropped(source: Source, reading: Reading) -> list[Content]:
 
 def implausible(reading: Reading) -> tuple[str, ...]:
     """Sentences on bodies and joints."""
-    return (*all_too_wide(_solids(reading)), *too_far(_hinges(reading)))
+    return (*of_bodies([*_solids(reading)]), *too_far(_hinges(reading)))
 
 
 def _solids(reading: Reading) -> Iterator[Solid]:
@@ -211,7 +211,8 @@ def _solids(reading: Reading) -> Iterator[Solid]:
     for name, centre in heavy.items():
         body = reading.bodies[name]
         if name in turning and np.isfinite(body.inertia).all():
-            yield Solid(name, body.mass, body.inertia, size_of([*places[name], centre], extent))
+            points = [*places[name], centre]
+            yield Solid(name, body.mass, body.inertia, size_of(points, extent), widest(points))
 
 
 def _hinges(reading: Reading) -> Iterator[Hinge]:
@@ -282,20 +283,21 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
         package = "pin" if library == "pinocchio" else library
         remedy = f"{remedy_of_import(error, package)}, or take another library"
         raise ModelFileError(f"{library} cannot be loaded ({error})", str(path), remedy) from None
-    _check(reading, str(path))
+    _check(reading, str(path), source.form)
     return replace(
         reading, form=source.form, content=unread(source, reading), frames={**reading.frames, **source.fixed_joints}
     )
 
 
-def _check(reading: Reading, where: str) -> None:
+def _check(reading: Reading, where: str, form: str) -> None:
     """Refuses what moves nothing, is not finite, or has negative mass.
 
     Raises:
         ModelFileError: So it is.
     """
     if not reading.joints:
-        raise ModelFileError(f"has no degree of freedom, as {reading.library} reads it", where, "give it a joint")
+        remedy = f"give it a joint{', or let its base move freely (--floating of import)' * (form == 'urdf')}"
+        raise ModelFileError(f"has no degree of freedom, as {reading.library} reads it", where, remedy)
     for name, body in reading.bodies.items():
         values: dict[str, float | Array] = {
             "mass": body.mass,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -29,11 +30,14 @@ from screwgauge.models.readings.meshes import weigh, without_meshes
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count
+from screwgauge.reference.lint import DEGREES, TURNED, in_degrees
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf", "usd": "usd"}
 #: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
+#: A decimal number.
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 #: Bodies that a sentence names.
 _NAMED = 6
 
@@ -178,7 +182,18 @@ def _urdf(root: ET.Element, path: Path) -> Source:
         content.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
-    return Source(path, "urdf", root, tuple(content))
+    return Source(path, "urdf", root, tuple(content), resolved=tuple(_turned(root)))
+
+
+def _turned(root: ET.Element) -> Iterator[str]:
+    """Sentences on origins of a URDF and poses of an SDF that are turned by several turns."""
+    for parent in root.iter():
+        for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
+            text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])
+            angles = [float(word) for word in (text or "").split() if _NUMBER.fullmatch(word)]
+            if far := [x for x in angles if TURNED < abs(x) <= DEGREES]:
+                owner = f"{place.tag} of {parent.tag} {parent.get('name', '')}".rstrip()
+                yield f"Check this: {in_degrees(f'{owner}: an angle', max(far, key=abs))}: multiply it by pi/180."
 
 
 def _sdf(root: ET.Element, path: Path) -> Source:
@@ -189,7 +204,7 @@ def _sdf(root: ET.Element, path: Path) -> Source:
     )
     if links[""]:
         said.append(f"SDF gives 1 kg and 1 kg m^2 to what states no mass: {first_few(links[''], _NAMED)}.")
-    return Source(path, "sdf", root, tuple(content), resolved=tuple(said))
+    return Source(path, "sdf", root, tuple(content), resolved=(*said, *_turned(root)))
 
 
 def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
