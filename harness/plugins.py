@@ -47,7 +47,7 @@ a motion from the assembly of home by the `Placement` of coordinates; a `ClosedM
 (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of redundant actuators,
 `axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert by their multipliers,
 `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` are the
-quantities.
+quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses that begins at home.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
@@ -72,6 +72,7 @@ from typing import TYPE_CHECKING, Any
 
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
 from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
+from screwgauge.engines.kit.branch import Branch
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.constrained import Constrained, solve_constrained
 from screwgauge.engines.kit.newton_euler import Matter, matter_of, required_wrenches, summed_inwards
@@ -140,6 +141,7 @@ __all__ = [
     "Balanced",
     "Body",
     "BodyPoses",
+    "Branch",
     "Clock",
     "ClosedMotion",
     "Closing",

@@ -194,6 +194,15 @@ ENGINES: dict[str, Engine] = {
         _port("mjx", "MJX, MuJoCo in JAX, on the MJCF, minimal cut", "mujoco-mjx", ("float64", "float32")),
         _port("mjwarp", "MuJoCo Warp on the MJCF, minimal cut, in float32", "mujoco-warp", ("float32",)),
         Engine(
+            "lagrange",
+            "Lagrange's equations by derivatives of positions, on request",
+            f"{_HERE}.lagrange:load",
+            frozenset((GivenMotion,)),
+            "screwgauge",
+            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _NO_TREE),
+            refuses={"InitialValue": _GIVEN_ONLY, "States": _NO_TREE},
+        ),
+        Engine(
             "truth",
             _TRUTH,
             "screwgauge.truth.engine:load",

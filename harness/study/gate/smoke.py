@@ -36,7 +36,7 @@ _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 
 def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """A few samples of a scene; if they pass, a test of the comparison itself, then full cuts and truth."""
+    """A few samples of a scene; if they pass, a test of the comparison itself, then full cuts, Lagrange and truth."""
     scene, note = smoked(scene)
     row, results = compared(scene, settings, progress)
     row = replace(row, coverage=f"{note}{row.coverage}")
@@ -44,17 +44,25 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
         return row
     if unseen := blind(results):
         return replace(row, status="failed", sentence=f"the comparison would see no difference: {unseen}")
-    for what, other in (("full cuts", full_cuts(scene)), ("truth", with_truth(scene))):
-        if other is None or not row.ok:
+    others = {"full cuts": full_cuts, "second formulation": with_lagrange, "truth": with_truth}
+    for what, other_of in others.items():
+        if not row.ok or (other := other_of(scene)) is None:
             continue
         further, results = compared(other, settings, progress, covered=False)
-        asked = "all" if other.quantities == scene.quantities else " and ".join(other.quantities)
-        said = f"{row.coverage} {what.capitalize()}: {asked} of {', '.join(results.scene.engines)}."
+        said = f"{row.coverage} {what.capitalize()}: {_asked(other, scene)} of {', '.join(results.scene.engines)}."
         row = replace(row, errors=(*row.errors, *further.errors), versions={**row.versions, **further.versions})
         row = replace(row, coverage=said)
         if not further.ok:
             row = replace(row, status=further.status, sentence=f"of the {what}: {further.sentence}")
     return row
+
+
+def _asked(other: Scene, scene: Scene) -> str:
+    """Quantities of a copy of a scene, in words."""
+    left = [name for name in scene.quantities if name not in other.quantities]
+    if len(left) > len(other.quantities):
+        return " and ".join(other.quantities)
+    return f"all but {' and '.join(left)}" if left else "all"
 
 
 def smoked(scene: Scene) -> tuple[Scene, str]:
@@ -93,14 +101,30 @@ def full_cuts(scene: Scene) -> Scene | None:
     return replace(other, rule=rule)
 
 
+def with_lagrange(scene: Scene) -> Scene | None:
+    """A built-in scene for `screw` and `lagrange`, whose formulation shares nothing, and all that this one gives.
+
+    None where `lagrange` runs anyway, or takes no such scene. A user's scene names it where it is wanted.
+    """
+    quantities = tuple(name for name in scene.quantities if name not in ENGINES["lagrange"].lacks)
+    if not (_built_in_for("lagrange", scene) and quantities):
+        return None
+    return replace(scene, engines=("screw", "lagrange"), quantities=quantities, models={}, tables={})
+
+
+def _built_in_for(engine: str, scene: Scene) -> bool:
+    """True for a given motion of a built-in scene that an engine has not taken part in yet."""
+    known = scene.file is not None and built_in(scene.file)
+    return known and not scene.simulated and engine not in scene.engines and ENGINES[engine].installed
+
+
 def with_truth(scene: Scene) -> Scene | None:
     """One sample of a built-in scene for `screw` and `truth`, without springs and motors, of which truth knows nothing.
 
     Truth reads the text of the scene where loads act, else doubles: both ways are to be seen. None where truth runs
     anyway, is not installed, or takes no such scene. A user's scene names `truth` where it is wanted.
     """
-    known = scene.file is not None and built_in(scene.file)
-    if scene.simulated or not known or "truth" in scene.engines or not ENGINES["truth"].installed:
+    if not _built_in_for("truth", scene):
         return None
     some, applied = scene.motion.part(np.array([-1])), replace(scene.applied, springs=(), motors=())
     other = replace(scene, engines=("screw", "truth"), task=some, applied=applied, models={}, tables={})

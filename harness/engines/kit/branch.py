@@ -1,0 +1,127 @@
+"""Closed poses of a motion for engines whose unknowns are all joint coordinates, followed from home.
+
+Poses are predicted along the tangent and closed by Newton's method; steps are halved until two neighbours are seen to
+lie on one branch. It shares nothing with the continuation of `screw` and of trees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import length
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.linear import inverted
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+
+Gaps = Callable[[Array], tuple[Array, Array]]
+"""Joint coordinates, (n, n_q), to how far loops and couplings are open, (n, m), and its derivative, (n, m, n_q)."""
+
+# Angles are in rad, distances in lengths of the mechanism wherever these are used.
+#: Steps of Newton's method; one after which rounding is left, and one that leads nowhere.
+STEPS, SMALL, FAR = 12, 1e-8, 10.0
+#: Loops that stay open by more do not close; condition number of a singular pose.
+OPEN, SINGULAR = 1e-10, 1e12
+#: Share of a step by which a pose may miss the tangents at both ends, rounding, and the longest step.
+BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
+#: Samples that are tried at a time at most, and halvings of the way to one.
+MANY, HALVINGS = 256, 17
+
+
+class Branch:
+    """The branch of closed poses that begins at home, as far as it has been followed."""
+
+    def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool]) -> None:
+        """Begins at home.
+
+        Args:
+            gaps: Loops and couplings; redundant ones may be among them.
+            angular: Whether each gap is an angle. Shape (m,).
+        """
+        self._gaps, self._columns, size = gaps, mechanism.independent_columns, length(mechanism)
+        self._sizes = np.where([unit == "rad" for unit in mechanism.units], 1.0, size)
+        self._units = np.concatenate([np.where(angular, 1.0, size), self._sizes[self._columns]])
+        self._t, self._y, self._many = np.nan, mechanism.home[self._columns], MANY
+        self._q, self._K, _ = self._newton(mechanism.home[None].copy(), self._y[None])
+
+    def follow(self, motion: GivenMotion) -> Array:
+        """All joint coordinates [rad or m] at samples that go on from those before. Shape (n, n_q).
+
+        Raises:
+            ClosureError: The branch ends, or meets another one, on the way.
+        """
+        parts, first = list[Array](), 0
+        while first < len(motion):
+            rows = slice(first, first + self._many)
+            parts.append(self._linked(motion.t[rows], motion.y[rows]))
+            if self._many == 1 and not len(parts[-1]):
+                self._go(motion, float(motion.t[first]), motion.y[first])
+                parts.append(self._q)
+            first, self._many = first + len(parts[-1]), min(2 * len(parts[-1]), MANY) or 1
+        return np.concatenate(parts)
+
+    def system(self, q: Array, y: Array) -> tuple[Array, Array, Array]:
+        """The closing system at poses, rows of y last.
+
+        Returns:
+            What solves it for the coordinates, by least squares, (n, n_q, m + k); its condition number without
+            dimension, (n,); gaps and how far y is missed, (n, m + k).
+        """
+        with np.errstate(all="ignore"):
+            gaps, G = self._gaps(q)
+            A = np.concatenate([G, np.eye(q.shape[1])[self._columns] + np.zeros((len(q), 1, 1))], axis=1)
+            inverse, condition = inverted(A * self._sizes / self._units[:, None])
+        missed = np.concatenate([gaps, q[:, self._columns] - y], axis=1)
+        return inverse * self._sizes[:, None] / self._units, condition, missed
+
+    def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
+        """Moves to a pose, by shorter steps where it is far: along the motion between samples, if that is known."""
+        if len(self._linked(np.array([t]), y[None])):
+            return
+        if halvings == HALVINGS:
+            near = ", ".join(f"{x:.6g}" for x in self._y)
+            what = f"the loops cannot close beyond y = [{near}], or the pose there is singular"
+            raise ClosureError(what, f"t = {t:g} s", "shorten the motion or check the geometry")
+        middle, halfway = 0.5 * (self._t + t), 0.5 * (self._y + y)
+        if motion.drive is not None and np.isfinite(middle):
+            halfway = motion.drive(np.array([middle])).y[0]
+        self._go(motion, middle, halfway, halvings + 1)
+        self._go(motion, t, y, halvings + 1)
+
+    def _linked(self, t: Array, y: Array) -> Array:
+        """Poses as far as they follow each other: steps are short, and along the tangents at both of their ends."""
+        q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
+        K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]
+        step = np.diff(np.concatenate([self._q, q]), axis=0)
+        size = np.abs(step / self._sizes).max(axis=1)
+        for tangent in (K[:-1], K[1:]):
+            missed = np.abs((step - (tangent @ way)[..., 0]) / self._sizes).max(axis=1)
+            good &= (size <= LONGEST) & (missed <= BEND * size + SLACK)
+        if count := len(good) if good.all() else int(np.argmin(good)):
+            self._t, self._y, self._q, self._K = t[count - 1], y[count - 1], q[count - 1 : count], K[count : count + 1]
+        return q[:count]
+
+    def _newton(self, q: Array, y: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Closes poses by Newton's method, each until a step is small: it leaves the square of that.
+
+        Returns:
+            Coordinates, tangents, and whether they are regular and closed. Shapes (n, n_q), (n, n_q, k), (n,).
+        """
+        k, K, step = y.shape[1], np.zeros((*q.shape, y.shape[1])), np.zeros_like(q)
+        good, rows, size = np.zeros(len(q), dtype=bool), np.arange(len(q)), np.full(len(q), np.inf)
+        for _ in range(STEPS):
+            q[rows] -= step
+            inverse, condition, missed = self.system(q[rows], y[rows])
+            K[rows] = inverse[..., inverse.shape[2] - k :]
+            good[rows] = (condition < SINGULAR) & (np.abs(missed / self._units).max(axis=1) <= OPEN)
+            step = (inverse @ missed[..., None])[..., 0]
+            before, size = size, np.abs(step / self._sizes).max(axis=1)
+            more = (before > SMALL) & (size < FAR)
+            rows, size, step = rows[more], size[more], step[more]
+            if not len(rows):
+                break
+        return q, K, good

@@ -1,0 +1,80 @@
+"""Random mechanisms put to `screw` and `lagrange`, which share no formulation, a row each, and the page of these."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+import pandas as pd
+from campaigns.page import counted, study
+from campaigns.verdict import judged
+
+import screwgauge
+from screwgauge.engines.registry import ENGINES
+from screwgauge.report.blocks import Banner, Table, table
+from screwgauge.study.formatting import grouped, rows
+from screwgauge.study.run import run
+
+PAIR = ("screw", "lagrange")
+NAMED = ("resistance", "mass_matrix")
+COLUMNS = (
+    *("family", "seed", "bodies", "joints", "freedoms", "loops", "verdict", "max_scaled", "tolerance", "quantity"),
+    *("component", "judge", "branch", "reason", "cpu_s", *(f"{engine}_s" for engine in PAIR)),
+)
+
+
+def measured(item: tuple[int, str]) -> dict[str, Any]:
+    """The row of one mechanism, by seed and family: all quantities that both give."""
+    seed, family = item
+    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        scene = screwgauge.random(seed, family, Path(folder))
+        mechanism = scene.mechanism
+        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
+        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
+        begin = process_time()
+        wanted = [name for name in scene.quantities if name not in ENGINES["lagrange"].lacks]
+        wanted += [*NAMED, *["axis_moment"] * ("actuator_force" in wanted)]
+        found = judged(run(scene, PAIR, wanted))
+        row |= {name: value for name, value in found.items() if name in COLUMNS}
+        row["cpu_s"] = f"{process_time() - begin:.3g}"
+    return row
+
+
+def _sentence(found: pd.DataFrame) -> str:
+    worst = pd.to_numeric(found["max_scaled"]).max()
+    return (
+        f"{len(found)} random mechanisms of {found['family'].nunique()} families by screw and by Lagrange's equations: "
+        f"{counted(found['verdict'])}; the largest difference is {worst:.2g}."
+    )
+
+
+def _banner(found: pd.DataFrame) -> Banner:
+    return Banner.of(_sentence(found), {*found["verdict"]} == {"agree"})
+
+
+def _families(found: pd.DataFrame) -> Table:
+    verdicts, lines = sorted({*found["verdict"]}), []
+    for (family,), group in grouped(rows(found), "family").items():
+        worst = max((row for row in group if row["max_scaled"]), key=lambda row: float(row["max_scaled"]), default={})
+        error = {"worst": worst.get("max_scaled", ""), **{key: worst.get(key, "") for key in ("quantity", "seed")}}
+        counts = Counter(row["verdict"] for row in group)
+        lines.append({"family": family, "drawn": len(group), **dict.fromkeys(verdicts, 0), **counts, **error})
+    return table(lines, f"family | drawn | {' | '.join(verdicts)} | worst error = worst | of = quantity | seed")
+
+
+def _reasons(found: pd.DataFrame) -> list[dict[str, Any]]:
+    return [row for row in rows(found) if row["verdict"] != "agree"]
+
+
+PAGE = study(
+    "second-opinion.csv",
+    "A second formulation",
+    _banner,
+    sentence=_sentence,
+    families=_families,
+    reasons=_reasons,
+)

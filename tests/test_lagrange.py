@@ -1,0 +1,116 @@
+"""The engine `lagrange` against energies, plain arrays and `screw`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge import load_scene
+from support.acting import Applied, Load, Motor
+from support.engines import ENGINES, ask, model_files
+from support.errors import ClosureError
+from support.lagrange import Equations, Unfolded, by_energies, over_arrays
+from support.mechanism import load_mechanism
+from support.scene import TABLE, scene_names
+from support.tolerances import AGREE, LINEAR, ROUNDING
+
+GIVEN_MOTIONS = [name for name in scene_names() if not load_scene(name).simulated]
+#: All that it gives.
+ASKED = [name for name, one in TABLE.items() if one.of != "observable" and name not in ENGINES["lagrange"].lacks]
+
+
+def compared(scene, quantities=ASKED, engines=("screw", "lagrange")):
+    results = screwgauge.run(scene, engines=engines, quantities=quantities)
+    assert not results.failures
+    return results
+
+
+@pytest.mark.parametrize("name", GIVEN_MOTIONS)
+def test_it_agrees_with_screw_in_every_quantity(name):
+    scene = load_scene(name)
+    results = compared(scene.at(np.linspace(scene.t[0], scene.t[-1], 5)))
+    assert results.exit_status == 0
+    assert results.pairs["max_scaled"].max() < AGREE
+    assert {*results.pairs["quantity"]} >= {"mass_matrix", "axis_moment"}
+
+
+def test_it_admits_no_error_of_its_own():
+    scene = load_scene("3ups-upu-s").at([0.3])
+    solution = compared(scene).solutions["lagrange"]
+    assert solution.errors == {}
+    assert solution.condition.max() < 1e3
+
+
+@pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "screw-press", "ruse", "geared-five-bar"])
+def test_virtual_work_is_the_derivative_of_energies(name):
+    """What bodies need is d/dt dT/dv - d(T - U)/dq, energies being differentiated forward over reverse."""
+    mechanism = load_mechanism(name)
+    rng, n = np.random.default_rng(5), len(mechanism.coordinates)
+    state = {"q": mechanism.home + rng.uniform(-0.3, 0.3, (4, n)), "v": rng.normal(size=(4, n))}
+    state |= {"a": rng.normal(size=(4, n)), "g": rng.normal(size=3)}
+    equations = Equations.of(mechanism)
+    needs = equations.balance(4, **state)["needs"]
+    assert np.abs(by_energies(equations, state) - needs).max() < ROUNDING * np.abs(needs).max()
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "ruse", "screw-press", "rccc"])
+def test_folding_changes_nothing(name):
+    """The same over plain arrays: every operation of a trace that folds nothing is made by NumPy."""
+    mechanism = load_mechanism(name)
+    rng, load = np.random.default_rng(6), Load(mechanism.bodies[-1].name, np.ones(3), np.zeros(3), np.zeros(3))
+    folded, plain = (Equations.of(mechanism, Applied(loads=(load,)), trace) for trace in (None, Unfolded(10**7)))
+    given = {name: rng.normal(size=(3, len(some))) for name, some in folded.inputs.items() if name != "moved"}
+    for what in ("closing", "motion", "balance", "transmitted"):
+        found, expected = getattr(folded, what)(3, **given), over_arrays(plain, what, given)
+        assert found.keys() == expected.keys()
+        for output, array in expected.items():
+            size = max(1.0, np.abs(array).max(initial=0.0))
+            assert np.abs(found[output] - array).max(initial=0.0) < ROUNDING * size, output
+
+
+def test_loads_may_change_from_sample_to_sample():
+    scene = load_scene("3ups-upu-s").at([0.1, 0.4, 0.9])
+    force, torque = np.arange(9.0).reshape(3, 3) * 50.0, np.array([[1.0, -2.0, 3.0]] * 3)
+    loads = (Load("platform", np.array([0.1, 0.0, 0.2]), force, torque), Load("leg1.lower", None, torque[0], torque[1]))
+    applied = replace(scene.applied, loads=loads, motors=(Motor("leg1.q3", np.array([5.0, 7.0]), np.zeros((0, 3))),))
+    problem = replace(scene.problem(["actuator_force", "reaction"]), applied=applied)
+    one, other = (ask(name, model_files("3ups-upu-s", name), problem).values for name in ("screw", "lagrange"))
+    for name, values in one.items():
+        assert other[name].components == values.components
+        assert np.abs(other[name].array - values.array).max() < LINEAR * np.abs(values.array).max(), name
+
+
+def test_both_rules_of_redundant_actuators():
+    scene = replace(load_scene("3ups-upu-s-fast").at([0.1, 0.4]), rule="spherical_axial")
+    results = compared(scene, ["actuator_force", "reaction"])
+    assert results.pairs["max_scaled"].max() < AGREE
+    smallest = compared(replace(scene, rule="min_norm"), ["actuator_force"])
+    f, g = (found.values("actuator_force", "lagrange") for found in (results, smallest))
+    assert (np.linalg.norm(g, axis=1) < np.linalg.norm(f, axis=1)).all()
+
+
+def test_few_samples_are_on_the_branch_of_many():
+    """Seven samples of four turns of a crank: what leads from each to the next is followed."""
+    scene = load_scene("double-cardan")
+    some = np.linspace(scene.t[0], scene.t[-1], 7)
+    few = compared(scene.at(some), ["joint_position"]).values("joint_position", "lagrange")
+    many = compared(scene.at(np.union1d(some, scene.t)), ["joint_position"])
+    rows = np.searchsorted(many.scene.t, some)
+    assert np.abs(many.values("joint_position", "lagrange")[rows] - few).max() < ROUNDING * np.abs(few).max()
+
+
+def test_a_motion_beyond_reach_is_refused_where_screw_refuses_it():
+    scene = load_scene("3-rps").at([0.0, 0.1])
+    task = replace(scene.motion, y=scene.motion.y + np.array([[0.0] * 3, [1.0, 0.0, 0.0]]), drive=None)
+    problem, said = replace(scene.problem(["joint_position"]), task=task), list[float]()
+    for name in ("screw", "lagrange"):
+        with pytest.raises(
+            ClosureError, match=r"the loops cannot close beyond y = .*, or the pose there is sing"
+        ) as error:
+            ask(name, model_files("3-rps", name), problem)
+        said.append(float(re.search(r"y = \[(\S+?),? ", str(error.value))[1]))
+    assert said[1] == pytest.approx(said[0], abs=1e-3)

@@ -1,0 +1,79 @@
+"""Mistakes planted in what engines share are seen by an engine of another formulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines.tree import applied_forces, closed_forces
+from screwgauge.reference.equations import kinematics
+from screwgauge.reference.equations.recursion import MOVING, Accelerations
+
+#: Engines that share neither trees nor the solver's equations.
+WITNESSES = ("lagrange",)
+TREES = ("pinocchio", "mujoco")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return screwgauge.load_scene("3ups-upu-s-fast").at([0.1, 0.3])
+
+
+def differences(scene, one, other):
+    """Quantities in which two engines differ, each with the largest scaled error."""
+    results = screwgauge.run(scene, engines=(one, other))
+    assert not results.failures
+    pairs = results.pairs[~results.pairs["ok"].astype(bool)]
+    return pairs.groupby("quantity")["max_scaled"].max().to_dict()
+
+
+@pytest.mark.parametrize("witness", WITNESSES)
+def test_nothing_differs_without_a_mistake(scene, witness):
+    for other in ("screw", *TREES):
+        assert differences(scene, other, witness) == {}
+
+
+@pytest.mark.parametrize("witness", WITNESSES)
+def test_a_reversed_reaction_of_trees_is_seen(scene, witness, monkeypatch):
+    right = closed_forces.components
+    monkeypatch.setattr(closed_forces, "components", lambda *at: -right(*at))
+    assert differences(scene, *TREES) == {}
+    assert differences(scene, TREES[0], witness) == {"reaction": pytest.approx(2.0)}
+
+
+@pytest.mark.parametrize("witness", WITNESSES)
+def test_loads_of_trees_that_are_larger_by_a_hundredth_are_seen(scene, witness, monkeypatch):
+    right = applied_forces.exerted
+
+    def larger(*at):
+        acting = right(*at)
+        return replace(acting, wrenches=[(i, 1.01 * force, 1.01 * moment) for i, force, moment in acting.wrenches])
+
+    monkeypatch.setattr(applied_forces, "exerted", larger)
+    assert differences(scene, *TREES) == {}
+    seen = differences(scene, TREES[0], witness)
+    assert seen.keys() == {"generalized_force", "actuator_force", "reaction"}
+    assert all(1e-4 < size < 0.1 for size in seen.values())
+
+
+@pytest.mark.parametrize("witness", WITNESSES)
+def test_gyroscopic_moments_of_the_other_sign_are_seen(scene, witness, monkeypatch):
+    right = Accelerations.needs
+
+    def reversed_moments(self, g):
+        needs, w = right(self, g).copy(), self.bodies.turning.w
+        needs[..., MOVING, 3:] -= 2.0 * np.cross(w, (self.pose.lay.mechanism.inertias @ w[..., None])[..., 0])
+        return needs
+
+    monkeypatch.setattr(Accelerations, "needs", reversed_moments)
+    assert differences(scene, "screw", witness).keys() == {"generalized_force", "actuator_force", "reaction"}
+
+
+@pytest.mark.parametrize("witness", WITNESSES)
+def test_halved_brackets_are_seen(scene, witness, monkeypatch):
+    right = kinematics.lie_bracket
+    monkeypatch.setattr(kinematics, "lie_bracket", lambda *at: 0.5 * right(*at))
+    assert "joint_acceleration" in differences(scene, "screw", witness)
