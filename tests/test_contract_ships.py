@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from screwgauge.engines.registry import GROUP
+from support import guide
 from support.processes import python
 
 pytestmark = pytest.mark.slow
@@ -23,12 +25,18 @@ def load(files):
     return screw.load(files)
 """
 FILTER = "slider-crank or planar-4 or test_answers or test_refusals"
+WHOLE = f"{FILTER} or test_tasks or feature or redundant or rccc or 3-upu or stewart or belt-leg or geared or ruse"
 
 
-def contract(folder: Path, *options: str, engine: str = "", text: str = "") -> tuple[int, str]:
-    """Installs an engine as pip would, and runs the contract in an empty folder."""
+def contract(folder: Path, *options: str, engine: str = "", text: str = "", module: str = "") -> tuple[int, str]:
+    """Installs an engine as pip would, and runs the contract in an empty folder.
+
+    Args:
+        text: Further lines of an engine that does as the solver.
+        module: All of the module of an engine in its place.
+    """
     (folder / "empty").mkdir()
-    (folder / "own_engine.py").write_text(HEAD + text, encoding="utf-8")
+    (folder / "own_engine.py").write_text(module or HEAD + text, encoding="utf-8")
     said = folder / "own_engine-1.dist-info"
     said.mkdir()
     (said / "METADATA").write_text("Metadata-Version: 2.1\nName: own-engine\nVersion: 1\n", encoding="utf-8")
@@ -45,6 +53,20 @@ def test_an_engine_that_does_all_passes(tmp_path):
     status, said = contract(tmp_path, "-k", FILTER, engine="own")
     assert status == 0, said
     assert "failed" not in said
+
+
+def named(text: str) -> str:
+    """The module of an engine as that of the package which `contract` installs."""
+    package, source = re.subn(r'package="[^"]+"', 'package="own-engine"', text)[0], r'"\w+:load"'
+    return re.sub(source, '"own_engine:load"', package)
+
+
+@pytest.mark.parametrize("file", ["my_engine.py", "tree_engine.py"])
+def test_engines_of_the_page_pass(file, tmp_path):
+    text = guide.shown_files()[file]
+    assert {*re.findall(r"screwgauge[.\w]*", text)} == {"screwgauge.plugins"}
+    status, said = contract(tmp_path, "-k", WHOLE, engine="own", module=named(text))
+    assert status == 0, said
 
 
 #: What an engine does -> what its author reads, beside the names of tests.

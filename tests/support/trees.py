@@ -14,7 +14,7 @@ from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import project
 from screwgauge.engines.tree.closed_tree import Loops, close_tree, make_loops
 from screwgauge.engines.tree.model import TreeModel
-from screwgauge.engines.tree.protocol import OpenTree
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import read_loops
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.rotations import Array
@@ -48,10 +48,24 @@ class SmallestTree(OpenTree):
     """A tree with no more than a further engine has to implement, by MuJoCo."""
 
     def __init__(self, tree: OpenTree) -> None:
+        self.right = tree
         for name in OpenTree.__annotations__:
             setattr(self, name, getattr(tree, name))
-        for name in ("under", "poses", "bias", "tree_force", "transmitted"):
-            setattr(self, name, getattr(tree, name))
+
+    def under(self, gravity: Array | None) -> None:
+        self.right.under(gravity)
+
+    def poses(self, q: Array) -> BodyPoses:
+        return self.right.poses(q)
+
+    def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
+        return self.right.bias(at, q, v, V)
+
+    def tree_force(self, q: Array, v: Array, a: Array) -> Array:
+        return self.right.tree_force(q, v, a)
+
+    def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
+        return self.right.transmitted(at, q, v, a, wrench)
 
 
 def smallest_model(files: ModelFiles) -> TreeModel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -35,9 +36,11 @@ class Constrained(Protocol):
     gap_units: Array
     rows: Sequence[Sequence[int]]
 
+    @abstractmethod
     def place(self, x: Array) -> Placement:
         """Poses of the bodies, what moves them, and gaps of the constraints. Shape (n, n_x)."""
 
+    @abstractmethod
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
         """Second derivatives of the gaps, and accelerations of the bodies, at constant rates.
 
@@ -48,6 +51,7 @@ class Constrained(Protocol):
             Shapes (n, m), (n, n_body + 1, 6).
         """
 
+    @abstractmethod
     def dynamics(self, x: Array, xd: Array, applied: Applied) -> tuple[Array, Array]:
         """Mass matrix, and gravity, loads, springs between points and velocity terms along x.
 

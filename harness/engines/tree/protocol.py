@@ -9,6 +9,7 @@ shape (n, n_v), and for the one state of a mover or stepper (n_v,).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
@@ -116,12 +117,15 @@ class OpenTree(Protocol):
     masses: Array
     com: Array
 
+    @abstractmethod
     def under(self, gravity: Array | None) -> None:
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
 
+    @abstractmethod
     def poses(self, q: Array) -> BodyPoses:
         """Poses of the bodies, and the screws of the coordinates."""
 
+    @abstractmethod
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         """Acceleration of each body, angular, then of its origin, at constant velocities of the coordinates.
 
@@ -137,6 +141,7 @@ class OpenTree(Protocol):
         A = self.bias(at, q, v, V) + at.velocities(a)
         return shifted(V[:, 1:], A[:, 1:], times(at.R[:, 1:], self.com))
 
+    @abstractmethod
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
@@ -154,6 +159,7 @@ class OpenTree(Protocol):
         """
         return self.tree_force(q, v, a), 0.0
 
+    @abstractmethod
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Wrench on each body from its tree parent: force, then moment about the body's origin.
 
