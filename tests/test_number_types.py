@@ -17,6 +17,8 @@ from screwgauge.quantities import FLOAT32, GIVEN
 from screwgauge.reference.equations.recursion import MOVING, Accelerations
 from screwgauge.reference.equations.screws import cross, times
 from screwgauge.reference.graph import layout
+from screwgauge.report.pages import bench as page
+from support.bench import Plan, bench, choose
 from support.engines import ENGINES, Error
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
@@ -192,3 +194,17 @@ def test_a_gate_names_it_in_its_scene(tmp_path):
     checked = screwgauge.check(scene)
     checked.assert_ok()
     assert FLOAT32.name in checked.rows[0].worst.reason
+
+
+def test_a_bench_says_how_many_digits_float32_may_leave():
+    plan = Plan(samples=9, rounds=1, budget=1e9, quick=True)
+    measured = bench(few(screwgauge.load_scene("slider-crank"), 21), plan=plan, contestants=["screw-float32"])
+    (row,) = page.PAGE.values["narrow"](measured)
+    assert row["quantity"] == "actuator_force"
+    assert float(row["digits"]) > float(row["allowed"]) > 3.0
+
+
+def test_a_bench_leaves_out_engines_of_extras_that_are_not_installed(monkeypatch):
+    monkeypatch.setattr(type(ENGINES["mjx"]), "installed", False)
+    assert not {one.name for one in choose(None)} & {"mjx-path", "mjwarp-float32"}
+    assert {one.name for one in choose(["mjx"])} == {"mjx-path"}

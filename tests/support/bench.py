@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, contestants, simulators
+from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, choose, contestants, simulators
 from screwgauge.study.bench.forward_run import FULL, contest, simulated
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.questions import motion, simulation

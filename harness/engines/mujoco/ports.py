@@ -107,6 +107,7 @@ class PortTree(MujocoTree):
         super().__init__(files.model, file)
         self.engine, package, port = source
         self.version = version(package)
+        self.rounding = 4.0 * float(np.finfo(precision).eps) if precision == "float32" else 0.0
         self._poses, self._motion = port(self.open_model(), precision)
         self.roots = self.model.body_rootid[[0, *self.ids]]
 

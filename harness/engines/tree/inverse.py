@@ -125,7 +125,10 @@ class _Work:
         at = self.closed.tree.poses(q)
         error, rows = self._evaluate(q, y * sizes.y, at)
         rows *= sizes.q / sizes.rows[:, None]
-        return error / sizes.rows, rows, at.R, at.p, at.screws
+        error /= sizes.rows
+        if rounding := self.closed.tree.rounding:
+            error[np.abs(error) <= rounding] = 0.0
+        return error, rows, at.R, at.p, at.screws
 
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
         sizes = self.closed.sizes

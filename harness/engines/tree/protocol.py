@@ -105,6 +105,7 @@ class OpenTree(Protocol):
         bodies, parents: Without ground, and the body that carries each in the tree.
         closures, couplings: As its model file has them.
         masses, com: Of each body [kg], and its centre of mass in the body's frame [m]. Shapes (n_body,), (n_body, 3).
+        rounding: Closure residual, without dimension, below which poses in float32 show nothing; 0 in float64.
     """
 
     engine: str
@@ -116,6 +117,7 @@ class OpenTree(Protocol):
     parents: tuple[str, ...]
     masses: Array
     com: Array
+    rounding: float = 0.0
 
     @abstractmethod
     def under(self, gravity: Array | None) -> None:

@@ -215,6 +215,7 @@ GREY, INK = "#767676", "#1b1f24"
 #: Beginnings of a family's name and their colour; the first that fits.
 CAMPS = (
     (("closed-form", "newton", "screw"), COLOURS[0]),
+    (("mjx", "mjwarp"), COLOURS[5]),
     (("pinocchio", "four-bar"), COLOURS[1]),
     (("mujoco",), COLOURS[2]),
     (("finite-differences", "missing-jdotv", "float32"), COLOURS[3]),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.quantities import FLOAT32
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Paragraph, Picture, Table, table
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
@@ -30,7 +31,19 @@ from screwgauge.study.bench.tables import (
     slopes_table,
     timing_table,
 )
-from screwgauge.study.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
+from screwgauge.study.formatting import (
+    Row,
+    digits_text,
+    duration,
+    grouped,
+    listed,
+    missing,
+    number,
+    rows,
+    size,
+    tick,
+    words,
+)
 from screwgauge.study.reference_values import QUANTITIES
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
@@ -122,6 +135,22 @@ def _reached(bench: Bench) -> list[Row]:
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
         for row in rows(reach(bench.rows))
         if row["error"] == NINE and row["quantity"] in SHOWN
+    ]
+
+
+def _narrow(bench: Bench) -> list[Row]:
+    """Digits of contestants in float32, those that it may leave, and run times."""
+    return [
+        {
+            **{name: getattr(row.contestant, name) for name in ("setting", "family")},
+            "contestant": row.contestant.name,
+            "quantity": row.quantity,
+            "digits": digits_text(row.error) + " ✗" * (row.error > bench.rounding[row.quantity]),
+            "allowed": digits_text(bench.rounding[row.quantity]),
+            "time": duration(row.per_sample),
+        }
+        for row in bench.rows
+        if row.contestant.kind is FLOAT32 and row.quantity in bench.rounding and row.status == OK
     ]
 
 
@@ -333,6 +362,7 @@ PAGE = Report(
         "no truth": lambda bench: bench.reference != "truth",
         "reached": _reached,
         "reach": _reach,
+        "narrow": _narrow,
         "failed": _failed,
         "cut short": _cut_short,
         "cut rows": _rows(CUT),

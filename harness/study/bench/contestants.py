@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.engines.methods import METHODS
-from screwgauge.engines.registry import engines
+from screwgauge.engines.registry import engines, get_engine
 from screwgauge.models.mjcf import PARTS
 from screwgauge.problem import InitialValue
-from screwgauge.quantities import GIVEN, OF_BODIES, OF_JOINTS
+from screwgauge.quantities import GIVEN, NUMBER_TYPES, OF_BODIES, OF_JOINTS, NumberType, number_type
 from screwgauge.quantities import QUANTITIES as EVERY
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.expressions import number
@@ -73,6 +73,11 @@ class Contestant:
     def key(self) -> str:
         """Identifies the contestant within a bench."""
         return " | ".join((self.name, self.method.engine, self.series, self.setting, ", ".join(self.quantities)))
+
+    @property
+    def kind(self) -> NumberType:
+        """What it computes in."""
+        return NUMBER_TYPES.get(self.method.settings.get("dtype", ""), number_type(self.method.engine))
 
     @property
     def line(self) -> str:
@@ -196,14 +201,15 @@ def leaving_out() -> Iterator[Contestant]:
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """The named families and contestants, of a quick bench or a full one; all by default.
+    """The named families and contestants, of a quick bench or a full one; by default all but those of engines of
+    extras that are not installed.
 
     Raises:
         ScrewgaugeError: A name is not known, or there is none.
     """
     everyone = contestants(quick=quick)
     if wanted is None:
-        return everyone
+        return [one for one in everyone if not (entry := get_engine(one.method.engine)).extra or entry.installed]
     known = contestants(quick=False)
     names = dict.fromkeys([*(c.family for c in known), *(c.name for c in known)])
     chosen = set(check_choice("contestant", wanted, names))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from itertools import count, groupby, zip_longest
@@ -16,11 +16,13 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.engines.registry import EngineModel, get_engine
+from screwgauge.engines.rounding import rounding_errors
 from screwgauge.environment import environment, plain
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.generate import model_texts
 from screwgauge.problem import ModelFiles, Progress, Report, silent
 from screwgauge.processes import one_thread
+from screwgauge.quantities import FLOAT32
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -32,7 +34,7 @@ from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, SlopeFit, l
 from screwgauge.study.bench.tables import fits as slope_fits
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import check_whole, failure
-from screwgauge.study.reference_values import PreparedScene, pose_scene
+from screwgauge.study.reference_values import QUANTITIES, PreparedScene, pose_scene
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.store import Journal, is_record
 
@@ -78,6 +80,7 @@ class Bench:
         reference: What errors are measured against, in words.
         notes: Sentences for the report.
         provenance: Files that were judged, and the date.
+        rounding: Quantity -> scaled error that float32 may make of it, see `screwgauge.engines.rounding`.
     """
 
     scene: Scene
@@ -89,6 +92,7 @@ class Bench:
     notes: tuple[str, ...]
     environment: Mapping[str, Any]
     provenance: Mapping[str, Any]
+    rounding: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -162,6 +166,7 @@ def bench(
         else:
             _elsewhere(posed, kept, protocol, chosen, execute, progress)
         judged = provenance(posed.scene, models_of(chosen, posed))
+    narrow = any(contestant.kind is FLOAT32 for contestant in chosen)
     rows = [row for contestant in chosen for row in _rows(contestant, kept)]
     less = [row for row in rows if row.contestant.family == LEAVING_OUT]
     rows = [row for row in rows if row.contestant.family != LEAVING_OUT]
@@ -175,10 +180,18 @@ def bench(
         notes=tuple(filter(None, (posed.reference.note, kept.note, "" if execute is None else BESIDE))),
         environment=record,
         provenance=judged,
+        rounding=_rounding(posed) if narrow else {},
     )
     if outcome.complete:
         kept.remove()
     return outcome
+
+
+def _rounding(posed: PreparedScene) -> dict[str, float]:
+    """Quantity -> largest error by float32 over its scale, of the worst unit."""
+    errors = rounding_errors(posed.scene.mechanism, posed.problem(*QUANTITIES), FLOAT32)
+    scales = posed.reference.scales
+    return {name: max(size / scales[name][unit] for unit, size in one.absolute.items()) for name, one in errors.items()}
 
 
 def _elsewhere(
