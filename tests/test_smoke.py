@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import screwgauge
 from screwgauge.diagnosis.facts import bodies, links
+from screwgauge.engines import lagrange
 from screwgauge.engines.registry import ENGINES
 from screwgauge.engines.tree import closed_forces
 from screwgauge.models.readings import mujoco
@@ -52,6 +54,29 @@ def test_truth_is_asked_without_springs_and_motors():
     asked = smoke.with_truth(scene)
     assert (asked.applied.springs, asked.applied.motors) == ((), ())
     assert asked.applied.loads == scene.applied.loads
+
+
+def test_a_second_formulation_takes_part_in_built_in_scenes_alone(theirs):
+    scene, _ = smoke.smoked(screwgauge.load_scene("ruse"))
+    asked = smoke.with_lagrange(scene)
+    assert asked.engines == ("screw", "lagrange")
+    assert {*scene.quantities} - {*asked.quantities} == {"tree_force", "tree_force_soft"}
+    assert asked.applied is scene.applied
+    assert smoke.with_lagrange(replace(scene, engines=("screw", "lagrange"))) is None
+    assert smoke.with_lagrange(screwgauge.load_scene("turn.toml")) is None
+
+
+def test_what_a_second_formulation_contradicts_is_seen(monkeypatch):
+    (row,) = screwgauge.check("five-bar", smoke=True).rows
+    assert row.ok
+    assert "Second formulation: all but tree_force and tree_force_soft of screw, lagrange." in row.coverage
+    right = lagrange.Motion.needs.func
+    turned = cached_property(lambda at: 1.001 * right(at))
+    turned.__set_name__(lagrange.Motion, "needs")
+    monkeypatch.setattr(lagrange.Motion, "needs", turned)
+    (row,) = screwgauge.check("five-bar", smoke=True).rows
+    assert row.status == "differ"
+    assert row.sentence.startswith("of the second formulation: ")
 
 
 def test_the_motion_of_a_smoke_test_is_followed_once_however_many_runs_it_has():
