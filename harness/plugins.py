@@ -42,12 +42,13 @@ that name. `required_wrenches` is what a motion needs of each body (Newton, Eule
 `matter_of` reads from a description; `summed_inwards` adds them up along a tree.
 
 **Closed loops.** An engine that states bodies and constraints in coordinates of its own is a `Constrained`:
-`solve_constrained` answers a problem by it, in all quantities but those of an open tree. Its parts: `Closing` follows
-a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations
-(`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of redundant actuators,
-`axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert by their multipliers,
-`reactions` makes components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` are the
-quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses that begins at home.
+`solve_constrained` answers a problem by it, in all quantities but those of an open tree, and estimates their errors.
+Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion`
+has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of
+redundant actuators, `axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert
+by their multipliers, `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and
+`inertia_values` are the quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses
+that begins at home.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
@@ -55,8 +56,8 @@ what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureEr
 
 **Open trees.** An engine whose library has a tree and no loops implements `OpenTree` (and `Mover`, `TreeDynamics` for
 simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and `loops_file` (a
-`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold. A port of MuJoCo
-may derive its tree from `MujocoTree`, which reads an MJCF with its closures and couplings; its `open_model` is the file
+`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold. A port of MuJoCo may
+derive its tree from `MujocoTree`, which reads an MJCF with its closures and couplings; its `open_model` is the file
 without equality constraints.
 
 **Tracer.** `Trace` records arithmetic on `Node` numbers; `program` makes a `Program` of it, `Lanes` runs that over

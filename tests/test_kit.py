@@ -196,3 +196,31 @@ def test_a_rule_that_a_mechanism_does_not_name_is_refused():
     problem = replace(scene.problem(["actuator_force"]), rule="spherical_axial")
     with pytest.raises(kit.ModelFileError, match=r"has no \[spherical_axial\]"):
         FrozenModel(scene.mechanism, "").solve(problem)
+
+
+NEAR = """
+mechanism = "3ups-upu-s"
+time.times = [0.0, 0.5, 1.0]
+motion.a = {{ harmonics = [[2, 0, 0.05]] }}
+motion.b = {{ offset = {}, harmonics = [[3, 0, {}]] }}
+"""
+
+
+@pytest.mark.parametrize("distance", [1e-3, 5e-5])
+def test_next_to_a_singular_pose_no_engine_of_the_kit_is_faulted(write, distance):
+    """Its author hands in no tolerance: the kit estimates what rounding makes there, as of all other engines."""
+    scene = screwgauge.load_scene(write("near.toml", NEAR.format(0.3568 - distance, 0.1 * distance)))
+    with further_engines({"frozen": "support.frozen_engine:FROZEN"}):
+        results = screwgauge.run(scene, engines=["screw", "pinocchio", "frozen"])
+    assert not results.failures
+    for table in (results.pairs, results.judge):
+        beyond = table[~table["ok"].astype(bool)]
+        assert (beyond["undecided"] > 0).all(), beyond.to_string()
+    assert results.solutions["frozen"].errors["reaction"].largest > 1e-11
+
+
+def test_where_nothing_is_singular_the_kit_admits_no_more_than_the_tolerance():
+    scene = screwgauge.load_scene("slider-crank").at([0.1, 0.4])
+    solution = FrozenModel(scene.mechanism, "").solve(scene.problem(["joint_position", "reaction"]))
+    assert {*solution.errors} == {"joint_position", "reaction"}
+    assert max(error.largest for error in solution.errors.values()) < AGREE

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from screwgauge.engines.error_estimate import Part, error_of
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
-from screwgauge.problem import GivenMotion, Problem, Progress, quiet
-from screwgauge.quantities import described
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
+from screwgauge.quantities import described, length
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -29,11 +30,13 @@ class Answered:
         values: Quantity -> its components in the order of `names`; what is not wanted is left out later. Shape (n, m).
         q: All joint coordinates [rad or m]. Shape (n, n_q).
         condition: Condition number of the closed loops. Shape (n,).
+        part: The wanted values with what is known of their errors; None where nothing is.
     """
 
     values: Mapping[str, Array]
     q: Array
     condition: Array
+    part: Part | None = None
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
@@ -93,11 +96,14 @@ def answer(
         progress(min(1.0, (first + PART) / n))
     table, (engine, version, setting) = described(mechanism), labels
     wanted = [name for name in parts[0].values if name in problem.wanted]
+    values = {name: Values(*table[name], np.concatenate([part.values[name] for part in parts])) for name in wanted}
+    known, (L, M) = [one.part for one in parts if one.part is not None], (length(mechanism), mechanism.mass)
     return Solution(
         engine,
         version,
-        {name: Values(*table[name], np.concatenate([part.values[name] for part in parts])) for name in wanted},
+        values,
         np.concatenate([part.condition for part in parts]),
+        errors={name: error_of(name, known, has, L, M) for name, has in values.items()} if known else {},
         timings=() if clock is None else clock.timings(engine, setting, n),
         assembly=np.concatenate([part.q for part in parts]),
         setting=setting,
@@ -105,17 +111,22 @@ def answer(
 
 
 def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
-    """Some samples of a given motion, and what acts there: loads may change from sample to sample.
+    """Some samples of a given motion, and what acts there.
 
     Raises:
         TypeError: The task is no given motion.
     """
-    task, applied = problem.task, problem.applied
+    task = problem.task
     if not isinstance(task, GivenMotion):
         raise TypeError(f"{type(task).__name__} is no given motion")
+    return task.part(rows), at_samples(problem.applied, rows)
+
+
+def at_samples(applied: Applied, rows: slice | Rows) -> Applied:
+    """What acts at some samples."""
 
     def some(vectors: Array) -> Array:
         return vectors[rows] if vectors.ndim == 2 else vectors
 
     loads = tuple(replace(load, force=some(load.force), torque=some(load.torque)) for load in applied.loads)
-    return task.part(rows), replace(applied, loads=loads)
+    return replace(applied, loads=loads)

@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.kit.poses import JointReading, follow_joints, read_joints
 from screwgauge.engines.kit.projection import along_line, min_norm
-from screwgauge.problem import GivenMotion
+from screwgauge.problem import GivenMotion, Rows
 from screwgauge.quantities import length
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
@@ -68,12 +68,14 @@ class Balanced:
         generalized: Along the independent coordinates [N or N m]. Shape (n, k).
         actuator: Of the actuators [N or N m]. Shape (n, n_actuator).
         gaps, couplings: Multipliers. Shapes (n, m), (n, n_coupling).
+        condition: Condition number of the equations of the actuators. Shape (n,).
     """
 
     generalized: Array
     actuator: Array
     gaps: Array
     couplings: Array
+    condition: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +86,9 @@ class ClosedMotion:
         x: Coordinates of the engine. Shape (n, n_x).
         at: What they make of the mechanism.
         joints: Joint coordinates there.
-        A: Closing system: derivative of the gaps, of what joins further unknowns to the poses, and of the couplings, by
-            x and by the s further unknowns. Shape (n, m + s + c, n_x + s).
-        inverse: Inverse of the system with rows that select y below it. Shape (n, n_x + s, m + s + c + k).
-        condition: Its condition number without dimension. Shape (n,).
+        system: Closing system without dimension: derivative of the gaps, of what joins further unknowns to the poses,
+            of the couplings, and of y, by x and by the s further unknowns. Shape (n, m + s + c + k, n_x + s).
+        units, rows: What columns and rows of it are measured by. Shapes (n_x + s,), (m + s + c + k,).
         tracked: Joint coordinates that are further unknowns.
     """
 
@@ -96,10 +97,31 @@ class ClosedMotion:
     x: Array
     at: Placement
     joints: JointReading
-    A: Array
-    inverse: Array
-    condition: Array
+    system: Array
+    units: Array
+    rows: Array
     tracked: list[int]
+
+    @cached_property
+    def _inverted(self) -> tuple[Array, Array]:
+        inverse, condition = linear.inverted_along(self.system)
+        return inverse * self.units[:, None] / self.rows, condition
+
+    @property
+    def inverse(self) -> Array:
+        """Inverse of the closing system, with dimensions. Shape (n, n_x + s, m + s + c + k)."""
+        return self._inverted[0]
+
+    @property
+    def condition(self) -> Array:
+        """Condition number of the closing system. Shape (n,)."""
+        return self._inverted[1]
+
+    @property
+    def A(self) -> Array:
+        """The closing system with dimensions, without rows of y. Shape (n, m + s + c, n_x + s)."""
+        m = len(self.rows) - self.task.y.shape[1]
+        return np.asarray(self.system[:, :m] * self.rows[:m, None] / self.units)
 
     @property
     def q(self) -> Array:
@@ -109,7 +131,7 @@ class ClosedMotion:
     @cached_property
     def K(self) -> Array:
         """Rates of x per rate of y. Shape (n, n_x, k)."""
-        return np.asarray(self.inverse[:, : self.x.shape[1], self.A.shape[1] :])
+        return np.asarray(self.inverse[:, : self.x.shape[1], -self.task.y.shape[1] :])
 
     @cached_property
     def J(self) -> Array:
@@ -161,15 +183,15 @@ class ClosedMotion:
         drive = self.J[:, self.mechanism.actuated_columns]
         Q = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0]
         if line is None:
-            f = min_norm(drive @ self.K, Q)[0]
+            f, condition = min_norm(drive @ self.K, Q)
         else:
             wide = ((0, 0), (0, 0), (0, s))
             across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))
-            f = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)[0]
+            f, condition = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)
         rest = need - (f[:, None] @ drive)[:, 0]
         # what actuators leave over moves no y: the rows of y take nothing of it
         forces = (rest[:, None] @ self.inverse[:, :n_x])[:, 0]
-        return Balanced(Q, f, forces[:, :m], forces[:, m + s : self.A.shape[1]])
+        return Balanced(Q, f, forces[:, :m], forces[:, m + s : -self.task.y.shape[1]], condition)
 
 
 def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
@@ -209,7 +231,7 @@ class Closing:
 
     def _evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Residuals and their derivative, both without dimension."""
-        x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
+        x, s = self._split(z)
         at = self.place(x)
         read = read_joints(self.mechanism, at.R, at.p, self._known(s))
         open_by, A = self._system(at, read, s)
@@ -241,12 +263,31 @@ class Closing:
         Raises:
             ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
         """
-        z, A, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
-        x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
+        z, system, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
+        x, s = self._split(z)
         at = self.place(x)
-        inverse, condition = linear.inverted_along(A)
         joints = follow_joints(self.mechanism, at.R, at.p, self._known(s), self.before)
         self.before = joints.q[-1]
-        inverse = inverse * self.size[:, None] / self.rows
-        A = A[:, : -len(self.pick)] * self.rows[: -len(self.pick), None] / self.size
-        return ClosedMotion(self.mechanism, task, x, at, joints, A, inverse, condition, self.tracked)
+        return self._closed(task, x, at, joints, system)
+
+    def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
+        """Some samples of a closed motion, their unknowns moved as rounding may have moved them.
+
+        Args:
+            some: Indices of the samples.
+            shake: Without dimension. Shape (n_some, n_x + s).
+        """
+        z = np.concatenate([closed.x, closed.q[:, self.tracked]], axis=1)[some] / self.size + shake
+        x, s = self._split(z)
+        at = self.place(x)
+        joints = read_joints(self.mechanism, at.R, at.p, closed.q[some])
+        system = self._system(at, joints, s)[1] * self.size / self.rows[:, None]
+        return self._closed(closed.task.part(some), x, at, joints, system)
+
+    def _split(self, z: Array) -> tuple[Array, Array]:
+        """Coordinates of the engine, and further unknowns."""
+        x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
+        return x, s
+
+    def _closed(self, task: GivenMotion, x: Array, at: Placement, joints: JointReading, system: Array) -> ClosedMotion:
+        return ClosedMotion(self.mechanism, task, x, at, joints, system, self.size, self.rows, self.tracked)

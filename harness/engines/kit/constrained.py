@@ -7,12 +7,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
+from screwgauge.engines.error_estimate import Trust, examined
 from screwgauge.engines.kit.acting import along_joints
-from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
+from screwgauge.engines.kit.answers import (
+    Answered,
+    answer,
+    at_samples,
+    force_values,
+    inertia_values,
+    motion_values,
+)
 from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
-from screwgauge.problem import GivenMotion, Problem, Progress, quiet
-from screwgauge.quantities import RULED, stages
+from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
+from screwgauge.quantities import RULED, described, length, stages
+from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -90,34 +101,61 @@ class _Parts:
     clock: Clock
 
     def solve(self, motion: GivenMotion, applied: Applied) -> Answered:
-        wanted, depth = self.problem.wanted, stages(self.problem.wanted)
+        mechanism = self.engine.mechanism
         with self.clock.stage("positions"):
             closed = self.closing.follow(motion)
-        values, moved = {"joint_position": closed.q}, None
+        values, trust = self._beyond(closed, applied)
+
+        def again(some: Rows, shake: Array) -> dict[str, Array]:
+            return self._beyond(self.closing.shaken(closed, some, shake), at_samples(applied, some))[0]
+
+        units, k = {name: units for name, (_, units) in described(mechanism).items()}, motion.y.shape[1]
+        part = examined(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
+        return Answered(part.values, closed.q, closed.condition, part)
+
+    def _beyond(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:
+        """All that is wanted at closed poses, and what its errors rest on."""
+        wanted, depth, moved = self.problem.wanted, stages(self.problem.wanted), None
+        values, sizes, conditions = {"joint_position": closed.q}, dict[str, Array](), dict[str, Array]()
+        x_units = self.engine.units
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 values |= motion_values(wanted, closed)
+                sizes["speed"] = np.abs(closed.xd / x_units).max(axis=1)
         if depth in "af":
             with self.clock.stage("accelerations"):
                 moved = closed.accelerated(*self.engine.bias(closed.x, closed.xd))
                 values |= motion_values(wanted, closed, moved)
+                sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved.x / x_units).max(axis=1))
         if depth == "f" or "mass_matrix" in wanted:
             with self.clock.stage("forces"):
                 M, acting = self.engine.dynamics(closed.x, closed.xd, applied)
                 values |= inertia_values(closed, M) if "mass_matrix" in wanted else {}
             if moved is not None:
-                values |= self._forces(closed, moved, (M @ moved.x[..., None])[..., 0] - acting)
-        return Answered(values, closed.q, closed.condition)
+                terms = (M @ moved.x[..., None])[..., 0], acting
+                sizes["load"] = (np.max(np.abs(terms), axis=0) * x_units).max(axis=1) / length(self.engine.mechanism)
+                values |= self._forces(closed, moved, terms[0] - acting, conditions)
+        gain = closed.condition / linear.norms(closed.system)
+        trust = Trust(closed.condition, gain, closed.joints.condition, conditions, **sizes)
+        return {name: array for name, array in values.items() if name in wanted}, trust
 
-    def _forces(self, closed: ClosedMotion, moved: Accelerated, need: Array) -> dict[str, Array]:
-        """Forces; `need` is what constraints, actuators, and what acts along joints deliver. Shape (n, n_x)."""
+    def _forces(
+        self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
+    ) -> dict[str, Array]:
+        """Forces, and condition numbers of what they are solved from.
+
+        Args:
+            need: What constraints, actuators, and what acts along joints deliver. Shape (n, n_x).
+        """
         problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
+        ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
         with self.clock.stage("forces"):
             along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
             need = need - ((along - mechanism.rotors * moved.q)[:, None] @ closed.J)[:, 0]
-            ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
             balanced = closed.balanced(need, axial_line(mechanism, at, rows) if ruled else None)
             values = force_values(closed, moved, balanced, along)
+        if problem.wanted & RULED:
+            conditions |= dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), balanced.condition)
         if "reaction" in problem.wanted:
             with self.clock.stage("reactions"):
                 wrenches = joint_wrenches(mechanism, at, rows, balanced.gaps)

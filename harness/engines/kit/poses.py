@@ -104,6 +104,14 @@ class JointReading:
                 out[:, columns, body, 3:] = sign * force
         return out
 
+    @cached_property
+    def condition(self) -> Array:
+        """How much the rates of angles lose at the worst joint, 1 at best, see `angle_condition`. Shape (n,)."""
+        worst = np.ones(len(self.q))
+        for joint, columns in _columns(self.mechanism):
+            worst = np.maximum(worst, angle_condition(self.q[:, columns][:, np.array(KINDS[joint.kind])]))
+        return worst
+
     def rates(self, V: Array) -> Array:
         """Rates of the coordinates for twists of the bodies. Shape (n, n_body + 1, 6) -> (n, n_q)."""
         at_origin = _at_origin(V, cross(self.p, V[..., :3]))
