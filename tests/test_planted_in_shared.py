@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.engines.kit import acting
 from screwgauge.engines.tree import applied_forces, closed_forces
 from screwgauge.reference.equations import kinematics
 from screwgauge.reference.equations.recursion import MOVING, Accelerations
-from support.engines import get_engine
+from support.engines import ENGINES, get_engine
 
 #: Engines that share neither trees nor the solver's equations.
 WITNESSES = ("lagrange", "exudyn")
@@ -24,10 +25,12 @@ def scene():
 
 
 @pytest.fixture(params=WITNESSES)
-def witness(request):
+def witness(request, monkeypatch):
+    """In this process, so that it has the mistakes of whatever it shares."""
     engine = get_engine(request.param)
     if not engine.installed:
         pytest.skip(f"{engine.package} is not installed")
+    monkeypatch.setitem(ENGINES, engine.name, replace(engine, apart=False))
     return engine.name
 
 
@@ -52,13 +55,14 @@ def test_a_reversed_reaction_of_trees_is_seen(scene, witness, monkeypatch):
 
 
 def test_loads_of_trees_that_are_larger_by_a_hundredth_are_seen(scene, witness, monkeypatch):
-    right = applied_forces.exerted
+    right = acting.exert_on_bodies
 
-    def larger(*at):
-        acting = right(*at)
-        return replace(acting, wrenches=[(i, 1.01 * force, 1.01 * moment) for i, force, moment in acting.wrenches])
+    def larger(out, applied, *more):
+        loads = tuple(replace(load, force=1.01 * load.force, torque=1.01 * load.torque) for load in applied.loads)
+        right(out, replace(applied, loads=loads), *more)
 
-    monkeypatch.setattr(applied_forces, "exerted", larger)
+    for module in (acting, applied_forces):
+        monkeypatch.setattr(module, "exert_on_bodies", larger)
     assert differences(scene, *TREES) == {}
     seen = differences(scene, TREES[0], witness)
     assert seen.keys() == {"generalized_force", "actuator_force", "reaction"}
