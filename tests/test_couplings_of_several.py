@@ -129,7 +129,7 @@ class Case:
     home: Mapping[str, float]
     body: str
     forces: Callable[[Array, Array, Array], dict[str, Array]]
-    engines: tuple[str, ...] = (*IN_DOUBLES, "truth")
+    engines: tuple[str, ...] = (*IN_DOUBLES, "lagrange", "truth")
 
 
 CASES = {

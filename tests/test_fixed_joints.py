@@ -53,7 +53,7 @@ child_frame = { position = [0.6, 0, 0], rotation = { axis = [1, 0, 0], angle = 0
 parent_frame.position = [0, 0.01, 0]
 """
 SCENE = 'mechanism = "arm.toml"\nmotion.q.harmonics = [[5, 0.3, 0.6]]\ntime = { duration = 1, step = 0.1 }\n'
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lagrange")
 
 
 def about(e: np.ndarray, angle: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from support.judging import reference_values
 from support.mechanism import load_mechanism
 from support.models import description, import_model, left_out, write_models
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lagrange")
 #: Numbers that are solved from loops of equations, relative to the largest.
 SOLVED = 1e-12
 

@@ -67,7 +67,7 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(scene):
-    return screwgauge.run(scene, engines=IN_DOUBLES)
+    return screwgauge.run(scene, engines=(*IN_DOUBLES, "lagrange"))
 
 
 @pytest.mark.slow
