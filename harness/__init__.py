@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.api import check, compile, diagnose, review, run
+    from screwgauge.api import check, compile, diagnose, import_model, review, run
     from screwgauge.diagnosis.diagnose import Diagnosis
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
@@ -44,6 +44,7 @@ __all__ = [
     "compile",
     "diagnose",
     "exciting",
+    "import_model",
     "load_scene",
     "random",
     "review",
@@ -68,6 +69,7 @@ _HOMES = {
     "compile": "screwgauge.api",
     "diagnose": "screwgauge.api",
     "exciting": "screwgauge.scene.default",
+    "import_model": "screwgauge.api",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
     "review": "screwgauge.api",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from screwgauge.diagnosis.deadline import LIMIT
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from screwgauge.diagnosis.model import Loops, Read, Weighed
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.report.diagnosed import DiagnosisReport
@@ -129,6 +131,34 @@ def diagnose(
 
     load = load or in_process
     return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load, only=only))
+
+
+def import_model(
+    model: Any,
+    constraints: Iterable[Any] = (),
+    *,
+    q: ArrayLike | None = None,
+    independent: Iterable[str] | None = None,
+    actuated: Iterable[str] | None = None,
+) -> Scene:
+    """Makes a scene of a Pinocchio model that was built in Python, with the constraints that close its loops.
+
+    Args:
+        model: A ``pinocchio.Model``.
+        constraints: Constraint models of points (3D) or frames (6D) that coincide.
+        q: A configuration near which the loops close; by default the neutral one. Shape (nq,).
+        independent, actuated: Joints; by default chosen as those of a model file are.
+
+    Raises:
+        ScrewgaugeError: It is no model, loops do not close, or a choice does not fit.
+    """
+    from screwgauge.models.importing.model import Wanted
+    from screwgauge.scene.default import write_model
+    from screwgauge.scene.read import load_scene
+
+    chosen = None if independent is None else {name: name for name in independent}
+    driven = None if actuated is None else [*actuated]
+    return load_scene(write_model(model, [*constraints], q, Wanted(chosen, driven)))
 
 
 def review(

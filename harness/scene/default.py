@@ -15,11 +15,12 @@ from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.formats import key, lines
 from screwgauge.models.importing import is_model
-from screwgauge.models.importing.model import Imported, description, notes
+from screwgauge.models.importing.model import Imported, Wanted, description, notes
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import G0, GIVEN
 from screwgauge.reference import linear
@@ -286,6 +287,22 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
         models={},
         figures=(),
     )
+
+
+def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, wanted: Wanted) -> Path:
+    """Writes the scene of a Pinocchio model to a folder that goes away with the process; see `screwgauge.import_model`.
+
+    Raises:
+        ScrewgaugeError: It is no model, or no scene can be made of it.
+    """
+    from screwgauge.models.importing.left_out import measured
+    from screwgauge.models.importing.model import describe, scratch_folder
+    from screwgauge.models.readings.built import read_model
+
+    where = "import_model"
+    reading = read_model(model, constraints, None if q is None else np.asarray(q), where)
+    imported = describe(reading, where, wanted, beyond=measured(reading, where))
+    return write_imported(imported, scratch_folder() / f"{imported.mechanism.name}.toml")[1]
 
 
 def write_imported(imported: Imported, file: Path, text: str = "", *, force: bool = False) -> tuple[Path, Path]:

@@ -83,6 +83,11 @@ def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
         return _everything(replace(reading, joints=own.joints), loaded(source), where)
 
 
+def measured(reading: Reading, where: str) -> tuple[LeftOut, ...]:
+    """What acts in a model without a file besides rigid bodies, joints, closures and gravity."""
+    return _everything(reading, None, where)
+
+
 def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
     """All of it, in the names of the file.
 

@@ -83,7 +83,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
         if not part.kind and part.name in home:
             value = home[part.name]
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
-    placed, J = _placed(model, q)
+    placed, J = placements(model, q)
     assembly = assemble(dict(_links(model, placed, parts)), str(source.path))
     phrases = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
     unread = [Content("read otherwise by the library", text, values=()) for text in phrases]
@@ -91,7 +91,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
-        joints={part.name: _joint(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
+        joints={part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
         closures=closures(model, assembly, source.root, unread) if source.form == "mjcf" else {},
         couplings=source.mimics,
@@ -143,7 +143,7 @@ def start(model: Any) -> Array:
     return q
 
 
-def elementary(model: Any, source: Source) -> Iterator[Part]:
+def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
     """All elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
@@ -158,7 +158,7 @@ def elementary(model: Any, source: Source) -> Iterator[Part]:
             yield from _several(model, i, source)
 
 
-def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
+def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
     """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
     import pinocchio
 
@@ -167,14 +167,14 @@ def _several(model: Any, i: int, source: Source) -> Iterator[Part]:
     # three slides at once have no joints of their own
     subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
     bodies = [f for f in model.frames if f.parentJoint == i and f.type == pinocchio.FrameType.BODY]
-    names = [name for body in bodies for name in source.joints_of(body.name)]
+    names = [name for body in bodies for name in (source.joints_of(body.name) if source else ())]
     if len(names) != len(subs):
         names = [f"{model.names[i]}.{k + 1}" for k in range(len(subs))]
     for name, sub in zip(names, subs, strict=True):
         yield Part(name, i, *sub)
 
 
-def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
+def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
     """World placement of every joint and their Jacobian [linear; angular] at the world origin, shape (6, n_v).
 
     Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
@@ -257,8 +257,13 @@ def _unturned(source: Source) -> Iterator[str]:
         yield "origin quat_xyzw, as the file is not of version 1.1"
 
 
-def _joint(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
-    """Args: placed: World placement of the joint; column: Of the Jacobian. Shape (6,)."""
+def joint_reading(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
+    """Reading of an elementary joint.
+
+    Args:
+        placed: World placement of the joint.
+        column: Of the Jacobian [linear; angular] at the world origin. Shape (6,).
+    """
     centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
     if kind == "hinge":  # the point of its axis next to the joint, which may be one of several

@@ -1,0 +1,84 @@
+"""Models that were built with Pinocchio in Python as readings, with the constraints that close their loops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.pinocchio import elementary, joint_reading, placements, start
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
+from screwgauge.reference.errors import DescriptionError, ModelFileError, shown
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Types of constraints, and of their one class before Pinocchio 4, -> kind of a closure.
+_CLOSURES = {
+    "PointAnchorConstraintModel": "point",
+    "FrameAnchorConstraintModel": "weld",
+    "CONTACT_3D": "point",
+    "CONTACT_6D": "weld",
+}
+
+
+def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: str) -> Reading:
+    """Reads a model: a body for each joint, named after a frame that it carries, or after the joint.
+
+    Args:
+        q: Home, near which the constraints close; by default the neutral configuration. Shape (nq,).
+        where: What to blame.
+
+    Raises:
+        ScrewgaugeError: It is no model, or a constraint is none that a mechanism has.
+    """
+    import pinocchio
+
+    if not isinstance(model, pinocchio.Model):
+        raise DescriptionError(f"{shown(model)} is no pinocchio.Model", where, "give one")
+    home = start(model) if q is None else np.asarray(q, dtype=float)
+    if home.shape != (model.nq,) or not np.isfinite(home).all():
+        raise DescriptionError(f"q is not {model.nq} finite numbers", where, "give a configuration of the model")
+    parts = [*elementary(model)]
+    placed, J = placements(model, home)
+    at = {part.name: float(home[part.q]) for part in parts if not part.kind and part.n_q == 1}
+    at |= {p.name: math.atan2(home[p.q + 1], home[p.q]) for p in parts if not p.kind and p.n_q == 2}
+    frames = [frame for frame in model.frames if frame.type == pinocchio.FrameType.BODY]
+    names = {i: next((f.name for f in frames if f.parentJoint == i), model.names[i]) for i in range(1, model.njoints)}
+    links = {
+        name: BodyReading(
+            float(model.inertias[i].mass),
+            np.array(model.inertias[i].lever),
+            np.array(model.inertias[i].inertia),
+            names.get(model.parents[i], ""),
+            tuple(part.name for part in parts if part.joint == i),
+            np.array(placed[i].homogeneous),
+        )
+        for i, name in names.items()
+    }
+    assembly = assemble(links, where)
+    named = {getattr(one, "name", "") or f"loop{k + 1}": one for k, one in enumerate(constraints)}
+    closures = {name: _closure(one, assembly, names, where) for name, one in named.items()}
+    return Reading(
+        name=model.name or "model",
+        library="pinocchio",
+        bodies=assembly.bodies,
+        joints={part.name: joint_reading(model, placed[part.joint], part, J[:, part.v], at) for part in parts},
+        closures=closures,
+        gravity=np.array(model.gravity.linear),
+    )
+
+
+def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) -> ClosureReading:
+    """A constraint between frames of two joints, of which 0 is the ground."""
+    kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
+    if kind is None:
+        remedy = "give points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
+        raise ModelFileError(f"constraint {shown(one)} closes no loop that is known here", where, remedy)
+    ends = []
+    for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):
+        body, T = assembly.places[names[joint]] if joint else (GROUND, np.eye(4))
+        ends.append((body, T @ placement.homogeneous))
+    return ClosureReading(kind, *ends[0], *ends[1])
