@@ -11,6 +11,7 @@ from screwgauge.contract import test_mechanisms
 from screwgauge.contract.fixtures import *  # noqa: F403
 from screwgauge.contract.test_answers import *  # noqa: F403
 from screwgauge.contract.test_mechanisms import *  # noqa: F403
+from screwgauge.contract.test_mechanisms import test_a_random_mechanism_agrees
 from screwgauge.contract.test_refusals import *  # noqa: F403
 from screwgauge.contract.test_tasks import *  # noqa: F403
 from screwgauge.families.draw import families
@@ -67,7 +68,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "engine_name" in metafunc.fixturenames:
         names = [*dict.fromkeys((*(next(iter(one.methods)) for one in ENGINES.values()), *FURTHER))]
         if metafunc.function.__module__ == test_mechanisms.__name__:
-            names = [pytest.param(name, marks=pytest.mark.slow) for name in names if name not in COMPARED]
+            marks = [
+                pytest.mark.slow,
+                *[pytest.mark.sampled(4)] * (metafunc.function is test_a_random_mechanism_agrees),
+            ]
+            there = [name for name in names if name in FURTHER or get_engine(name).installed]
+            names = [pytest.param(name, marks=marks) for name in there if name not in COMPARED]
         metafunc.parametrize("engine_name", names, scope="session")
 
 
