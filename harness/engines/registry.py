@@ -175,6 +175,7 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 _TRUTH = "ball arithmetic with rigorous radii, on request"
 _NO_TREE = "it has no tree: each body has coordinates of its own"
+_ALL_JOINTS = "it has no tree: coordinates of all joints are its unknowns"
 _GIVEN_ONLY = "given motions are all that is made of its equations here"
 ENGINES: dict[str, Engine] = {
     engine.name: engine
@@ -199,8 +200,8 @@ ENGINES: dict[str, Engine] = {
             f"{_HERE}.lagrange:load",
             frozenset((GivenMotion,)),
             "screwgauge",
-            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _NO_TREE),
-            refuses={"InitialValue": _GIVEN_ONLY, "States": _NO_TREE},
+            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _ALL_JOINTS),
+            refuses={"InitialValue": _GIVEN_ONLY, "States": _ALL_JOINTS},
         ),
         Engine(
             "truth",
