@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from screwgauge.api import check, compile, diagnose, import_model, review, run
-    from screwgauge.diagnosis.diagnose import Diagnosis
+    from screwgauge.diagnosis.answer import Diagnosis
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.diagnosed import DiagnosisReport

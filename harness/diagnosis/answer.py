@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.diagnosis.amounts import listed, noun
+from screwgauge.diagnosis.fix import write_fix
 from screwgauge.diagnosis.properties import PROPERTIES, word
 from screwgauge.diagnosis.sentences import explanation, news, not_compared, notes
 from screwgauge.diagnosis.words import EVENTS, Speaker
 from screwgauge.models.content import kinds
+from screwgauge.models.readings.read import implausible
+from screwgauge.reference.errors import OutputError
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.causes.causes import Cause
     from screwgauge.diagnosis.causes.reasons import Reason
     from screwgauge.diagnosis.facts.fact import Fact, Pair
     from screwgauge.diagnosis.findings import Findings
+    from screwgauge.diagnosis.model import Model
     from screwgauge.models.readings.reading import Reading
 
 #: Words of a headline at most.
@@ -85,9 +90,22 @@ class ToldCause:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Words:
-    """All that a diagnosis says."""
+class Diagnosis:
+    """Why two models differ, or that they do not.
 
+    Attributes:
+        found: All that was found, as data.
+        headline: What differs, or that nothing does, in one sentence.
+        explanation: Further sentences: what causes explain, the proof, and what else matters.
+        differences: Facts with a sentence each, from the ground outwards.
+        causes: Differences by cause, the one that matters most first.
+        notes: What was taken for granted, or not compared.
+        not_compared: What is not compared and could differ, a phrase each, with its side.
+        not_fixed: What the file that `write_fix` writes does not correct, and why.
+        date: When it was made, ISO 8601 in UTC.
+    """
+
+    found: Findings
     headline: str
     explanation: str
     differences: tuple[Difference, ...]
@@ -95,13 +113,83 @@ class Words:
     notes: tuple[str, ...]
     not_compared: tuple[str, ...]
     not_fixed: tuple[str, ...]
+    date: str = ""
+
+    @property
+    def a(self) -> Model:
+        return self.found.a
+
+    @property
+    def b(self) -> Model:
+        return self.found.b
+
+    @property
+    def seed(self) -> int:
+        return self.found.seed
+
+    @property
+    def verdict(self) -> str:
+        """Headline and explanation."""
+        return f"{self.headline} {self.explanation}".strip()
+
+    @property
+    def same(self) -> bool:
+        return self.found.same
+
+    @property
+    def undecided(self) -> bool:
+        """Nothing differs, and what is in `not_compared` withholds that the two are the same."""
+        return self.found.undecided
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What there was no time for."""
+        return self.found.left_out
+
+    def __bool__(self) -> bool:
+        """`assert diagnosis` passes only if the two are the same."""
+        return self.exit_status == 0
+
+    @property
+    def exit_status(self) -> int:
+        """Exit status: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
+        if self.left_out or any(witness.failed for witness in self.found.witnesses):
+            return 3
+        return 0 if self.same else 1
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on numbers of the models that no machine has."""
+        a, b = (implausible(model.reading) for model in (self.a, self.b))
+        both = [f"A and B: {text}" for text in a if text in b]
+        ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
+        return (*both, *ours, *theirs)
+
+    def write_fix(self, out: str | Path, *, force: bool = False) -> Path:
+        """Writes B as it would have to be to agree with A.
+
+        Args:
+            out: Never B itself.
+            force: Any other file in the way is replaced, whoever wrote it.
+
+        Raises:
+            OutputError: There is nothing to write, or a file is there and was changed or not written here.
+        """
+        fix = self.found.fix
+        if fix is None or not fix.text or self.b.file is None:
+            why = "; ".join(self.not_fixed) or "nothing differs"
+            raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
+        read = (self.a.own or self.a.file, self.a.loops, self.b.loops)
+        write_fix(out := Path(out), fix.text, self.b.own or self.b.file, [*filter(None, read)], force=force)
+        return out
 
 
-def words_of(findings: Findings) -> Words:
+def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
     """Make all words of a diagnosis."""
     causes = tuple(_causes(findings))
     first, *rest = [*([headline(findings, causes)] if causes else []), *news(findings)]
-    return Words(
+    return Diagnosis(
+        findings,
         first,
         " ".join([*explanation(findings), *rest]),
         tuple(differences_of(findings.pair, findings.facts)),
@@ -109,6 +197,7 @@ def words_of(findings: Findings) -> Words:
         tuple(notes(findings)),
         tuple(not_compared(findings)),
         tuple(_not_fixed(findings)),
+        date,
     )
 
 

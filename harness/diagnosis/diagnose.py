@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.answer import Difference, ToldCause, Words, words_of
+from screwgauge.diagnosis.answer import Diagnosis, diagnosis_of
 from screwgauge.diagnosis.causes.causes import causes
 from screwgauge.diagnosis.causes.reasons import reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
@@ -18,138 +18,20 @@ from screwgauge.diagnosis.explanation import explained
 from screwgauge.diagnosis.facts.fact import Fact, Pair, among, as_compiled, other_gravity, rounded
 from screwgauge.diagnosis.facts.structure import Beyond, content_of
 from screwgauge.diagnosis.findings import Findings
-from screwgauge.diagnosis.fix import fixed, write_fix
+from screwgauge.diagnosis.fix import fixed
 from screwgauge.diagnosis.libraries import agreement, library_checks, together
 from screwgauge.diagnosis.machine.alignment import Names, partners, read_map
 from screwgauge.diagnosis.model import Loops, Model, Read, Weighed, alike, at_home, each_loops, in_process, loaded
 from screwgauge.diagnosis.shares import Torques, able, bare, freedom_left, order_of, weighed
 from screwgauge.models.content import kinds
-from screwgauge.models.readings.read import implausible
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError, check_seed, shown
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, shown
 
 #: What can be compared alone.
 ONLY = ("rigid",)
 #: Share of joints with a partner below which two models are of different machines; and so many identical names are no
 #: chance: their joints are compared, however much else the two models have.
 ALIKE, NO_CHANCE = 0.5, 5
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Diagnosis:
-    """Why two models differ, or that they do not.
-
-    Attributes:
-        found: As data; `words`: in English.
-        date: When it was made, ISO 8601 in UTC.
-    """
-
-    found: Findings
-    words: Words
-    date: str = ""
-
-    @property
-    def a(self) -> Model:
-        return self.found.a
-
-    @property
-    def b(self) -> Model:
-        return self.found.b
-
-    @property
-    def seed(self) -> int:
-        return self.found.seed
-
-    @property
-    def headline(self) -> str:
-        """What differs, or that nothing does, in one sentence."""
-        return self.words.headline
-
-    @property
-    def explanation(self) -> str:
-        """Further sentences: what causes explain, the proof, and what else matters."""
-        return self.words.explanation
-
-    @property
-    def verdict(self) -> str:
-        """Headline and explanation."""
-        return f"{self.headline} {self.explanation}".strip()
-
-    @property
-    def differences(self) -> tuple[Difference, ...]:
-        """Facts with a sentence each, from the ground outwards."""
-        return self.words.differences
-
-    @property
-    def causes(self) -> tuple[ToldCause, ...]:
-        """Differences by cause, the one that matters most first."""
-        return self.words.causes
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was taken for granted, or not compared."""
-        return self.words.notes
-
-    @property
-    def not_compared(self) -> tuple[str, ...]:
-        """What is not compared and could differ, a phrase each, with its side."""
-        return self.words.not_compared
-
-    @property
-    def same(self) -> bool:
-        return self.found.same
-
-    @property
-    def undecided(self) -> bool:
-        """Nothing differs, and what is in `not_compared` withholds that the two are the same."""
-        return self.found.undecided
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """What there was no time for."""
-        return self.found.left_out
-
-    def __bool__(self) -> bool:
-        """`assert diagnosis` passes only if the two are the same."""
-        return self.exit_status == 0
-
-    @property
-    def exit_status(self) -> int:
-        """Exit status: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
-        if self.left_out or any(witness.failed for witness in self.found.witnesses):
-            return 3
-        return 0 if self.same else 1
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """Sentences on numbers of the models that no machine has."""
-        a, b = (implausible(model.reading) for model in (self.a, self.b))
-        both = [f"A and B: {text}" for text in a if text in b]
-        ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
-        return (*both, *ours, *theirs)
-
-    @property
-    def not_fixed(self) -> tuple[str, ...]:
-        """What the file that `write_fix` writes does not correct, and why."""
-        return self.words.not_fixed
-
-    def write_fix(self, out: str | Path, *, force: bool = False) -> Path:
-        """Writes B as it would have to be to agree with A.
-
-        Args:
-            out: Never B itself.
-            force: Any other file in the way is replaced, whoever wrote it.
-
-        Raises:
-            OutputError: There is nothing to write, or a file is there and was changed or not written here.
-        """
-        fix = self.found.fix
-        if fix is None or not fix.text or self.b.file is None:
-            why = "; ".join(self.not_fixed) or "nothing differs"
-            raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
-        read = (self.a.own or self.a.file, self.a.loops, self.b.loops)
-        write_fix(out := Path(out), fix.text, self.b.own or self.b.file, [*filter(None, read)], force=force)
-        return out
 
 
 def diagnose(
@@ -178,7 +60,7 @@ def diagnose(
     first, second = each_loops(loops, (a, b))
     one, two = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
     found = findings((one, two), partners(one.reading, two.reading, given), seed, deadline, load, only)
-    return Diagnosis(found, words_of(found), datetime.now(UTC).isoformat(timespec="seconds"))
+    return diagnosis_of(found, datetime.now(UTC).isoformat(timespec="seconds"))
 
 
 def findings(

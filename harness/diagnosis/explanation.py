@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.diagnosis.causes.causes import grouped
-from screwgauge.diagnosis.facts.bodies import body_facts, fused_bodies, fused_by_names
+from screwgauge.diagnosis.facts.bodies import body_facts
 from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
 from screwgauge.diagnosis.facts.links import link_facts
 from screwgauge.diagnosis.facts.loops import coupling_facts, softness_facts
@@ -17,9 +17,10 @@ from screwgauge.diagnosis.facts.structure import (
     actuator_facts,
     model_facts,
     name_facts,
+    paired,
     structure_facts,
 )
-from screwgauge.diagnosis.machine.alignment import Names, aligned, partners
+from screwgauge.diagnosis.machine.alignment import Names, partners
 from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.machine.whole import Whole, wholes
 from screwgauge.models.machine import Machine, machine_of
@@ -144,14 +145,12 @@ def compared(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
 
 def told(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
     """Compare two machines as they stand."""
-    a, b, lost = fused_by_names(a, b) if names.bodies else (a, b, ())
-    return of_pair(Pair(a, b, aligned(a, b, names.joints, names.bodies, believed), lost=lost))
+    return of_pair(paired(a, b, names, believed))
 
 
 def of_pair(pair: Pair) -> Explanation:
     """Compare two machines whose bodies have partners."""
-    fused = fused_bodies(pair)
-    facts = [*pair.lost, *structure_facts(pair, fused), *link_facts(pair), *body_facts(pair, fused)]
+    facts = [*structure_facts(pair), *link_facts(pair), *body_facts(pair)]
     facts += [
         *model_facts(pair),
         *coupling_facts(pair),

@@ -17,8 +17,7 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import SAME, Largest, Order
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.answer import Difference
-    from screwgauge.diagnosis.diagnose import Diagnosis
+    from screwgauge.diagnosis.answer import Diagnosis, Difference
     from screwgauge.diagnosis.facts.fact import Fact
     from screwgauge.diagnosis.model import Model
 

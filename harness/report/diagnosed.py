@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.answer import Diagnosis
 from screwgauge.report.write import Shown
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 from campaigns.rows import CODE
 
-from screwgauge.diagnosis.answer import Difference, ToldCause
-from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.diagnosis.answer import Diagnosis, Difference, ToldCause, diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.mjcf import write_mjcf

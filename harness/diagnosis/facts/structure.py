@@ -5,33 +5,132 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.bodies import Fused
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, Pair, apart
+from screwgauge.diagnosis.facts.links import remainder_of, steps_of
+from screwgauge.diagnosis.facts.loops import SUM
+from screwgauge.diagnosis.machine.alignment import Names, aligned
+from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.content import OTHER, Content, kinds
 from screwgauge.models.files.parts import NUMBERED
-from screwgauge.models.machine import Link
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.kinematics import rehomed
+from screwgauge.models.machine import Link, Machine, fused, machine_of
+from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.reference.mechanism import GROUND
 
 
-def structure_facts(pair: Pair, fused: Fused) -> Iterator[Fact]:
+def paired(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
+    """Align two machines; bodies that one side alone moves against each other are one on both.
+
+    By their names that is known before machines are aligned; without names, only afterwards.
+    """
+    lost = list[Fact]()
+    if names.bodies:
+        a, b, lost = _fused_by_names(a, b)
+    pair = Pair(a, b, aligned(a, b, names.joints, names.bodies, believed))
+    while (found := next(_fixed(pair), None)) is not None:
+        side, link = found
+        lost.append(_lost(side, "fixed", link, (link.far,)))
+        a, b = (fused(pair.a, link), pair.b) if side == "A" else (pair.a, fused(pair.b, link))
+        pair = Pair(a, b, aligned(a, b, names.joints, names.bodies, believed))
+    return replace(pair, lost=tuple(lost))
+
+
+def _fixed(pair: Pair) -> Iterator[tuple[str, Link]]:
+    """Find links to bodies without a partner whose mass the partner of their neighbour has besides its own."""
+    for side, each in (("A", pair), ("B", pair.inverse)):
+        partners = each.alignment.bodies
+        for link in (end for one in each.alignment.only_a for end in (one, one.reversed())):
+            if link.far in partners or link.near not in partners or link.near == GROUND:
+                continue
+            bare, more = (each.a.bodies[name].matter.mass for name in (link.near, link.far))
+            there = each.b.bodies[partners[link.near]].matter.mass
+            if abs(there - (bare + more)) < abs(there - bare):
+                yield side, link
+
+
+def _fused_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
+    """Both machines without links between bodies that the other one has as one, and without welds that it lacks."""
+    sides, facts = {"A": a, "B": b}, list[Fact]()
+    for side, other in ("AB", "BA"):
+        sides[side], lost = _without_welds(sides[side], sides[other], side)
+        facts += lost
+    for side, other in ("AB", "BA", "AB"):
+        sides[side], lost = _without_links(sides[side], sides[other], side)
+        facts += lost
+    return sides["A"], sides["B"], facts
+
+
+def _owners(machine: Machine) -> dict[str, str]:
+    """The body that each of its links is part of."""
+    return {name: body for body, each in machine.bodies.items() for name in each.frames}
+
+
+def _without_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
+    """A machine without welds of bodies that the other one has, and not as one."""
+    owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
+    gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
+    if not gone:
+        return own, []
+    closures = {name: each for name, each in own.reading.closures.items() if name not in gone}
+    return machine_of(replace(own.reading, closures=closures)), [_alone(side, name, "link", "weld") for name in gone]
+
+
+def _without_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
+    """A machine with bodies as one that the other one has as one, where that has them."""
+    owners = _owners(other)
+    held = {
+        link.joints: q
+        for link in own.links
+        if len(link.joints) == 1 and _is_one(own, link, owners) and (q := _held(own, other, link, owners)) is not None
+    }
+    own = machine_of(rehomed(own.reading, {name: q for (name,), q in held.items()})[0]) if held else own
+    facts = list[Fact]()
+    while (link := next((link for link in own.links if _is_one(own, link, owners)), None)) is not None:
+        joint = own.reading.joints[link.joints[0]] if link.joints else None
+        at = f"{held[link.joints]:.6g} {unit_of('zero', joint)}" if link.joints in held else ""
+        facts.append(_lost(side, "fixed", link, (link.far,), at))
+        own = fused(own, link)
+    return own, facts
+
+
+def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
+    """Whether both bodies of a link are one on the other side, by the names of their members."""
+    ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
+    return len(ends[0]) == 1 and ends[0] == ends[1]
+
+
+def _held(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
+    """The coordinate of a joint at which its bodies are as the other side has them; None at home, or where none is."""
+    near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
+    there = other.bodies[owners[near]].frames
+    N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
+    D = np.asarray(N @ np.linalg.inv(there[near]) @ there[far] @ np.linalg.inv(F))
+    joint = own.reading.joints[link.joints[0]]
+    if FREEDOMS[joint.kind] > 1 or link.step is not None:
+        return None
+    (way,) = steps_of(link, D, own.length)
+    fits = remainder_of(link, D, [way], own.length)[1] <= SUM * TOLERANCE
+    return joint.home + way if fits and abs(way) > SUM * TOLERANCE else None
+
+
+def structure_facts(pair: Pair) -> Iterator[Fact]:
     """Tell what one side has alone: joints that are fixed on the other side, subtrees, links between known bodies."""
+    yield from pair.lost
     for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
         machine = pair.a if side == "A" else pair.b
         known = {*pair.alignment.bodies} if side == "A" else {*pair.alignment.bodies.values()}
         told = set[str]()
         for link in links:
             ends = {link.near, link.far} - known
-            if ends & fused.keys():
-                yield _lost(side, "fixed", link, sorted(ends & fused.keys()))
-            elif not ends:
+            if not ends:
                 yield _lost(side, "link", link)
             elif not ends & told:
-                bodies = _component(links, ends, known | fused.keys())
+                bodies = _component(links, ends, known)
                 told |= {*bodies}
                 mass = sum(machine.bodies[body].matter.mass for body in bodies)
                 ways = sum(len({each.near, each.far} & {*bodies}) == 1 for each in machine.links)
@@ -47,12 +146,17 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
     return found
 
 
-def _lost(side: str, what: str, link: Link, bodies: Sequence[str] = (), mass: str = "") -> Fact:
-    """A link without a partner, with the bodies that go with it and their mass."""
-    a, b = (link.kind, None) if side == "A" else (None, link.kind)
+def _lost(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
+    """A link without a partner, the bodies that go with it, and their mass or the coordinate at which it stands."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
-    return Fact("/".join(link.joints or link.names), what, a, b, changes=changes, of=mass, more=tuple(bodies))
+    fact = _alone(side, "/".join(link.joints or link.names), what, link.kind)
+    return replace(fact, changes=changes, of=of, more=tuple(bodies))
+
+
+def _alone(side: str, part: str, what: str, kind: str) -> Fact:
+    a, b = (kind, None) if side == "A" else (None, kind)
+    return Fact(part, what, a, b)
 
 
 def name_facts(pair: Pair) -> Iterator[Fact]:

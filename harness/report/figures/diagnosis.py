@@ -12,8 +12,7 @@ from screwgauge.report.figures.chart import Spec
 from screwgauge.report.stage.machines import machines
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.answer import ToldCause
-    from screwgauge.diagnosis.diagnose import Diagnosis
+    from screwgauge.diagnosis.answer import Diagnosis, ToldCause
 
 MOST = 20  # joints and causes of a picture
 LEAST, FEWEST = 1e-3, 4  # share below which a cause has no bar, unless there are so few

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.diagnose import Diagnosis
+from screwgauge.diagnosis.answer import Diagnosis
 from screwgauge.diagnosis.findings import summary
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import STATES

@@ -20,7 +20,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.stage.drawing import CORNER, EDGE, FONT, corner, labels
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.diagnose import Diagnosis
+    from screwgauge.diagnosis.answer import Diagnosis
     from screwgauge.diagnosis.model import Model
 
 #: Of one machine, and of the line above it [pixels]; names that are written, those of the first causes.

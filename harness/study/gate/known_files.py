@@ -11,7 +11,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.diagnosis.answer import Diagnosis
+from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import model_texts
 from screwgauge.models.importing.model import description, import_model
