@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.models.kinematics import home, length_of, plant, rehomed, residual_at_home
 from screwgauge.models.matter import NOTHING, Matter, combined, displaced
-from screwgauge.models.poses import matrix, relative, shortest_turn
+from screwgauge.models.poses import relative, shortest_step
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -127,27 +127,36 @@ class Link:
         """The link seen from one of its bodies."""
         return self if body == self.near else self.reversed()
 
+    def renamed(self, name: str, other: str) -> Link:
+        """The link with another name of a body of it."""
+        near, far = (other if end == name else end for end in (self.near, self.far))
+        return replace(self, near=near, far=far)
+
     def joins(self, body: str) -> bool:
         """Whether it holds a body."""
         return body in (self.near, self.far)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Body:
     """A rigid body.
 
     Attributes:
         members: Bodies of the reading that are one with it.
         pose: World pose of the one that it is named after. Shape (4, 4).
-        local: Its matter in that frame; `matter` in the world.
+        local: Its matter in that frame.
         frames: Of all that is part of it, by name, in the world. Shape (4, 4) each.
     """
 
     members: tuple[str, ...]
     pose: Array
     local: Matter
-    matter: Matter
     frames: Mapping[str, Array]
+
+    @cached_property
+    def matter(self) -> Matter:
+        """Its matter in the world."""
+        return displaced(self.local, self.pose)
 
     @property
     def solid(self) -> bool:
@@ -217,14 +226,10 @@ def fused(machine: Machine, link: Link) -> Machine:
         one.members + two.members,
         one.pose,
         combined(one.local, displaced(two.local, relative(one.pose, two.pose))),
-        combined(one.matter, two.matter),
         {**one.frames, **two.frames},
     )
     bodies = {name: body if name == near else each for name, each in machine.bodies.items() if name != far}
-    names = {far: near}
-    links = [
-        replace(each, near=names.get(each.near, each.near), far=names.get(each.far, each.far)) for each in machine.links
-    ]
+    links = [each.renamed(far, near) for each in machine.links]
     return replace(machine, bodies=bodies, links=tuple(each for each in links if each.near != each.far))
 
 
@@ -313,7 +318,8 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
         chosen = [int(np.argmin(along)), int(np.argmax(along))] if spread else [0]
         open_ = np.abs(clouds[0] - clouds[1]).max() > CLOSED * length
         here, there = (_pin(cloud[chosen], tuple(named)) for cloud in clouds)
-        pins.append(Link(first, second, (here,), "", step=_onto(here, there) if open_ else None))
+        step = shortest_step((here.direction, here.centre), (there.direction, there.centre)) if open_ else None
+        pins.append(Link(first, second, (here,), "", step=step))
     return rigid, pins
 
 
@@ -325,12 +331,6 @@ def _pin(points: Array, closures: tuple[str, ...]) -> Element:
     along = points[1] - points[0]
     along = along / (np.linalg.norm(along) or 1.0)
     return Element("hinge", np.append(along, np.cross(centre, along)), centre, "", closures)
-
-
-def _onto(one: Element, other: Element) -> Array:
-    """The shortest displacement of one element onto another one. Shape (4, 4)."""
-    R = shortest_turn(one.direction, other.direction)
-    return matrix(other.centre - R @ one.centre, R)
 
 
 def _between(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
@@ -359,7 +359,7 @@ def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array]
         frames |= {member: there, **{link: there @ T for link, T in body.fixed.items()}}
         if member != name:
             local = combined(local, displaced(body, relative(pose, there)))
-    return Body(members, pose, local, displaced(local, pose), frames)
+    return Body(members, pose, local, frames)
 
 
 def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:

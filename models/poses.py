@@ -38,6 +38,12 @@ def shortest_turn(way: Array, other: Array) -> Array:
     return rotation(axis / sine, np.arctan2(sine, way @ other)) if sine > 0.0 else np.eye(3)
 
 
+def shortest_step(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Return the displacement of an axis, direction and point, to another one without a turn about it. Shape (4, 4)."""
+    R = shortest_turn(one[0], other[0])
+    return matrix(other[1] - R @ one[1], R)
+
+
 def screw(turns: bool, axis: Array, point: Array) -> Array:
     """Return the unit screw of a rotation or translation. Shape (6,)."""
     return np.concatenate([axis, np.cross(point, axis)] if turns else [np.zeros(3), axis])

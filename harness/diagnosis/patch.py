@@ -13,7 +13,7 @@ from screwgauge.models.files import mjcf, urdf
 from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
 from screwgauge.models.matter import Matter, displaced, plainest, remainder, same, shared, spread
-from screwgauge.models.poses import matrix, relative, shortest_turn
+from screwgauge.models.poses import matrix, relative, shortest_step
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
 
@@ -145,14 +145,8 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
         return np.eye(4) if np.array_equal(old, new) else np.asarray(new @ np.linalg.inv(old))
     if not link.joints:
         return near[link.near] if link.near >= 0 else np.eye(4)
-    name = [*link.joints][-1]
-    return _shortest(reading.joints[name], target.joints[name])
-
-
-def _shortest(old: JointReading, new: JointReading) -> Array:
-    """Displacement that takes the axis of a joint to another one and does not turn about it."""
-    R = shortest_turn(old.direction, new.direction)
-    return matrix(new.centre - R @ old.centre, R)
+    joints = (each.joints[[*link.joints][-1]] for each in (reading, target))
+    return shortest_step(*((joint.direction, joint.centre) for joint in joints))
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:

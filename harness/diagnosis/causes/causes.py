@@ -185,74 +185,58 @@ def causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fac
     return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """Groups that are shown together, and what they make of torques, scaled; None where no value makes them."""
+
+    groups: tuple[tuple[Fact, ...], ...]
+    effect: Array | None
+
+    @property
+    def size(self) -> float:
+        return 0.0 if self.effect is None else float(np.linalg.norm(self.effect))
+
+    def share(self, total: Array) -> float:
+        """Projection on the effect of all, as a part of it."""
+        return 0.0 if self.effect is None else float(np.vdot(total, self.effect) / np.vdot(total, total))
+
+
 def _ranked(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]]) -> list[Cause]:
-    groups = grouped(facts, known)
-    effects = [_effect(group, torques) for group in groups]
-    pairs = zip(groups, effects, strict=True)
-    total = _effect([fact for group, effect in pairs if effect is not None for fact in group], torques)
-    rows = [
-        Cause((group,), math.nan if effect is None else 0.0, "cause" if effect is None or _seen(effect) else "unseen")
-        for group, effect in zip(groups, effects, strict=True)
-    ]
-    sizes = {id(row.groups[0]): _norm(effect) for row, effect in zip(rows, effects, strict=True)}
-    if total is not None and any(sizes.values()):
-        rows = _shared(rows, sizes, total, torques)
-    rows = [replace(row, groups=tuple(sorted(row.groups, key=lambda g: -sizes[id(g)]))) for row in rows]
-    return _few(sorted(rows, key=_order))
+    rows = [_row([group], torques) for group in grouped(facts, known)]
+    sizes = {id(row.groups[0]): row.size for row in rows}
+    total = _row([row.groups[0] for row in rows if row.effect is not None], torques).effect
+    ranked, seen = list[Cause](), list[_Row]()
+    for row in rows:
+        if row.effect is None:
+            ranked.append(Cause(row.groups, math.nan))
+        elif np.abs(row.effect).max(initial=0.0) > UNSEEN:
+            seen.append(row)
+        else:
+            ranked.append(Cause(row.groups, 0.0, "unseen"))
+    ranked += _shared(seen, total, torques) if total is not None and seen else [Cause(r.groups, 0.0) for r in seen]
+    ranked = [replace(each, groups=tuple(sorted(each.groups, key=lambda g: -sizes[id(g)]))) for each in ranked]
+    return _few(sorted(ranked, key=_order))
 
 
-def _effect(facts: Sequence[Fact], torques: Torques) -> Array | None:
-    """What facts make of torques, scaled; None where no value makes it."""
-    if not facts or not able(facts):
-        return None
-    effect = torques.effect(facts)
-    return None if effect is None else torques.scaled(effect)
+def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
+    facts = [fact for group in groups for fact in group]
+    effect = torques.effect(facts) if facts and able(facts) else None
+    return _Row(tuple(groups), None if effect is None else torques.scaled(effect))
 
 
-def _seen(effect: Array) -> bool:
-    return float(np.abs(effect).max(initial=0.0)) > UNSEEN
-
-
-def _norm(effect: Array | None) -> float:
-    return 0.0 if effect is None else float(np.linalg.norm(effect))
-
-
-def _shared(rows: list[Cause], sizes: dict[int, float], total: Array, torques: Torques) -> list[Cause]:
-    """Give each row its share; rows that cancel each other are shown together."""
-    square = float(np.vdot(total, total))
-
-    def share(row: Cause) -> Cause:
-        effect = _effect(row.facts, torques)
-        known = row.kind == "cause" and effect is not None and square > 0.0
-        return replace(row, share=float(np.vdot(total, effect)) / square) if known else row  # type: ignore[arg-type]
-
-    seen = [row for row in rows if row.kind == "cause" and not math.isnan(row.share)]
-    others = [row for row in rows if not any(row is one for one in seen)]
-    if math.sqrt(square) < NOTHING * max(sizes.values()) and seen:
-        return [*others, replace(seen[0], groups=tuple(group for row in seen for group in row.groups), share=math.nan)]
-    return [*others, *_joined([share(row) for row in seen], share, math.sqrt(square), torques)]
-
-
-def _joined(rows: list[Cause], share: Callable[[Cause], Cause], all_: float, torques: Torques) -> list[Cause]:
-    """Rows, the one of the largest effect with the one that cancels most of it, as long as one cancels another.
-
-    Args:
-        share: Gives a row its share.
-        all_: Size of the effect of all.
-    """
-
-    def size(row: Cause) -> float:
-        return _norm(_effect(row.facts, torques))
-
-    while len(rows) > 1:
-        sizes = [size(row) for row in rows]
-        if max(sizes) <= CANCELS[1] * all_ and all(CANCELS[0] <= row.share <= CANCELS[1] for row in rows):
-            break
-        most = rows.pop(sizes.index(max(sizes)))
-        tried = [share(replace(most, groups=(*most.groups, *row.groups))) for row in rows]
-        least = min(range(len(rows)), key=lambda i: size(tried[i]))
-        rows[least] = tried[least]
-    return rows
+def _shared(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
+    """Give each row its share; as long as rows cancel each other, the largest is shown with what cancels most of it."""
+    size = float(np.linalg.norm(total))
+    if size < NOTHING * max(row.size for row in rows):
+        return [Cause(tuple(group for row in rows for group in row.groups), math.nan)]
+    low, high = CANCELS
+    while len(rows) > 1 and not all(row.size <= high * size and low <= row.share(total) <= high for row in rows):
+        most = max(rows, key=lambda row: row.size)
+        others = [row for row in rows if row is not most]
+        joined = [_row((*most.groups, *row.groups), torques) for row in others]
+        least = min(range(len(others)), key=lambda i: joined[i].size)
+        rows = [*others[:least], joined[least], *others[least + 1 :]]
+    return [Cause(row.groups, row.share(total)) for row in rows]
 
 
 def _order(cause: Cause) -> tuple[object, ...]:

@@ -36,7 +36,7 @@ def paired(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
         side, link = found
         lost.append(_lost(side, "fixed", link, (link.far,)))
         a, b = (fused(pair.a, link), pair.b) if side == "A" else (pair.a, fused(pair.b, link))
-        pair = Pair(a, b, aligned(a, b, names.joints, names.bodies, believed))
+        pair = Pair(a, b, pair.alignment.fused(link, side))
     return replace(pair, lost=tuple(lost))
 
 

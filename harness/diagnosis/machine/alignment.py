@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, product
 from pathlib import Path
 
@@ -150,6 +150,14 @@ class Alignment:
         placed_ = {other: np.asarray(np.linalg.inv(self.placed[name])) for other, name in known.items()}
         links = tuple((other, one) for one, other in self.links)
         return Alignment(bodies, placed_, links, self.only_b, self.only_a)
+
+    def fused(self, gone: Link, side: str) -> Alignment:
+        """Bodies and links where a link of a body without a partner is gone, and this body is part of its neighbour."""
+        if side == "B":
+            return self.inverse.fused(gone, "A").inverse
+        links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
+        only = (one.renamed(gone.far, gone.near) for one in self.only_a)
+        return replace(self, links=links, only_a=tuple(one for one in only if one.near != one.far))
 
     def covers(self, a: Machine, b: Machine) -> bool:
         """Whether every body and link has a partner."""
