@@ -55,7 +55,7 @@ __all__ = [
 _HOMES = {
     "Check": "screwgauge.study.gate.check",
     "CheckReport": "screwgauge.report.pages.check",
-    "Diagnosis": "screwgauge.diagnosis.diagnose",
+    "Diagnosis": "screwgauge.diagnosis.answer",
     "DiagnosisReport": "screwgauge.report.diagnosed",
     "Figure": "screwgauge.report.figures.saved",
     "Figures": "screwgauge.report.results",
