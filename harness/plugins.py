@@ -48,7 +48,7 @@ has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and
 redundant actuators, `axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert
 by their multipliers, `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and
 `inertia_values` are the quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses
-that begins at home.
+that begins at home, which estimates its errors.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),

@@ -19,13 +19,15 @@ import screwgauge.plugins as kit
 
 #: Operations that a trace records at the most; those of a program are a tenth.
 MOST = 1_000_000
-#: Condition number above which a system is singular.
-SINGULAR = 1e12
 #: A rate below this is rest, where dry friction counts as none [rad/s or m/s].
 REST = 1e-9
 
 Pose = tuple[Any, Any]
 """R and p of a frame in the world, of numbers of a trace and floats. Shapes (3, 3), (3,)."""
+Samples = tuple[kit.Array, kit.GivenMotion, kit.Applied]
+"""Joint coordinates of closed poses, shape (n, n_q), and motion and what acts there."""
+Answers = dict[str, kit.Array]
+"""Quantity -> numbers at each sample."""
 
 
 def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
@@ -215,13 +217,15 @@ class Lagrange:
             equations = Equations(self.mechanism, problem.applied, kit.Trace(MOST))
             branch = kit.Branch(self.mechanism, equations.closed, equations.angular)
 
-        def solve_part(motion: kit.GivenMotion, applied: kit.Applied) -> kit.Answered:
-            with clock.stage("positions"):
-                at, values = Motion(equations, branch, motion, applied, problem.rule), dict[str, kit.Array]()
+        def solve(q: kit.Array, motion: kit.GivenMotion, applied: kit.Applied) -> tuple[Answers, Answers]:
+            at, values = Motion(equations, branch, (q, motion, applied), problem.rule), Answers()
             for name in (name for name in QUANTITIES if name in problem.wanted):
                 with clock.stage(name):
                     values[name] = QUANTITIES[name](at)
-            return kit.Answered(values, at.q, at.condition)
+            return values, at.conditions
+
+        def solve_part(motion: kit.GivenMotion, applied: kit.Applied) -> kit.Answered:
+            return branch.answered(motion, applied, solve, clock)
 
         labels = "lagrange", version("screwgauge"), f"rule {problem.rule}"
         return kit.answer(labels, self.mechanism, problem, solve_part, progress, clock)
@@ -239,14 +243,13 @@ class Motion:
         q, v, a: All joint coordinates and their derivatives. Shape (n, n_q).
         back: Coordinates per gap. Shape (n, n_q, m).
         K: Coordinates per independent one. Shape (n, n_q, k).
+        conditions: Condition numbers of the equations of forces, once these are solved. Shape (n,).
     """
 
-    def __init__(
-        self, equations: Equations, branch: kit.Branch, motion: kit.GivenMotion, applied: kit.Applied, rule: str
-    ) -> None:
-        self.equations, self.mechanism, self.n = equations, equations.mechanism, len(motion)
-        self.motion, self.applied, self.rule, self.q = motion, applied, rule, branch.follow(motion)
-        inverse, self.condition, _ = branch.system(self.q, self.motion.y)
+    def __init__(self, equations: Equations, branch: kit.Branch, samples: Samples, rule: str) -> None:
+        self.equations, self.mechanism, self.rule = equations, equations.mechanism, rule
+        (self.q, self.motion, self.applied), self.conditions = samples, Answers()
+        self.n, (inverse, _, _) = len(self.q), branch.system(self.q, self.motion.y)
         self.back, self.K = np.split(inverse, [len(self.equations.gaps)], axis=2)
         self.v = times(self.K, self.motion.yd)
 
@@ -313,7 +316,7 @@ class Motion:
 
     @cached_property
     def actuator_force(self) -> kit.Array:
-        """Of the smallest norm, or by the rule of a joint's line; not a number where that is singular."""
+        """Of the smallest norm, or by the rule of a joint's line."""
         A, b = self.K[:, self.mechanism.actuated_columns].swapaxes(1, 2), self.generalized_force
         if self.rule == "spherical_axial" and self.mechanism.axial:
             name, direction = self.mechanism.axial
@@ -325,8 +328,9 @@ class Motion:
             each = [self.wrenches(0.0 * self.needs, unit, q=self.q)[:, joint, :3] for unit in units]
             A = np.concatenate([A, np.stack([times(across, x) for x in each], axis=2)], axis=1)
             b = np.concatenate([b, -times(across, idle)], axis=1)
-        f = times(np.asarray(np.linalg.pinv(A, rcond=1.0 / SINGULAR), dtype=float), b)
-        return np.where(np.linalg.cond(A)[:, None] < SINGULAR, f, np.nan) if A.size else f
+        if A.size:
+            self.conditions = dict.fromkeys(("actuator_force", "axis_moment", "reaction"), np.linalg.cond(A))
+        return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
     def driven(self, f: kit.Array) -> kit.Array:
         """Actuator forces along all coordinates. Shape (..., n_act) -> (n, n_q)."""

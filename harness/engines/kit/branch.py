@@ -11,15 +11,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.problem import GivenMotion
-from screwgauge.quantities import length
+from screwgauge.engines.error_estimate import Trust, examined
+from screwgauge.engines.kit.answers import Answered, at_samples
+from screwgauge.problem import GivenMotion, Rows
+from screwgauge.quantities import described, length
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.linear import inverted
+from screwgauge.reference.linear import inverted, norms
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.solution import Clock
 
 Gaps = Callable[[Array], tuple[Array, Array]]
 """Joint coordinates, (n, n_q), to how far loops and couplings are open, (n, m), and its derivative, (n, m, n_q)."""
+
+Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
+"""Joint coordinates (n, n_q), motion and what acts to quantities, (n, m) each, and condition numbers (n,) of those that
+are solved from more than closed poses."""
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
 #: Steps of Newton's method; one after which rounding is left, and one that leads nowhere.
@@ -42,9 +50,10 @@ class Branch:
             gaps: Loops and couplings; redundant ones may be among them.
             angular: Whether each gap is an angle. Shape (m,).
         """
-        self._gaps, self._columns, size = gaps, mechanism.independent_columns, length(mechanism)
-        self._sizes = np.where([unit == "rad" for unit in mechanism.units], 1.0, size)
-        self._units = np.concatenate([np.where(angular, 1.0, size), self._sizes[self._columns]])
+        self._gaps, self._columns, self._length = gaps, mechanism.independent_columns, length(mechanism)
+        self._component_units = {name: units for name, (_, units) in described(mechanism).items()}
+        self._sizes = np.where([unit == "rad" for unit in mechanism.units], 1.0, self._length)
+        self._units = np.concatenate([np.where(angular, 1.0, self._length), self._sizes[self._columns]])
         self._t, self._y, self._many = np.nan, mechanism.home[self._columns], MANY
         self._q, self._K, _ = self._newton(mechanism.home[None].copy(), self._y[None])
 
@@ -71,12 +80,41 @@ class Branch:
             What solves it for the coordinates, by least squares, (n, n_q, m + k); its condition number without
             dimension, (n,); gaps and how far y is missed, (n, m + k).
         """
+        A, missed = self._matrix(q, y)
+        with np.errstate(all="ignore"):
+            inverse, condition = inverted(A)
+        return inverse * self._sizes[:, None] / self._units, condition, missed
+
+    def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> Answered:
+        """What an engine finds at samples that go on from those before, with estimates of its errors.
+
+        These follow from the condition of what was solved. Badly conditioned samples are solved again, their poses
+        moved as rounding may have moved them.
+
+        Raises:
+            ClosureError: See `follow`.
+        """
+        with clock.stage("positions"):
+            q = self.follow(motion)
+        values, conditions = solve(q, motion, applied)
+        A, _ = self._matrix(q, motion.y)
+        _, condition = inverted(A)
+        trust = Trust(condition, condition / norms(A), np.ones(len(q)), conditions)
+
+        def again(rows: Rows, shake: Array) -> dict[str, Array]:
+            return solve(q[rows] + shake * self._sizes, motion.part(rows), at_samples(applied, rows))[0]
+
+        k = motion.y.shape[1]
+        part = examined(values, trust, A, k, again, clock, self._component_units, self._length)
+        return Answered(part.values, q, condition, part)
+
+    def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:
+        """The closing system without dimension, and gaps and how far y is missed."""
         with np.errstate(all="ignore"):
             gaps, G = self._gaps(q)
             A = np.concatenate([G, np.eye(q.shape[1])[self._columns] + np.zeros((len(q), 1, 1))], axis=1)
-            inverse, condition = inverted(A * self._sizes / self._units[:, None])
-        missed = np.concatenate([gaps, q[:, self._columns] - y], axis=1)
-        return inverse * self._sizes[:, None] / self._units, condition, missed
+            missed = np.concatenate([gaps, q[:, self._columns] - y], axis=1)
+            return A * self._sizes / self._units[:, None], missed
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
         """Moves to a pose, by shorter steps where it is far: along the motion between samples, if that is known."""
