@@ -200,7 +200,7 @@ def _parser() -> argparse.ArgumentParser:
     meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
     add("--meshes", action="store_true", help=meshes)
     add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
-    tensors = "take tensors that no body has, such as wrist.triangle"
+    tensors = "take tensors that no body has, such as wrist.triangle, and files outside the folder, such as ../parts/"
     add("--allow", metavar="A,B", help=tensors)
 
     add = command(
@@ -214,6 +214,7 @@ def _parser() -> argparse.ArgumentParser:
     values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of each in a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
     add("--allow", metavar="A,B", help=f"of a model file: {tensors}")
+    add("--meshes", action="store_true", help=meshes)
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")

@@ -12,6 +12,7 @@ from screwgauge.models.importing import is_model
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
+from screwgauge.reference.inertia import TRIANGLE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.tables import read_names, read_toml
 
@@ -28,7 +29,8 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "", all
 
     Args:
         where: What to blame.
-        allow: Tensors that are taken though no body has them, besides those that a description allows.
+        allow: Tensors that are taken though no body has them, besides those that a description allows; of a model file
+            more, see `importing.model.Wanted`.
 
     Raises:
         UnknownNameError: Neither a built-in name nor a file, and nothing that is meant to be one.
@@ -41,7 +43,7 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "", all
 
         return imported_file(path, allow)[0]
     if is_path(str(name)) or (where and is_file(path)):
-        return _allowing(path, allow)
+        return _allowing(path, [entry for entry in allow if entry.endswith(f".{TRIANGLE}")])
     raise UnknownNameError("mechanism", str(name), mechanism_names(), where, A_PATH)
 
 

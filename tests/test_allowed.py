@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 import screwgauge
+from screwgauge import ScrewgaugeError, load_scene
 from support.command import main
+from support.models import Options, Wanted, import_model
 from support.repository import edited, worse
 
 HEAD = """mechanism = "four-bar.toml"
@@ -180,3 +182,50 @@ def test_one_engine_alone_hides_nothing(theirs, engine):
     allow = ("coupler.inertia",)
     statuses = [screwgauge.check(gate(theirs, STILL, some, f'"{engine}"')).rows[0].status for some in ((), allow)]
     assert statuses == (["unlike", "judged"] if engine == "mujoco" else ["unread", "unread"])
+
+
+BODY = '<body name="a"><joint name="j"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/></body>'
+OUTSIDE = {
+    "m.xml": (
+        "<mujoco><include file='../parts/p.xml'/></mujoco>",
+        f"<mujoco><worldbody>{BODY}</worldbody></mujoco>",
+        "p.xml",
+    ),
+    "m.sdf": (
+        "<sdf version='1.9'><world name='w'><include><uri>../parts/p.sdf</uri></include></world></sdf>",
+        "<sdf version='1.9'><model name='p'><link name='a'/></model></sdf>",
+        "p.sdf",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path):
+    text, part, file = OUTSIDE[name]
+    for folder in ("here", "parts"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "here" / name).write_text(text, encoding="utf-8")
+    (tmp_path / "parts" / file).write_text(part, encoding="utf-8")
+    path = tmp_path / "here" / name
+    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+        import_model(path)
+    for leave in ("../parts/", f"../parts/{file}"):
+        assert "a" in import_model(path, Options(wanted=Wanted(allow=[leave]))).mechanism.body_index
+    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+        import_model(path, Options(wanted=Wanted(allow=["../other/"])))
+
+
+def test_a_scene_allows_meshes_and_files_outside(tmp_path):
+    for folder in ("here", "parts"):
+        (tmp_path / folder).mkdir()
+    text, part, file = OUTSIDE["m.xml"]
+    (tmp_path / "here" / "m.xml").write_text(text, encoding="utf-8")
+    (tmp_path / "parts" / file).write_text(part, encoding="utf-8")
+    scene = tmp_path / "here" / "s.toml"
+    motion = "motion.j.harmonics = [[1, 0.1, 0]]\ntime = { duration = 1, step = 0.5 }\n"
+    scene.write_text(f'mechanism = "m.xml"\n{motion}', encoding="utf-8")
+    with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
+        load_scene(scene)
+    scene.write_text(f'mechanism = "m.xml"\nallow = ["../parts/", "meshes"]\n{motion}', encoding="utf-8")
+    assert load_scene(scene).mechanism.body("a").mass == 1.0
+    assert screwgauge.run(load_scene(scene), ("screw", "mujoco"), ("generalized_force",)).ok

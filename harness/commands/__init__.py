@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.commands.execution import Files, carry_out
-from screwgauge.models.importing import is_model
+from screwgauge.models.importing import MESHES, is_model
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.outputs import check_free
 from screwgauge.report.console import complain, mark, say
@@ -101,22 +101,25 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
     return 0
 
 
-def imported(name: str, allow: list[str] | None = None) -> None:
+def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False) -> None:
     """Imports a model file that is named in place of a mechanism or scene, and prints notes on it.
 
     Args:
-        allow: Tensors that are taken though no body has them.
+        allow: See `models.importing.model.Wanted`.
+        meshes: Mass and inertia are computed from meshes.
     """
     if is_model(name):
         from screwgauge.models.importing.model import Options, Wanted, keep, notes
         from screwgauge.reference.files import named_file
         from screwgauge.study.loading import import_isolated
 
-        choice = Options(wanted=Wanted(allow=allow or ()))
-        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path, choice))[1]):
+        leave = [*(allow or ()), *[MESHES] * meshes]
+        choice = Options(wanted=Wanted(allow=leave))
+        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path, choice), leave)[1]):
             complain(f"screwgauge: {sentence}")
-    elif allow:
-        raise DescriptionError("--allow is for model files", "run", "write allow = [...] into the description")
+    elif allow or meshes:
+        what = "--allow and --meshes are for model files"
+        raise DescriptionError(what, "run", "write allow = [...] into the description or scene")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -128,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
-    imported(options.scene, _names(options.allow))
+    imported(options.scene, _names(options.allow), meshes=options.meshes)
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.default import exciting

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-from screwgauge.models.importing import is_model
+from screwgauge.models.importing import MESHES, is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, OF_MOTION, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
@@ -75,8 +75,9 @@ def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
     allow = read_names(data.get("allow", []), f"{where}, allow")
+    files = [entry for entry in allow if entry == MESHES or "/" in entry]
     tensors = [entry for entry in allow if entry.endswith(f".{TRIANGLE}")]
-    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where, tensors)
+    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where, [*files, *tensors])
     mechanism = load_mechanism(file)
     read = _read_simulated if "forward" in data else _read_given
     tolerances = data.get("tolerances", {})
@@ -91,7 +92,7 @@ def _read(path: Path) -> Scene:
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=read_items(data, "figures", where, read_figure),
-        allow=allow,
+        allow=tuple(entry for entry in allow if entry not in files),
         file=path,
         **read(data, path, mechanism),
     )

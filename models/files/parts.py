@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -203,6 +205,23 @@ def _include(root: ET.Element, path: Path, folder: Path) -> list[str]:
     return seen
 
 
+_ALLOWED: ContextVar[tuple[Path, ...]] = ContextVar("_ALLOWED", default=())
+
+
+@contextmanager
+def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
+    """Meanwhile a model may name these files, or what is in these folders, wherever they lie.
+
+    Args:
+        names: Their ways from a folder; what has no ``/`` is none.
+    """
+    token = _ALLOWED.set(tuple((folder / name).resolve() for name in names if "/" in name))
+    try:
+        yield
+    finally:
+        _ALLOWED.reset(token)
+
+
 def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
     """A file that another one names by its way from there, without links.
 
@@ -216,7 +235,7 @@ def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
         file = (path.parent / name).resolve()
     except (OSError, RuntimeError, ValueError):  # too long, links in a circle
         file = Path()
-    if not file.is_relative_to(folder):
+    if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
         what = f"{verb} '{name}', which lies outside its folder"
-        raise ModelFileError(what, str(path), "copy that file beside it")
+        raise ModelFileError(what, str(path), "copy that file beside it, or allow it (--allow PATH of import and run)")
     return file

@@ -7,6 +7,8 @@ from pathlib import Path
 #: How the names of model files end; those of USD.
 USD = (".usd", ".usda", ".usdc", ".usdz")
 SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world", *USD)
+#: Entry of ``allow`` by which mass and inertia are computed from meshes.
+MESHES = "meshes"
 #: And those of files from which models are made: who names one is told so.
 SOURCES = (".xacro",)
 

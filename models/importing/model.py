@@ -12,7 +12,9 @@ from textwrap import wrap
 import numpy as np
 
 from screwgauge.models.files.loops import OWN, read_loops
+from screwgauge.models.files.parts import files_allowed
 from screwgauge.models.formats import body_entries, document, joint_entries, key, lines
+from screwgauge.models.importing import MESHES
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.couplings import solved
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
@@ -84,12 +86,18 @@ class Wanted:
     """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file.
 
     Attributes:
-        allow: Tensors that no body has and that are taken, such as ``wrist.triangle``.
+        allow: Tensors that no body has and that are taken, such as ``wrist.triangle``; files and folders that the file
+            may name, by their way from its folder, with a ``/``; `MESHES`.
     """
 
     independent: Mapping[str, str] | None = None
     actuated: Sequence[str] | None = None
     allow: Sequence[str] = ()
+
+    @property
+    def tensors(self) -> list[str]:
+        """Tensors that are allowed."""
+        return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
     def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
         """Choices, with the given ones where nothing was chosen."""
@@ -130,7 +138,7 @@ def describe(
     couplings, followers = solved(graph.reading.couplings, leading)
     graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
-    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.allow, where)
+    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.tensors, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
     mechanism, gears = with_resistance(mechanism, kept(beyond, mechanism, graph, tables, where), reading.actuators)
@@ -283,7 +291,13 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
     options = options or Options()
-    source = prepare(path, floating=options.floating, meshes=options.meshes)
+    with files_allowed(path.parent, options.wanted.allow):
+        return _imported_model(path, options)
+
+
+def _imported_model(path: Path, options: Options) -> Imported:
+    meshes = options.meshes or MESHES in options.wanted.allow
+    source = prepare(path, floating=options.floating, meshes=meshes)
     library, loops = options.library or libraries_of(source.form)[0], loops_for(path, options.loops)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
     keyframes = _keyframes(source) if own is None else {HOME: own.home}
@@ -330,8 +344,8 @@ def scratch_folder() -> Path:
     return folder
 
 
-#: Model file -> digests of the files that it consists of, and what was made of these.
-_imported: dict[Path, tuple[dict[Path, str], tuple[Path, Imported]]] = {}
+#: Model file -> digests of the files that it consists of, what was allowed, and what was made of these.
+_imported: dict[Path, tuple[dict[Path, str], frozenset[str], tuple[Path, Imported]]] = {}
 
 
 def imported_file(path: Path, allow: Sequence[str] = ()) -> tuple[Path, Imported]:
@@ -340,9 +354,9 @@ def imported_file(path: Path, allow: Sequence[str] = ()) -> tuple[Path, Imported
     Args:
         allow: See `Wanted`; empty, it is as the file was imported last.
     """
-    digests, made = _imported.get(path, ({}, None))
-    if made is None or digests != _digests([*digests], path) or not {*allow} <= _allowed(made[1].mechanism):
-        made = keep(path, import_model(path, Options(wanted=Wanted(allow=allow))))
+    digests, allowed, made = _imported.get(path, ({}, frozenset(), None))
+    if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _allowed(made[1].mechanism):
+        made = keep(path, import_model(path, Options(wanted=Wanted(allow=allow))), allow)
     return made
 
 
@@ -351,14 +365,14 @@ def _allowed(mechanism: Mechanism) -> set[str]:
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
-def keep(path: Path, imported: Imported) -> tuple[Path, Imported]:
+def keep(path: Path, imported: Imported, allow: Sequence[str] = ()) -> tuple[Path, Imported]:
     """Keeps what was imported from a model file as a description, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
-    with files_read() as read:
-        prepare(path)
+    with files_read() as read, files_allowed(path.parent, allow):
+        prepare(path, meshes=MESHES in allow)
     made = file, imported
-    _imported[path] = _digests(read, path), made
+    _imported[path] = _digests(read, path), frozenset(allow), made
     return made
 
 
