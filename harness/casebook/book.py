@@ -84,7 +84,14 @@ def _no_newer(tried: Sequence[str], versions: Sequence[str]) -> bool:
 
 
 #: Engine -> distribution.
-_PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin", "exudyn": "exudyn", "drake": "drake"}
+_PACKAGES = {
+    "mujoco": "mujoco",
+    "pinocchio": "pin",
+    "exudyn": "exudyn",
+    "drake": "drake",
+    "mjx": "mujoco-mjx",
+    "mjwarp": "mujoco-warp",
+}
 TEXTS, SHOWN = (Path(__file__).with_name(name) for name in ("casebook.toml", "shown.toml"))
 
 

@@ -72,10 +72,11 @@ def _fields(data: Any, names: Sequence[str]) -> list[Any]:
 
 def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Callable[..., Sequence[Any]]]:
     """MuJoCo Warp, a world for each sample of a block."""
-    import mujoco_warp
     import warp
 
     warp.config.quiet = True
+    import mujoco_warp
+
     made, data = dict[tuple[float, ...], Any](), mujoco_warp.make_data(model, nworld=BLOCK)
 
     def put(gravity: Any, **state: Any) -> Any:
