@@ -42,7 +42,8 @@ that name. `required_wrenches` is what a motion needs of each body (Newton, Eule
 `matter_of` reads from a description; `summed_inwards` adds them up along a tree.
 
 **Closed loops.** An engine that states bodies and constraints in coordinates of its own is a `Constrained`:
-`solve_constrained` answers a problem by it, in all quantities but those of an open tree, and estimates their errors.
+`solve_constrained` answers a problem by it, in all quantities but those of an open tree, and estimates their errors;
+one with an integrator is a `Stepped`, for `solve_stepwise`. `temporary` changes settings of a library for a while.
 Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion`
 has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of
 redundant actuators, `axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert
@@ -72,7 +73,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
-from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values
+from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values, temporary
 from screwgauge.engines.kit.branch import Branch
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.constrained import Constrained, solve_constrained
@@ -88,6 +89,7 @@ from screwgauge.engines.kit.poses import (
 )
 from screwgauge.engines.kit.projection import along_line, min_norm
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions, unit_wrenches
+from screwgauge.engines.kit.stepping import Stepped, solve_stepwise
 from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import (
@@ -186,6 +188,7 @@ __all__ = [
     "SingularPoseError",
     "Solution",
     "States",
+    "Stepped",
     "Trace",
     "TreeDynamics",
     "TreeModel",
@@ -224,10 +227,12 @@ __all__ = [
     "resistances",
     "shifted",
     "solve_constrained",
+    "solve_stepwise",
     "stages",
     "substitute",
     "summed_inwards",
     "tangents",
+    "temporary",
     "tree_urdf",
     "unit_wrenches",
 ]

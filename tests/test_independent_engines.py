@@ -12,7 +12,9 @@ import pytest
 import screwgauge
 from screwgauge.engines import registry
 from support.engines import ENGINES, get_engine, model_files
+from support.errors import ModelFileError
 from support.judging import agreed
+from support.solve import ScrewModel, layout
 from support.tolerances import AGREE
 
 ROOM = Path(registry.__file__).parent
@@ -78,3 +80,55 @@ def test_exudyn_prints_nothing_and_leaves_its_switch_and_the_folder(capfd, tmp_p
     assert capfd.readouterr() == ("", "")
     assert exudyn.config.printToConsole is told
     assert not [*tmp_path.iterdir()]
+
+
+def integrated(scene, integrator, dt):
+    from screwgauge.engines.exudyn import ExudynModel
+
+    problem = scene.problem(["joint_position", "joint_velocity", "joint_acceleration"])
+    return ExudynModel(scene.mechanism, "model", integrator, dt).solve(problem)
+
+
+PUSHED = """
+mechanism = "slider-crank"
+time = { duration = 0.2, step = 0.05 }
+gravity = [0, 0, -9.81]
+[forward]
+start.crank = 0.3
+rates.crank = 2.0
+[[loads]]
+on = "rod"
+by = "environment"
+force = [3, -2, 5]
+[[springs]]
+first = "ground"
+first_point = [0.5, 0.1, 0.3]
+second = "piston"
+second_point = [0, 0, 0]
+stiffness = 40
+rest = 0.2
+damping = 3
+"""
+
+
+@pytest.mark.skipif(find_spec("exudyn") is None, reason="exudyn is not installed")
+def test_the_integrator_of_exudyn_is_of_second_order_and_knows_loads_and_springs(write):
+    scene = screwgauge.load_scene(write("pushed.toml", PUSHED))
+    right = ScrewModel(layout(scene.mechanism)).solve(scene.problem(["joint_position", "joint_acceleration"])).values
+    errors = []
+    for dt in (2e-3, 1e-3):
+        found = integrated(scene, "GeneralizedAlpha", dt)
+        assert found.cost.steps == round(0.2 / dt)
+        difference = found.values["joint_position"].array - right["joint_position"].array
+        errors.append(np.abs(difference).max())
+        assert np.isfinite(found.values["joint_acceleration"].array).all()
+    assert 3.5 < errors[0] / errors[1] < 4.5
+    start = found.values["joint_acceleration"].array[0]  # where nothing has been integrated yet
+    assert np.abs(start - right["joint_acceleration"].array[0]).max() < 1e-10 * np.abs(start).max()
+
+
+@pytest.mark.skipif(find_spec("exudyn") is None, reason="exudyn is not installed")
+def test_the_integrator_of_exudyn_refuses_what_acts_along_joints():
+    scene = screwgauge.load_scene("a03-andrews-ivp")
+    with pytest.raises(ModelFileError, match=r"has a motor, which its steps do not know; name another engine"):
+        integrated(scene, "GeneralizedAlpha", 1e-4)

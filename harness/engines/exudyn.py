@@ -6,8 +6,6 @@ and their multipliers are EXUDYN's; what acts along joint coordinates has its vi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -25,9 +23,9 @@ LOCKED |= {"F": "000000"}
 STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
 
 
-def load(files: kit.ModelFiles) -> ExudynModel:
-    """Loads a description."""
-    return ExudynModel(kit.load_mechanism(files.model), str(files.model))
+def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> ExudynModel:
+    """Loads a description; with `integrator`, a solver type of EXUDYN, it also integrates, at steps of dt [s]."""
+    return ExudynModel(kit.load_mechanism(files.model), str(files.model), integrator, dt)
 
 
 @dataclass(frozen=True)
@@ -36,33 +34,24 @@ class ExudynModel:
 
     mechanism: kit.Mechanism
     where: str
-
-    @property
-    def independent(self) -> tuple[str, ...]:
-        """Labels of the independent coordinates."""
-        return tuple(self.mechanism.independent)
+    integrator: str = ""
+    dt: float = 0.0
 
     def solve(self, problem: kit.Problem, progress: kit.Progress = kit.quiet) -> kit.Solution:
-        """Answers a given motion."""
-        if not isinstance(problem.task, kit.GivenMotion):
+        """Answers a given motion, or integrates."""
+        takes = (kit.GivenMotion, kit.InitialValue) if self.integrator else (kit.GivenMotion,)
+        if not isinstance(problem.task, takes):
             raise kit.ModelFileError("takes given motions only", self.where, "name another engine")
         kit.check_fits(problem, self.mechanism, self.where)
-        labels = "exudyn", version("exudyn"), f"absolute coordinates, rule {problem.rule}"
-        with _silent():
-            return kit.solve_constrained(labels, System(self.mechanism, problem.applied), problem, progress)
+        with kit.temporary(exu.config, printToConsole=False):
+            system, name = System(self.mechanism, problem.applied, self.integrator), ("exudyn", version("exudyn"))
+            if isinstance(problem.task, kit.GivenMotion):
+                return kit.solve_constrained((*name, "absolute coordinates"), system, problem, progress)
+            labels = (*name, f"{self.integrator}, dt {self.dt:g} s")
+            return kit.solve_stepwise(labels, system, problem, self.dt, progress)
 
 
-@contextmanager
-def _silent() -> Iterator[None]:
-    """Keeps EXUDYN from printing; the switch is one for the whole process."""
-    told, exu.config.printToConsole = exu.config.printToConsole, False
-    try:
-        yield
-    finally:
-        exu.config.printToConsole = told
-
-
-class System(kit.Constrained):
+class System(kit.Stepped):
     """A system of EXUDYN's, which is put into any state: x has position and Euler parameters of each body.
 
     Attributes:
@@ -70,9 +59,9 @@ class System(kit.Constrained):
         kept, rows: Algebraic equations that are gaps, one norm of parameters a body first; gaps of each joint.
     """
 
-    def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied) -> None:
-        self.mechanism, self.container = mechanism, exu.SystemContainer()
-        self.mbs, bodies = self.container.AddSystem(), len(mechanism.bodies)
+    def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, integrator: str) -> None:
+        self.mechanism, self.applied, self.container = mechanism, applied, exu.SystemContainer()
+        self.mbs, self.integrator, bodies = self.container.AddSystem(), integrator, len(mechanism.bodies)
         (R,), (p,) = kit.body_poses(mechanism, mechanism.home[None])
         self.numbers = [self.mbs.CreateGround()]
         for i, body in enumerate(mechanism.bodies, 1):
@@ -87,9 +76,11 @@ class System(kit.Constrained):
             markers = [self._mark(*end) for end in spring.ends]
             self.mbs.AddObject(SpringDamper("", markers, spring.rest, spring.stiffness, spring.damping))
         self.mbs.Assemble()
-        self.solver, settings = exu.MainSolverImplicitSecondOrder(), exu.SimulationSettings()
-        settings.solution.file.write = False
-        self.solver.InitializeSolver(self.mbs, settings)
+        self.solver, self.settings = exu.MainSolverImplicitSecondOrder(), exu.SimulationSettings()
+        self.settings.solution.file.write = False
+        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # which passes redundant constraints
+        self.settings.linearSolver.ignoreSingularJacobian = True
+        self.solver.InitializeSolver(self.mbs, self.settings)
         # the function for total coordinates frees what it does not own where there are more than a hundred (1.13.6)
         self.home = np.array(self.mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference))
         self.kept, self.rows, L = [*range(bodies)], list[list[int]](), kit.length(mechanism)
@@ -157,3 +148,20 @@ class System(kit.Constrained):
             self.solver.ComputeODE2RHS(self.mbs)
             M[i], acting[i] = self.solver.GetSystemMassMatrix(), self.solver.GetSystemResidual()[: x.shape[1]]
         return M, acting
+
+    def begin(self, x: Array, xd: Array) -> None:
+        """Sets the state at the start, and the loads."""
+        self.dynamics(x[None], xd[None], self.applied)
+        self.mbs.systemData.SetODE2Coordinates(x - self.home, exu.ConfigurationType.Initial)
+        self.mbs.systemData.SetODE2Coordinates_t(xd, exu.ConfigurationType.Initial)
+
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
+        """Makes steps by EXUDYN's own integrator."""
+        how, kind = self.settings.timeIntegration, getattr(exu.DynamicSolverType, self.integrator)
+        how.startTime, how.endTime, how.numberOfSteps = t, t + n * h, n
+        try:
+            self.mbs.SolveDynamic(self.settings, solverType=kind, updateInitialValues=True, storeSolver=False)
+        except exu.SolverError:
+            raise kit.SingularPoseError("EXUDYN's steps do not converge", "integration", "take smaller ones") from None
+        data = self.mbs.systemData
+        return np.array(data.GetODE2Coordinates()) + self.home, np.array(data.GetODE2Coordinates_t())

@@ -90,6 +90,7 @@ class EngineTask:
         labels: Of the independent coordinates, in the order of the problem.
         scene: What the problem is of, where the model file is the user's own: what is wrong with it is bad input. Where
             it was generated, None: a process that answers has no need to know what scenes are.
+        settings: With which the engine is loaded.
     """
 
     engine: Engine
@@ -98,6 +99,7 @@ class EngineTask:
     folder: Path
     labels: tuple[str, ...]
     scene: Scene | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __call__(self, progress: Progress) -> Solution | Failure:
         """Loads the model and puts the problem to it; whatever the engine raises becomes a failure.
@@ -119,7 +121,7 @@ class EngineTask:
 
     def _solve(self, progress: Progress) -> Solution:
         with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
-            model = self.engine.load(self.files)
+            model = self.engine.load(self.files, **self.settings)
             lacks = declared(model, self.engine)  # before it has met the problem
             answer = sound(model.solve(self._ordered(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)

@@ -122,7 +122,7 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
             lacks = declared(model, entry)
             answer = sound(model.solve(problem, progress), len(problem.task))
             return check_whole(problem, replace(answer, lacks=lacks))
-        task = EngineTask(entry, files, problem, files.model.parent, ())
+        task = EngineTask(entry, files, problem, files.model.parent, (), settings=method.settings)
         (told,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
         return told if isinstance(told, Failure) else check_whole(problem, told)
     except TooLongError:

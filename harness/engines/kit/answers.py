@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +22,19 @@ from screwgauge.solution import Clock, Solution, Values
 
 #: Samples that are worked on at a time.
 PART = 256
+
+
+@contextmanager
+def temporary(owner: Any, **values: Any) -> Iterator[None]:
+    """Context in which an object, such as the settings of a library, has other attributes."""
+    before = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(owner, name, value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -245,9 +245,11 @@ def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
-    """The engines' own steppers, each over fixed steps."""
+    """The engines' own steppers, each over fixed steps, those of extras where they are installed."""
     for stepper in TABLE["steppers"]:
         family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()
+        if get_engine(engine).extra and not get_engine(engine).installed:
+            continue
         for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS)):
             method, setting = Method(engine, {"dt": dt, **stepper["settings"]}), stepper["setting"].format(dt=dt)
             rungs.append(_SIMULATOR(family, family, setting, method, parameter=("dt [s]", dt), label=_label(dt)))

@@ -1,0 +1,107 @@
+"""Simulations by an engine's own integrator at a fixed step, for engines that state constraints."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Protocol
+
+import numpy as np
+
+from screwgauge.engines.chunks import JointMotion, Simulated
+from screwgauge.engines.kit.closing import Closing
+from screwgauge.engines.kit.constrained import Constrained
+from screwgauge.engines.kit.poses import follow_joints
+from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, quiet
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.couplings import Fixing
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge.reference.resistance import resistances
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution, Stopwatch, empty
+
+#: Share of a step by which rounding may make an interval longer.
+ROUNDED = 1e-9
+
+
+class Stepped(Constrained, Protocol):
+    """An engine that integrates by itself."""
+
+    def begin(self, x: Array, xd: Array) -> None:
+        """Sets the state at the start. Shape (n_x,) each."""
+
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
+        """Makes n steps of size h from time t on; x and its rates then, arrays that stay as they are.
+
+        Raises:
+            ScrewgaugeError: It cannot go on.
+        """
+
+
+def solve_stepwise(
+    labels: tuple[str, str, str], engine: Stepped, problem: Problem, dt: float, progress: Progress = quiet
+) -> Solution:
+    """Integrates from a closed start on, by steps that meet all wanted times.
+
+    Args:
+        labels: Engine, its version, and method and settings in words.
+        dt: Largest step [s].
+
+    Raises:
+        ModelFileError: It has couplings, or forces along joints, which the engine does not know.
+        ClosureError: The loops do not close at the start, or not one wanted time was reached.
+    """
+    task, mechanism, stopped, steps = problem.task, engine.mechanism, "", 0
+    if not isinstance(task, InitialValue):
+        raise TypeError(f"{type(task).__name__} is no initial value")
+    check_bodies_alone(problem, engine)
+    closing = Closing(mechanism, engine.place, engine.home, engine.units, engine.gap_units)
+    still = GivenMotion(np.array([task.since]), task.start[None], task.rates[None], 0.0 * task.rates[None])
+    start, grid = closing.follow(still), task.grid
+    engine.begin(start.x[0], start.xd[0])
+    path, watch = [(start.x[0], start.xd[0])], Stopwatch()
+    for t, after in zip(grid[:-1].tolist(), grid[1:].tolist(), strict=True):
+        n = max(1, ceil((after - t) / dt * (1.0 - ROUNDED)))
+        try:
+            path.append(engine.walk(t, (after - t) / n, n))
+        except ScrewgaugeError as error:
+            stopped = f"at t = {t:g} s: {error.what}"
+            break
+        steps += n
+        progress((after - grid[0]) / (grid[-1] - grid[0]))
+    cost, (x, xd) = watch.cost(steps), (np.array(each) for each in zip(*path, strict=True))
+    read = _read(engine, problem, x, xd, start.q[0])
+    return Simulated(read, empty(len(x)), cost, stopped).solution(labels, mechanism.joints, task)
+
+
+def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
+    """Refuses couplings and what acts along joints, of which an engine's own equations know nothing.
+
+    Raises:
+        ModelFileError: There is one of them.
+    """
+    mechanism, applied = engine.mechanism, problem.applied
+    found = {
+        "a coupling": any(not isinstance(one, Fixing) for one in mechanism.couplings),
+        "a fixed joint": any(joint.fixed for joint in mechanism.joints),
+        "a rotor, damping or friction": bool(resistances(mechanism.joints)),
+        "a motor": bool(applied.motors),
+        "a spring along a joint": any(isinstance(one, JointSpring) for one in applied.springs),
+    }
+    for what, there in found.items():
+        if there:
+            raise ModelFileError(f"has {what}, which its steps do not know", mechanism.name, "name another engine")
+
+
+def _read(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:
+    """Joint coordinates of states, and the accelerations of the engine's equations there."""
+    at, n = engine.place(x), x.shape[1]
+    unknown = np.full((len(x), len(before)), np.nan)
+    joints = follow_joints(engine.mechanism, at.R, at.p, unknown, before)
+    (bias, rest), (M, acting) = engine.bias(x, xd), engine.dynamics(x, xd, problem.applied)
+    m = at.G.shape[1]
+    system = np.zeros((len(x), n + m, n + m))
+    system[:, :n, :n], system[:, n:, :n], system[:, :n, n:] = M, at.G, at.G.swapaxes(1, 2)
+    right = np.concatenate([acting, -bias], axis=1)
+    xdd = np.array([np.linalg.lstsq(A, b, rcond=1e-12)[0][:n] for A, b in zip(system, right, strict=True)])
+    V, A = (np.asarray((at.T @ rates[:, None, :, None])[..., 0]) for rates in (xd, xdd))
+    return JointMotion(joints.q, joints.rates(V), joints.accelerations(V, A + rest), np.ones(len(x)))
