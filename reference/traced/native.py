@@ -23,6 +23,7 @@ from screwgauge.reference.traced.program import Operand, Program
 FARTHEST = 1e6  # [rad]
 #: pi/2 as a sum of doubles.
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
+FLOAT, FLOAT32 = np.dtype(float), np.dtype(np.float32)
 #: Arcs up to pi/8 are summed up; longer ones are counted from pi/4.
 EIGHTH = math.tan(math.pi / 8.0)
 _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
@@ -44,21 +45,34 @@ def _arc_coefficients(count: int = 11) -> list[float]:
     return [float(c) for c in coefficients]
 
 
+def _half_pi(dtype: np.dtype[Any]) -> tuple[float, float, float]:
+    """pi/2 as a sum of numbers of a type."""
+    if dtype == FLOAT:
+        return HALF_PI
+    first = float(np.float32(HALF_PI[0]))
+    second = float(np.float32(HALF_PI[0] - first + HALF_PI[1]))
+    return first, second, float(np.float32(HALF_PI[0] - first - second + HALF_PI[1]))
+
+
 class VectorMath:
-    """Emits operations on vectors of doubles into a block.
+    """Emits operations on vectors of numbers into a block.
 
     Args:
         module, builder: llvmlite's.
         width: Numbers in a vector.
         inline: Whether sines and angles are written out wherever they occur; a call costs all registers.
+        dtype: float64 or float32.
     """
 
-    def __init__(self, module: Any, builder: Any, width: int, *, inline: bool = True) -> None:
+    def __init__(
+        self, module: Any, builder: Any, width: int, *, inline: bool = True, dtype: np.dtype[Any] = FLOAT
+    ) -> None:
         from llvmlite import ir
 
         self.ir, self.module, self.b, self.width, self.inline = ir, module, builder, width, inline
-        self.vector = ir.VectorType(ir.DoubleType(), width)
-        self.mask = ir.VectorType(ir.IntType(64), width)
+        self.bits, self.half_pi = 8 * dtype.itemsize, _half_pi(dtype)
+        self.vector = ir.VectorType(number_of(ir, dtype), width)
+        self.mask = ir.VectorType(ir.IntType(self.bits), width)
         self.pairs: dict[Any, tuple[Any, Any]] = {}
         self.functions: dict[str, Any] = {}
 
@@ -73,7 +87,7 @@ class VectorMath:
 
     def intrinsic(self, name: str, *x: Any) -> Any:
         kind = self.ir.FunctionType(self.vector, [self.vector] * len(x))
-        full = f"llvm.{name}.v{self.width}f64"
+        full = f"llvm.{name}.v{self.width}f{self.bits}"
         known = self.module.globals.get(full) or self.ir.Function(self.module, kind, full)
         return self.b.call(known, x)
 
@@ -138,9 +152,10 @@ class VectorMath:
         b, one = self.b, self.constant(1.0)
         turns = self.intrinsic("rint", b.fmul(x, self.constant(2.0 / math.pi)))
         back = b.fneg(turns)
-        first = self.fma(back, self.constant(HALF_PI[0]), x)  # exact
-        r = self.fma(back, self.constant(HALF_PI[1]), first)
-        low = self.fma(back, self.constant(HALF_PI[2]), self.fma(back, self.constant(HALF_PI[1]), b.fsub(first, r)))
+        high, middle, rest = (self.constant(part) for part in self.half_pi)
+        first = self.fma(back, high, x)  # exact
+        r = self.fma(back, middle, first)
+        low = self.fma(back, rest, self.fma(back, middle, b.fsub(first, r)))
         u = b.fmul(r, r)
         flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
         sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
@@ -185,6 +200,11 @@ SMALL = 6000
 AHEAD = 40
 
 
+def number_of(ir: Any, dtype: np.dtype[Any]) -> Any:
+    """The type that LLVM has for numbers."""
+    return ir.DoubleType() if dtype == FLOAT else ir.FloatType()
+
+
 @cache
 def _host() -> tuple[Any, str, int]:
     """llvmlite's binding, the CPU with its features, and numbers in a vector register.
@@ -207,7 +227,7 @@ def cpu() -> str:
     return _host()[1]
 
 
-def _ir(program: Program, width: int) -> str:
+def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
     """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
 
     One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
@@ -216,14 +236,14 @@ def _ir(program: Program, width: int) -> str:
     import llvmlite.ir as ir
 
     module, i64 = ir.Module("screwgauge"), ir.IntType(64)
-    pointer = ir.DoubleType().as_pointer()
+    pointer = number_of(ir, dtype).as_pointer()
     table = pointer.as_pointer()
     block = ir.Function(module, ir.FunctionType(i64, [table, table, pointer, i64]), "block")
     block.linkage, block.attributes.alignstack = "internal", 64
     block.attributes.add("noinline")
     source, target, weights, offset = block.args
     b = ir.IRBuilder(block.append_basic_block())
-    maths = VectorMath(module, b, width, inline=len(program.code) < SMALL)
+    maths = VectorMath(module, b, width, inline=len(program.code) < SMALL, dtype=dtype)
     checks, total = _statements(maths, program, source, target, offset)
     for i, x in enumerate(checks):
         total = maths.fma(x, maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
@@ -242,7 +262,7 @@ def _statements(maths: VectorMath, program: Program, source: Any, target: Any, o
         start = b.load(b.gep(rows, [maths.ir.Constant(i64, row)]))
         return b.bitcast(b.gep(start, [offset]), maths.vector.as_pointer())
 
-    values = {i: b.load(place(source, i), align=8) for i in range(program.inputs)}
+    values = {i: b.load(place(source, i), align=maths.bits // 8) for i in range(program.inputs)}
 
     def operand(x: Operand) -> Any:
         return values[x] if isinstance(x, int) else maths.constant(x)
@@ -260,7 +280,7 @@ def _statements(maths: VectorMath, program: Program, source: Any, target: Any, o
         while waiting and made[waiting[0]] <= value:
             row = waiting.popleft()
             fetch(1)
-            b.store(output := operand(program.outputs[row]), place(target, row), align=8)
+            b.store(output := operand(program.outputs[row]), place(target, row), align=maths.bits // 8)
             if row < values_end:
                 lost = maths.fma(output, zero, lost)
 
@@ -294,13 +314,13 @@ def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
     ir.IRBuilder(end).ret(doubt)
 
 
-def machine_code(program: Program) -> bytes:
-    """Object code of a program for this CPU.
+def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
+    """Object code of a program for this CPU, whose numbers are of a type.
 
     The program is simplified already: LLVM's own passes would double the time and gain nothing.
     """
     llvm, _, width = _host()
-    return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width))))
+    return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width * 8 // dtype.itemsize, dtype))))
 
 
 def machine() -> Any:
@@ -314,13 +334,14 @@ def machine() -> Any:
 class Native:
     """Machine code with its entry. Any number of threads may run it at once."""
 
-    def __init__(self, program: Program, code: bytes) -> None:
-        """Loads object code.
+    def __init__(self, program: Program, code: bytes, dtype: np.dtype[Any] = FLOAT) -> None:
+        """Loads object code, whose numbers are of a type.
 
         Raises:
             RuntimeError: The code is damaged.
         """
-        llvm, _, self.width = _host()
+        llvm, _, width = _host()
+        self.dtype, self.width = dtype, width * 8 // dtype.itemsize
         self.program = program
         empty = llvm.parse_assembly("")
         self.engine = llvm.create_mcjit_compiler(empty, machine())
@@ -344,7 +365,8 @@ class Native:
         n = inputs[0].shape[1]
         if n < self.width:
             return self._padded(inputs, outputs, weights)
-        limits = np.zeros(self.program.checks) if weights is None else np.ascontiguousarray(weights)
+        weights = np.zeros(self.program.checks) if weights is None else weights
+        limits = np.ascontiguousarray(weights, self.dtype)
         tables = rows(inputs), rows(outputs), limits
         function, arguments = self.function, [*(ctypes.c_void_p(x.ctypes.data) for x in tables), ctypes.c_int64(n)]
 
@@ -355,7 +377,9 @@ class Native:
 
     def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
         """Fewer samples than a register holds: the last one fills it."""
-        given, results = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
+        given, results = (
+            [np.empty((len(block), self.width), self.dtype) for block in blocks] for blocks in (inputs, outputs)
+        )
         inner = self.bind(given, results, weights)
 
         def run() -> bool:

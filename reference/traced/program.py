@@ -277,23 +277,23 @@ class Lanes:
 
 
 class Narrow:
-    """Lanes of float32 between arrays of float64: inputs are rounded, outputs widened."""
+    """A runner of float32, lanes or machine code, between arrays of float64: inputs are rounded, outputs widened."""
 
-    def __init__(self, lanes: Lanes) -> None:
-        self.program, self.lanes = lanes.program, lanes
+    def __init__(self, inner: Any) -> None:
+        self.program, self.inner = inner.program, inner
 
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
         """Binds as `Lanes.bind`."""
-        given, results = ([np.empty(x.shape, self.lanes.dtype) for x in blocks] for blocks in (inputs, outputs))
-        inner = self.lanes.bind(given, results, weights)
+        given, results = ([np.empty(x.shape, self.inner.dtype) for x in blocks] for blocks in (inputs, outputs))
+        inner = self.inner.bind(given, results, weights)
 
         def run() -> bool:
             with np.errstate(over="ignore"):
                 for block, narrow in zip(inputs, given, strict=True):
                     narrow[:] = block
-            clear = inner()
+            clear = bool(inner())
             for block, narrow in zip(outputs, results, strict=True):
                 block[:] = narrow
             return clear
@@ -302,4 +302,4 @@ class Narrow:
 
     def again(self) -> Narrow:
         """A runner that may run at the same time."""
-        return Narrow(self.lanes.again())
+        return Narrow(self.inner.again())

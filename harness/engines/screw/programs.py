@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from operator import is_
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -25,6 +25,9 @@ from screwgauge.reference.traced.program import Lanes, Narrow, Program, is_clear
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS, Traced
 from screwgauge.truth import cache
+
+if TYPE_CHECKING:
+    from screwgauge.reference.traced.native import Native
 
 #: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
 SAFETY, CONDITION = 2.0, 4.0
@@ -206,24 +209,31 @@ def runner(
         dtype: What it computes in: float64 or float32. Its arrays are float64 in any case.
     """
     if dtype != FLOAT:
-        return Narrow(Lanes(program, dtype=dtype)), ""
+        made, note = _native(program, dtype) if backend == "llvm" else (None, "")
+        return Narrow(made or Lanes(program, dtype=dtype)), note
     if backend != "llvm":
         return plain(program), ""
+    made, note = _native(program, dtype)
+    return (made, note) if made else (plain(program), note.replace("NumPy", "NumPy" if plain is Lanes else "Python"))
+
+
+def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]:
+    """Machine code of a program, from disk if it is there, and a note; none without a compiler."""
     try:
         from screwgauge.reference.traced import native
 
         folder, packages = Path(native.__file__).parent, ("screwgauge", "llvmlite")
         version = cache.code_version(folder, packages=packages, extra=native.cpu())
     except ImportError:
-        how = "NumPy" if plain is Lanes else "Python"
-        return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
-    key = cache.digest("program", program.inputs, program.code, program.outputs, program.checks, version)
+        return None, "llvmlite is not installed (extra 'fast'): the program runs with NumPy"
+    of_type = () if dtype == FLOAT else (dtype.name,)
+    key = cache.digest("program", program.inputs, program.code, program.outputs, program.checks, version, *of_type)
     stored, note = cache.read(key, version)
     if stored is not None and "code" in stored:
-        return native.Native(program, stored["code"].tobytes()), note
-    code = native.machine_code(program)
+        return native.Native(program, stored["code"].tobytes(), dtype), note
+    code = native.machine_code(program, dtype)
     failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
-    return native.Native(program, code), "; ".join(filter(None, (note, failed)))
+    return native.Native(program, code, dtype), "; ".join(filter(None, (note, failed)))
 
 
 class Arcs:
