@@ -81,6 +81,27 @@ def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matte
     return joined((whole, *ends))
 
 
+def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
+    """Return the matter of a uniform solid within a closed surface; nothing if that encloses no volume.
+
+    Args:
+        points: [m]. Shape (n, 3).
+        triangles: Numbers of their corners, all seen in one sense from outside. Shape (m, 3).
+        density: [kg/m^3].
+    """
+    corners = points[triangles]
+    volumes = np.linalg.det(corners) / 6.0  # of tetrahedra whose fourth corner is the origin
+    volume = float(volumes.sum())
+    if not abs(volume) > 1e-12 * float(np.abs(corners).max(initial=0.0)) ** 3:
+        return NOTHING
+    sums = corners.sum(axis=1)
+    com = volumes @ sums / (4.0 * volume)
+    squares = np.einsum("t,ti,tj->ij", volumes, sums, sums) + np.einsum("t,tki,tkj->ij", volumes, corners, corners)
+    spread = squares / 20.0 - volume * np.outer(com, com)
+    mass = density * abs(volume)
+    return Matter(mass, com, mass / volume * (np.trace(spread) * np.eye(3) - spread))
+
+
 def displaced(matter: Matter, T: Array) -> Matter:
     """Mass properties in another frame, or displaced in their own.
 

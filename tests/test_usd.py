@@ -163,8 +163,22 @@ def test_colliders_give_what_mass_is_not_stated(case, tmp_path):
     assert found.inertia[0, 0] == pytest.approx(moment)
 
 
-def test_a_mesh_gives_no_mass(tmp_path):
-    assert "body a is to come from a mesh" in refusal(tmp_path, stage(body("a", more="", kind="Mesh") + HINGE))
+CUBE = (
+    "point3f[] points = [(0,0,0), (1,0,0), (1,2,0), (0,2,0), (0,0,3), (1,0,3), (1,2,3), (0,2,3)]\n"
+    "int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]\n"
+    "int[] faceVertexIndices = [0,3,2,1, 4,5,6,7, 0,1,5,4, 1,2,6,5, 2,3,7,6, 3,0,4,7]\nfloat physics:density = 10\n"
+)
+
+
+def test_a_mesh_is_as_heavy_as_what_it_encloses(tmp_path):
+    found = reading(tmp_path, stage(body("a", more=CUBE, kind="Mesh") + HINGE)).bodies["a"]
+    assert found.mass == pytest.approx(60.0)
+    assert found.com == pytest.approx([0.5, 1.0, 1.5])
+    assert found.inertia == pytest.approx(5.0 * np.diag([13.0, 10.0, 5.0]), abs=1e-12)
+
+
+def test_other_shapes_give_no_mass(tmp_path):
+    assert "body a is to come from a points" in refusal(tmp_path, stage(body("a", more="", kind="Points") + HINGE))
 
 
 def test_coordinates_are_those_of_the_frames_at_the_poses(tmp_path):

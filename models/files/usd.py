@@ -95,6 +95,18 @@ def value(prim: Any, *names: str, default: Any = None) -> Any:
     return default
 
 
+def triangles_of(prim: Any) -> Any:
+    """Corners of the triangles of a mesh, its faces being fans of them. Shape (m, 3)."""
+    import numpy as np
+
+    corners, at = np.array(prim.GetAttribute("faceVertexIndices").Get() or (), dtype=int), 0
+    fans = []
+    for count in prim.GetAttribute("faceVertexCounts").Get() or ():
+        fans += [(at, at + k, at + k + 1) for k in range(1, count - 1)]
+        at += count
+    return corners[np.array(fans, dtype=int).reshape(-1, 3)]
+
+
 def _decimal(found: Any) -> Any:
     """Floats of 32 bits as what was written, up to nine digits: a scalar, vector or quaternion (w, x, y, z)."""
     import numpy as np

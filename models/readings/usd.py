@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content, force_limits
-from screwgauge.models.files.usd import is_joint, names_of, prims, stage_of, value
-from screwgauge.models.matter import NOTHING, Matter, displaced, joined, uniform
+from screwgauge.models.files.usd import is_joint, names_of, prims, stage_of, triangles_of, value
+from screwgauge.models.matter import NOTHING, Matter, displaced, joined, polyhedron, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
 from screwgauge.models.readings.graph import WORLD, GraphJoint, graph_of_links
 from screwgauge.models.readings.reading import (
@@ -217,7 +217,7 @@ class _Stage:
         axis = _AXES[str(value(prim, "axis", default="Z"))]
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
-        if kind not in ("cube", "sphere", "cylinder", "capsule", "cone"):
+        if kind not in ("cube", "sphere", "cylinder", "capsule", "cone", "mesh"):
             what = f"mass of body {name} is to come from a {kind or 'shape'}, which is not computed"
             raise ModelFileError(what, self.where, "state mass, diagonalInertia and centerOfMass of the body (MassAPI)")
         lengths = [across * value(prim, "radius", default=1.0), along * value(prim, "height", default=1.0)]
@@ -227,7 +227,9 @@ class _Stage:
         densities = value(prim, "physics:density"), density, material and value(material, "physics:density")
         stated = next((x for x in densities if x), 0.0)
         rho = self.kilo / self.unit**3 * stated if stated else _WATER
-        own = uniform({"cube": "box", "sphere": "ellipsoid"}.get(kind, kind), lengths, rho)
+        points = self.unit * scale * np.array(value(prim, "points", default=()), dtype=float).reshape(-1, 3)
+        solid = {"cube": "box", "sphere": "ellipsoid"}.get(kind, kind)
+        own = uniform(solid, lengths, rho) if kind != "mesh" else polyhedron(points @ turn, triangles_of(prim), rho)
         return displaced(self.stated(prim, scale, displaced(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
