@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -91,7 +92,13 @@ class Speaker:
             return _content(fact, 1 if self.brief else _NAMED)
         if (tell := _TOLD.get(fact.what)) is not None:
             return tell(self, fact)
-        return _values(fact)
+        if fact.what not in _SENTENCES:
+            return _values(fact) + (_SAME.get(fact.what, "") if fact.kind == "convention" else "")
+        text = re.sub(r"\[.*?\]" if self.brief else r"[\[\]]", "", _SENTENCES[fact.what])
+        step = self.step(fact, "tilted" if fact.what == "axis" else "turned") if "{step}" in text else ""
+        at = f", where it stands at {fact.of}" if fact.of else ""
+        value = fact.a if fact.side == "A" else fact.b
+        return text.format(fact=fact, step=step, at=at, value=value, other=other(fact.side))
 
     def name(self, facts: Sequence[Fact]) -> str:
         """Name what a group of facts is of: ``mass of upper``."""
@@ -235,27 +242,8 @@ def _zero(speaker: Speaker, fact: Fact) -> str:
     return _of(fact, f"its zero is shifted in B by {1e3 * fact.b:+.6g} mm along its axis")
 
 
-def _sign(speaker: Speaker, fact: Fact) -> str:
-    return f"{fact.part} counts the other way in B{'' if speaker.brief else ' (its axis is reversed)'}"
-
-
-def _placement(speaker: Speaker, fact: Fact) -> str:
-    carried = "" if speaker.brief else ", with all that it carries"
-    return f"{fact.part} sits elsewhere in B{carried}: {speaker.step(fact)}"
-
-
-def _axis(speaker: Speaker, fact: Fact) -> str:
-    alone = "" if speaker.brief else "; what it carries is not moved"
-    return _of(fact, f"in B its axis is {speaker.step(fact, 'tilted')}{alone}")
-
-
 def _end(speaker: Speaker, fact: Fact) -> str:
     return _of(fact, f"its {f'frame on {fact.of}' if fact.of else 'point'} is elsewhere in B, {speaker.step(fact)}")
-
-
-def _start(speaker: Speaker, fact: Fact) -> str:
-    free = "" if speaker.brief else "; it moves freely, so that its motions are the same"
-    return f"{fact.part} starts elsewhere in B, {speaker.step(fact)}{free}"
 
 
 def _kind(speaker: Speaker, fact: Fact) -> str:
@@ -266,12 +254,6 @@ def _kind(speaker: Speaker, fact: Fact) -> str:
 def _base(speaker: Speaker, fact: Fact) -> str:
     base = f"{freedoms(fact.b)} in B, {freedoms(fact.a)} in A"
     return f"{fact.part}: the base is stated differently and moves alike: {base}"
-
-
-def _fixed(speaker: Speaker, fact: Fact) -> str:
-    part = "" if speaker.brief else ": there the body that it moves is part of the one before it"
-    at = f", where it stands at {fact.of}" if fact.of else ""
-    return f"{fact.part} does not move in {other(fact.side)}{at}{part}"
 
 
 def _branch(speaker: Speaker, fact: Fact) -> str:
@@ -286,15 +268,6 @@ def _link(speaker: Speaker, fact: Fact) -> str:
         weld = "weld " * ("weld" in (fact.a, fact.b))
         return f"{weld}{fact.part} is in {fact.side} only"
     return f"{fact.part} is missing from {other(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
-
-
-def _held(speaker: Speaker, fact: Fact) -> str:
-    value = float(fact.a if fact.side == "A" else fact.b)
-    return f"{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only"
-
-
-def _coupling(speaker: Speaker, fact: Fact) -> str:
-    return f"{fact.part} follows {fact.a if fact.side == 'A' else fact.b} in {fact.side} only"
 
 
 def _polynomial(speaker: Speaker, fact: Fact) -> str:
@@ -319,24 +292,6 @@ def _leads(speaker: Speaker, fact: Fact) -> str:
         for lead, value in zip(fact.more, (fact.a, fact.b), strict=True)
     ]
     return f"{fact.part} {told[1]} in B, {told[0]} in A"
-
-
-def _actuator(speaker: Speaker, fact: Fact) -> str:
-    return f"actuator {fact.part} of {fact.of} is in {fact.side} only"
-
-
-def _driven(speaker: Speaker, fact: Fact) -> str:
-    return f"actuator {fact.part} drives {fact.b} in B, {fact.a} in A"
-
-
-def _gear(speaker: Speaker, fact: Fact) -> str:
-    same = "; the same motor, as its joint counts the other way" if fact.kind == "convention" else ""
-    return _values(fact) + same
-
-
-def _limits(speaker: Speaker, fact: Fact) -> str:
-    same = "; the same numbers, counted from another zero" if fact.kind == "convention" else ""
-    return _values(fact) + same
 
 
 def _is_unit(factor: float, unit: str) -> bool:
@@ -367,28 +322,34 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     return f"B as a whole is {listed(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
 
 
+#: Event or property -> sentence; a brief one leaves out what is in brackets.
+_SENTENCES = {
+    "sign": "{fact.part} counts the other way in B[ (its axis is reversed)]",
+    "placement": "{fact.part} sits elsewhere in B[, with all that it carries]: {step}",
+    "axis": "{fact.part}: in B its axis is {step}[; what it carries is not moved]",
+    "start": "{fact.part} starts elsewhere in B, {step}[; it moves freely, so that its motions are the same]",
+    "name": "{fact.part} is called {fact.b} in B, where {fact.part} is another joint",
+    "fixed": "{fact.part} does not move in {other}{at}[: there the body that it moves is part of the one before it]",
+    "held": "{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only",
+    "coupling": "{fact.part} follows {value} in {fact.side} only",
+    "actuator": "actuator {fact.part} of {fact.of} is in {fact.side} only",
+    "driven joint": "actuator {fact.part} drives {fact.b} in B, {fact.a} in A",
+}
+#: Property -> what is added where it is convention alone.
+_SAME = {
+    "gear": "; the same motor, as its joint counts the other way",
+    "limits": "; the same numbers, counted from another zero",
+}
 _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "whole": _whole,
-    "sign": _sign,
     "zero": _zero,
-    "placement": _placement,
-    "axis": _axis,
     "end": _end,
-    "start": _start,
-    "name": lambda speaker, fact: f"{fact.part} is called {fact.b} in B, where {fact.part} is another joint",
     "kind": _kind,
     "base": _base,
-    "fixed": _fixed,
     "branch": _branch,
     "link": _link,
-    "held": _held,
-    "coupling": _coupling,
     "polynomial": _polynomial,
     "leading joint": _leads,
-    "actuator": _actuator,
-    "driven joint": _driven,
-    "gear": _gear,
-    "limits": _limits,
 }
 #: Events that are told and are no properties.
-EVENTS = tuple(what for what in _TOLD if what not in PROPERTIES)
+EVENTS = tuple(what for what in (*_TOLD, *_SENTENCES) if what not in PROPERTIES)
