@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from screwgauge.models.kinds import SAME, kind_of, letters_of
 from screwgauge.models.kinematics import home, length_of, plant, rehomed, residual_at_home
 from screwgauge.models.matter import NOTHING, Matter, combined, displaced
 from screwgauge.models.poses import relative, shortest_step
@@ -20,8 +21,8 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closed
 
-#: Share of a machine's length, or angle [rad], below which lines meet; below which points are one; of gaps if closed.
-CLOSE, SAME, CLOSED = 1e-6, 1e-9, 1e-9
+#: Share of a machine's length of gaps that are closed.
+CLOSED = 1e-9
 #: Below these a body has no mass [kg] and no inertia [kg m^2].
 NO_MASS, NO_INERTIA = 1e-12, 1e-14
 
@@ -385,38 +386,3 @@ def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
 def _classed(link: Link, length: float) -> Link:
     kind, centre = kind_of(link.elements, length)
     return replace(link, kind=kind, centre=centre)
-
-
-def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | None]:
-    """Kind of a link of these freedoms, as in `Link.kind`, and where the axes of a U, S or F meet."""
-    kinds = [each.kind for each in elements]
-    if kinds == ["ball"]:
-        return "S", elements[0].centre
-    if sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
-        return "F", elements[-1].centre
-    letters = letters_of(elements)
-    if letters in ("RRR", "RR") and (centre := _meeting(elements, length)) is not None:
-        return ("S" if len(elements) == 3 else "U"), centre
-    if letters == "PR" and np.linalg.norm(np.cross(elements[0].direction, elements[1].direction)) < CLOSE:
-        return "C", None
-    return letters, None
-
-
-def letters_of(elements: Sequence[Element]) -> str:
-    """Letters of freedoms in the order from whichever side comes first in the alphabet."""
-    letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
-    return min(letters, letters[::-1])
-
-
-def _meeting(hinges: Sequence[Element], length: float) -> Array | None:
-    """The point in which hinges of independent directions meet; None if they do not. Shape (3,)."""
-    axes = np.array([each.direction for each in hinges])
-    if np.linalg.matrix_rank(axes, tol=CLOSE) < len(axes):
-        return None
-    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    centres = np.array([each.centre for each in hinges])
-    point = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, centres))
-    # where one of the points given is the one, it is exact
-    exact = centres[np.linalg.norm(centres - point, axis=1) < SAME * length]
-    meet = np.linalg.norm(np.einsum("nij,nj->ni", across, point - centres), axis=1).max() < CLOSE * length
-    return np.asarray([*exact, point][0]) if meet else None

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.machine import Element, Link, Machine, contracted, kind_of, uncontracted
+from screwgauge.models.kinds import kind_of
+from screwgauge.models.machine import Element, Link, Machine, contracted, uncontracted
 from screwgauge.models.poses import screw
 from screwgauge.models.readings.compiled import RESISTS
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
