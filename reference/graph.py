@@ -150,11 +150,12 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
     """Refuses a body that no joint connects to ground, and loops of F joints or of coupled joints alone."""
     tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
+        at = joint.where or f"{where}, joints.{joint.name}"
         if joint.name in coupled:
             what = "every joint of the loop that it closes is fixed or has a coupled coordinate"
-            raise DescriptionError(what, joint.where, "leave one of these out")
+            raise DescriptionError(what, at, "leave one of these out")
         if not joint.constrains:
-            raise DescriptionError("F joints alone make a loop", joint.where, "remove one of them")
+            raise DescriptionError("F joints alone make a loop", at, "remove one of them")
     reached = {GROUND, *(edge.far for edge in tree.edges)}
     for body in mechanism.bodies:
         if body.name not in reached:

@@ -296,6 +296,13 @@ def test_an_added_mass_is_refused_by_import(tmp_path):
         import_model(tmp_path / "m.sdf")
 
 
+def test_screws_that_close_a_loop_among_themselves_are_refused_by_import(tmp_path):
+    screws = "".join(joint(name, "screw", "world", "a", axis("0 0 1")) for name in ("one", "two"))
+    (tmp_path / "m.sdf").write_text(model(LINK.format("a", "0 0 1 0 0 0", 1) + screws), encoding="utf-8")
+    with pytest.raises(ScrewgaugeError, match=r"m\.sdf, joints\.two: .* coupled coordinate"):
+        import_model(tmp_path / "m.sdf")
+
+
 def test_what_is_left_out_is_named(tmp_path):
     kinematic = model(arm()).replace('<link name="b">', '<link name="b"><kinematic>true</kinematic>')
     text = kinematic.replace("</model>", '<plugin name="p" filename="f"/><thing>3</thing></model>')

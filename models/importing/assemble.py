@@ -15,7 +15,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.equations.kinematics import twists
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, first_few
-from screwgauge.reference.graph import layout
+from screwgauge.reference.graph import check_connected, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -115,8 +115,10 @@ def choose(
         independent: Label -> coordinate that the user chose.
 
     Raises:
-        DescriptionError: Nothing moves, or the coordinates chosen do not determine the motion.
+        DescriptionError: Loops of coupled joints alone, nothing moves, or the coordinates chosen do not determine the
+            motion.
     """
+    check_connected(mechanism, where)
     K, hidden = motions(mechanism)
     if not K.shape[1]:
         hint = f"; {rounded(hidden)}" if len(hidden) else ""
