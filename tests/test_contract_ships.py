@@ -79,7 +79,7 @@ WRONG = {
     ),
     "misses a library": (
         "def load(files): import no_such_library",
-        "not installed (No module named 'no_such_library')",
+        "not installed (No module named 'no_such_library'); pip install no_such_library",
     ),
     "prints": ("def load(files):\n    print('loaded')\n    return screw.load(files)", "it prints; turn the output"),
     "crashes": (

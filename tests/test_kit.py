@@ -15,7 +15,7 @@ from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 from support.engines import further_engines, get_engine
-from support.frozen_engine import FrozenModel
+from support.frozen_engine import Bodies, FrozenModel
 from support.judging import agreed
 from support.solve import ScrewModel, layout
 from support.tolerances import AGREE, LINEAR, ROUNDING
@@ -227,3 +227,47 @@ def test_where_nothing_is_singular_the_kit_admits_no_more_than_the_tolerance():
     solution = FrozenModel(scene.mechanism, "").solve(scene.problem(["joint_position", "reaction"]))
     assert {*solution.errors} == {"joint_position", "reaction"}
     assert max(error.largest for error in solution.errors.values()) < AGREE
+
+
+def _other(name, **changes):
+    """A method of which one result is another one."""
+    right = getattr(Bodies, name)
+
+    def wrong(self, *arguments):
+        found = right(self, *arguments)
+        if isinstance(found, tuple):
+            return tuple(change(x) for change, x in zip(changes.values(), found, strict=True))
+        return replace(found, **{field: change(getattr(found, field)) for field, change in changes.items()})
+
+    return {name: wrong}
+
+
+def _same(x):
+    return x
+
+
+#: What an engine has wrong, and what the sentence names.
+SLIPS = {
+    "place, R": _other("place", R=lambda R: R[:, 1:]),
+    "place, p": _other("place", p=lambda p: np.full_like(p, np.nan)),
+    "place, gaps": _other("place", gaps=lambda gaps: gaps[:, :-1]),
+    "place, T: its first three rows": _other("place", T=lambda T: T[:, :, [1, 0, 2, 3, 4, 5]]),
+    "place, T: its last three rows": _other("place", T=lambda T: T * [[1], [1], [1], [1], [1], [-1]]),
+    "place, G: it is no derivative": _other("place", G=lambda G: -G),
+    "bias: its first array": _other("bias", gaps=lambda gaps: gaps + 1.0, bodies=_same),
+    "bias: its second array": _other("bias", gaps=_same, bodies=lambda bodies: bodies + 1.0),
+    "bias: it has to return two arrays": {"bias": lambda self, x, xd: xd},
+    "dynamics, M: its shape": _other("dynamics", M=lambda M: M[0], f=_same),
+    "dynamics, M: it is not symmetric": _other("dynamics", M=lambda M: M + np.triu(np.ones_like(M), 1), f=_same),
+    "dynamics, f": _other("dynamics", M=_same, f=lambda f: f[0]),
+    "units: its shape": {"units": property(lambda self: np.ones(3), lambda self, units: None)},
+    "rows: it names gaps of 0 joints": {"rows": property(lambda self: [], lambda self, rows: None)},
+}
+
+
+@pytest.mark.parametrize("word", SLIPS)
+def test_an_engine_that_contradicts_itself_is_told_where(word):
+    scene = screwgauge.load_scene("rccc").at([0.2])
+    wrong = type("Wrong", (Bodies,), SLIPS[word])(scene.mechanism)
+    with pytest.raises(ValueError, match=f"^{word}"):
+        kit.solve_constrained(("wrong", "1", ""), wrong, scene.problem(["generalized_force"]))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.registry import Engine, EngineModel, get_engine
+from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import (
@@ -34,7 +34,10 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
     """What to install for a module that is missing, or that was built for other versions."""
-    package = engine.requirement if engine is not None else (error.name or "it").split(".")[0]
+    module = (error.name or "it").split(".")[0]
+    package = module if engine is None else engine.requirement
+    if engine is not None and engine.name not in ENGINES and engine.installed and not engine.source.startswith(module):
+        package = module  # the engine's own package is there, and has not asked for all that it needs
     what = "not installed" if isinstance(error, ModuleNotFoundError) else "cannot be loaded"
     return f"{what} ({error}); {remedy_of_import(error, package)}"
 

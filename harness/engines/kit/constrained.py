@@ -21,6 +21,7 @@ from screwgauge.engines.kit.answers import (
 )
 from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
+from screwgauge.engines.kit.statement import check_statement
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
 from screwgauge.quantities import RULED, described, length, stages
 from screwgauge.reference import linear
@@ -85,8 +86,10 @@ def solve_constrained(
 
     Raises:
         ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
+        ValueError: The engine contradicts itself, see `check_statement`.
     """
     clock = Clock()
+    check_statement(engine, problem)
     closing = Closing(engine.mechanism, engine.place, engine.home, engine.units, engine.gap_units)
     return answer(labels, engine.mechanism, problem, _Parts(engine, problem, closing, clock).solve, progress, clock)
 
