@@ -242,12 +242,14 @@ def _shared(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
 def _order(cause: Cause) -> tuple[object, ...]:
     first = cause.facts[0]
     lacks = first.what in STRUCTURE and first.kind == "model"
+    counts = math.isnan(cause.share) and all(fact.kind == "convention" for fact in cause.facts)
     share = 0.0 if math.isnan(cause.share) else cause.share
     size = 0.0 if math.isinf(first.size) else -first.size
     return (
         first.what in IDLE,
         first.what != "whole",
         not lacks,
+        counts,
         cause.kind == "unseen",
         -share,
         first.kind != "model",
