@@ -19,7 +19,8 @@ from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 from campaigns.rows import CODE
 
-from screwgauge.diagnosis.answer import Diagnosis, Difference, ToldCause, diagnose
+from screwgauge.diagnosis.answer import Diagnosis, Difference, ToldCause
+from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.mjcf import write_mjcf
