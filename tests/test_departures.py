@@ -23,6 +23,7 @@ from support.pages import markdown
 from support.report import conclusion, phrase, report, summary, verdict
 
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
+WRITTEN = {ending: FORMATS[ending] for ending in (".urdf", ".xml")}
 #: What the table below calls what becomes of an edit -> how the sentence begins.
 FATE = {
     "ignored": "ignored by {engine} in own.{kind}: ",
@@ -261,7 +262,7 @@ def test_long_chains_are_searched_to_their_end(scene, write):
 @pytest.mark.parametrize("cut", CUTS)
 def test_generated_files_say_nothing_beyond_the_description(mechanism, cut):
     described = load_mechanism(mechanism)
-    for ending, form in FORMATS.items():
+    for ending, form in WRITTEN.items():
         path = mechanism_path(mechanism).with_name(f"{stem(mechanism, cut)}{ending}")
         assert extras(path, form, described) == []
 
@@ -273,7 +274,7 @@ def test_limits_of_the_description_bars_and_sensors_are_nothing_beyond_it_but_co
         texts = model_texts(mechanism, include=part)
         found = {
             (ending, extra.kind)
-            for ending, form in FORMATS.items()
+            for ending, form in WRITTEN.items()
             for extra in extras(write(f"own{ending}", texts[f"four-bar{ending}"]), form, mechanism)
         }
         assert found == {(".xml", kind) for kind in kinds}

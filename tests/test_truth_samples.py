@@ -18,6 +18,7 @@ QUANTITIES = ["joint_position", "joint_velocity", "actuator_force", "generalized
 def results():
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(ENGINES, "truth", replace(ENGINES["truth"], most=11))
+        patch.setattr("screwgauge.truth.engine.MOST", 11)
         scene = screwgauge.load_scene("3ups-upu-s").at(np.linspace(0, 2, 101))
         yield screwgauge.run(scene, engines=["truth", "screw", "pinocchio"], quantities=QUANTITIES)
 
