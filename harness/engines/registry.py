@@ -150,6 +150,7 @@ class Engine:
 
 _HERE = "screwgauge.engines"
 _ALL: frozenset[type[Task]] = frozenset((GivenMotion, InitialValue, States))
+_GIVEN: frozenset[type[Task]] = frozenset((GivenMotion,))
 _PINOCCHIO = (f"{_HERE}.pinocchio.model:load", "pin", ".urdf")
 _MUJOCO = (f"{_HERE}.mujoco.model:load", "mujoco", ".xml")
 
@@ -167,10 +168,17 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
     """A port of MuJoCo."""
-    source, tasks = f"{_HERE}.mujoco.ports:load_{name}", frozenset[type[Task]]((GivenMotion,))
+    source = f"{_HERE}.mujoco.ports:load_{name}"
     refuses = {"InitialValue": "forward, it has soft constraints alone", "States": "it is asked given motions only"}
     more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
-    return Engine(name, meaning, source, tasks, package, ".xml", "minimal", **more)
+    return Engine(name, meaning, source, _GIVEN, package, ".xml", "minimal", **more)
+
+
+def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> Engine:
+    """An engine of given motions without an open tree; `why` it has none."""
+    lacks = dict.fromkeys(("tree_force", "tree_force_soft"), why)
+    refuses = {"InitialValue": _GIVEN_ONLY, "States": why}
+    return Engine(name, meaning, f"{_HERE}.{name}:load", _GIVEN, package, lacks=lacks, refuses=refuses, **more)
 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request"
@@ -194,20 +202,14 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
         _port("mjx", "MJX, MuJoCo in JAX, on the MJCF, minimal cut", "mujoco-mjx", ("float64", "float32")),
         _port("mjwarp", "MuJoCo Warp on the MJCF, minimal cut, in float32", "mujoco-warp", ("float32",)),
-        Engine(
-            "lagrange",
-            "Lagrange's equations by derivatives of positions, on request",
-            f"{_HERE}.lagrange:load",
-            frozenset((GivenMotion,)),
-            "screwgauge",
-            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _ALL_JOINTS),
-            refuses={"InitialValue": _GIVEN_ONLY, "States": _ALL_JOINTS},
+        _treeless(
+            "lagrange", "Lagrange's equations by derivatives of positions, on request", _ALL_JOINTS, "screwgauge"
         ),
         Engine(
             "truth",
             _TRUTH,
             "screwgauge.truth.engine:load",
-            frozenset((GivenMotion,)),
+            _GIVEN,
             "python-flint",
             lacks=LACKS,
             refuses={
@@ -218,22 +220,14 @@ ENGINES: dict[str, Engine] = {
             most=MOST,
             extra="truth",
         ),
-        Engine(
-            "exudyn",
-            "EXUDYN, absolute coordinates, no tree and no cut",
-            f"{_HERE}.exudyn:load",
-            frozenset((GivenMotion,)),
-            "exudyn",
-            lacks=dict.fromkeys(("tree_force", "tree_force_soft"), _NO_TREE),
-            refuses={"InitialValue": _GIVEN_ONLY, "States": _NO_TREE},
-            extra="exudyn",
-            apart=True,
+        _treeless(
+            "exudyn", "EXUDYN, absolute coordinates, no tree and no cut", _NO_TREE, "exudyn", extra="exudyn", apart=True
         ),
         Engine(
             "drake",
             "Drake on the URDF, minimal cut",
             f"{_HERE}.drake:load",
-            frozenset((GivenMotion,)),
+            _GIVEN,
             "drake",
             ".urdf",
             "minimal",

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
-from campaigns.verdict import judged
+from campaigns.verdict import counts, judged
 
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
@@ -31,10 +31,8 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         scene = screwgauge.random(seed, family, Path(folder))
-        mechanism = scene.mechanism
         row["redrawn"] = re.findall(r"\d+(?= draws)", scene.description)[0]
-        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
-        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
+        row |= counts(scene.mechanism)
         begin = process_time()
         try:
             row |= judged(run(scene, ENGINES))

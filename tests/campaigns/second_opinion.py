@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 from campaigns.page import counted, study
-from campaigns.verdict import judged
+from campaigns.verdict import counts, judged
 
 import screwgauge
 from screwgauge.engines.registry import ENGINES
@@ -32,9 +32,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         scene = screwgauge.random(seed, family, Path(folder))
-        mechanism = scene.mechanism
-        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
-        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
+        row |= counts(scene.mechanism)
         begin = process_time()
         wanted = [name for name in scene.quantities if name not in ENGINES["lagrange"].lacks]
         wanted += [*NAMED, *["axis_moment"] * ("actuator_force" in wanted)]

@@ -7,7 +7,14 @@ from typing import Any
 import numpy as np
 
 from screwgauge.judging.assembly_modes import assembly_of, other_assemblies
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.study.comparison import Comparison
+
+
+def counts(mechanism: Mechanism) -> dict[str, int]:
+    """How large a mechanism is, in columns of a campaign."""
+    bodies, joints = len(mechanism.bodies), len(mechanism.joints)
+    return {"bodies": bodies, "joints": joints, "freedoms": len(mechanism.independent), "loops": joints - bodies}
 
 
 def judged(results: Comparison) -> dict[str, Any]:
