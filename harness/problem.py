@@ -56,6 +56,8 @@ class GivenMotion(_ReadOnly):
         t: Time [s]. Shape (n,).
         y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
         drive: The motion as a function of time, where it is one.
+        idle: Numbers of the independent coordinates that no actuator drives: their motion follows from the forces. y
+            and yd are as they were integrated, ydd follows from these to rounding; an engine may solve it itself.
     """
 
     t: Array
@@ -63,17 +65,19 @@ class GivenMotion(_ReadOnly):
     yd: Array
     ydd: Array
     drive: Callable[[Array], GivenMotion] | None = None
+    idle: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.t)
 
     def part(self, rows: slice | Rows) -> GivenMotion:
-        return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive)
+        return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive, self.idle)
 
     def ordered(self, columns: list[int]) -> GivenMotion:
         """The motion with its independent coordinates in another order."""
         drive = None if self.drive is None else _Reordered(self.drive, tuple(columns))
-        return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive)
+        idle = tuple(columns.index(i) for i in self.idle)
+        return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive, idle)
 
 
 @dataclass(frozen=True, slots=True)

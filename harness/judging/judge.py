@@ -134,7 +134,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
     """Closure of every loop and coupling in position, velocity and acceleration, and whether y is that of the motion.
 
     Args:
-        given: The motion, if there is one.
+        given: The motion, if there is one; second derivatives of its idle coordinates follow from the forces.
         orders: Of the derivatives, as far as the answer has them.
     """
     mechanism = answer.mechanism
@@ -155,7 +155,8 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
                     components.append(component_name(coupling))
                     columns.append(coupled[:, [k]])
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
-                if y and f"{mechanism.units[column]}{per}" == unit:
+                asked = given is not None and not (order == 2 and k in given.idle)
+                if asked and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")
                     columns.append(values[:, [column]] - y[order][:, [k]])
             if components:
