@@ -62,6 +62,7 @@ def check(
     baseline: str | Path | None = None,
     jobs: int = 1,
     limits: Limits | None = None,
+    meshes: bool = False,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> CheckReport:
     """Compares engines on scenes, or pairs of model files, with tolerances.
@@ -74,6 +75,7 @@ def check(
         jobs: Processes at a time, if there are limits.
         limits: What each scene may take in a process of its own; by default all are checked in this process, except by
             engines of other packages.
+        meshes: MuJoCo computes mass and inertia of the bodies of MJCFs from meshes in their folders.
         progress: Called as work goes on, with what is under way and the share of all that is done.
 
     Raises:
@@ -86,7 +88,8 @@ def check(
     if not what:
         raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     execute = InTurn() if limits is None else Processes(jobs, limits)
-    return check_with(execute, what, smoke=smoke, tolerances=tolerances, baseline=baseline, progress=progress)
+    more = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline, "meshes": meshes}
+    return check_with(execute, what, **more, progress=progress)
 
 
 def diagnose(

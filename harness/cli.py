@@ -297,6 +297,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--no-default", action="store_true", help="where nothing is named, refuse to check the built-in scenes")
     add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
+    add("--meshes", action="store_true", help=meshes)
     add("--tolerances", type=_path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
     add("--baseline", type=_path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
     add("--update", action="store_true", help="make this the known state")

@@ -213,11 +213,22 @@ def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     out = str(tmp_path / "shells.toml")
     told = command("import", shells, "-o", out, status=2).err
     assert "mass of body a comes from meshes, which are not read; give the body an <inertial>" in told
-    assert "or have meshes read (--meshes of import, run and diagnose)" in told
+    assert "or have meshes read (--meshes of import, run, check and diagnose)" in told
     assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
     assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capfd.readouterr().out
     mass = import_model(shells, Options(meshes=True)).mechanism.mass
     assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
+
+
+def test_a_check_takes_mass_from_meshes_of_one_model_and_of_pairs(shells, command):
+    heavy = shells.with_name("heavy.xml")
+    heavy.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
+    assert "comes from meshes" in command("check", shells, status=2).out
+    assert screwgauge.check(shells, meshes=True).ok
+    found = screwgauge.check(shells, heavy, meshes=True)
+    assert (found.exit_status, "a: mass" in found.rows[0].sentence) == (1, True), found
+    assert command("check", shells, shells, "--meshes", status=0).out
+    assert "--meshes is for model files" in command("check", "five-bar", "--meshes", status=2).err
 
 
 def test_meshes_of_what_is_attached_are_read_too(shells, write):
@@ -257,7 +268,7 @@ def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, writ
     other = write("other.xml", MESHES.format("").replace('density="300"', 'density="330"'))
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
-    assert "or have meshes read (--meshes of import, run and diagnose)" in capfd.readouterr().err
+    assert "or have meshes read (--meshes of import, run, check and diagnose)" in capfd.readouterr().err
     told = command("diagnose", shells, other, *out, "--meshes", "--fix", fixed, status=1).out
     assert "a: mass" in told
     assert "+10.00 %" in told

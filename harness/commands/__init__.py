@@ -304,7 +304,7 @@ def check(options: argparse.Namespace) -> int:
         raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     check_files(options)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
-    more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
+    more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old, "meshes": options.meshes}
     execute, place = executor(options, limits(options)), None if options.cluster is None else out
     outcome = carry_out(
         PAGE,

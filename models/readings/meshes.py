@@ -51,7 +51,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
     for shape in weighs(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
         if shape.moves or shape.body.tag in moving:
-            remedy = "give the body an <inertial>, or have meshes read (--meshes of import, run and diagnose)"
+            remedy = "give the body an <inertial>, or have meshes read (--meshes of import, run, check and diagnose)"
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
             content.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))

@@ -217,7 +217,9 @@ def sentence_of(results: Comparison) -> str:
     return f"{banner.word}: {banner.text}"
 
 
-def check_with(execute: Executor, what: Sequence[str | Path], *, smoke: bool = False, **options: Any) -> CheckReport:
+def check_with(
+    execute: Executor, what: Sequence[str | Path], *, smoke: bool = False, meshes: bool = False, **options: Any
+) -> CheckReport:
     """Checks scenes or pairs of models, and says it in words; options as in `study.gate.check`."""
-    settings = GateSettings(sentence_of, smoke, more=more)
+    settings = GateSettings(sentence_of, smoke, more=more, meshes=meshes)
     return CheckReport.of(check_items_with(execute, what, settings, **options))

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import json_text
-from screwgauge.reference.errors import first_few, printable
+from screwgauge.models.importing import is_model
+from screwgauge.reference.errors import DescriptionError, first_few, printable
 from screwgauge.study.formatting import number, size, unit_text
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
@@ -173,6 +174,8 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked. `place`: see `check_items`."""
     requested = [*items(what), *([known_item()] if settings.smoke and not what else [])]
+    if settings.meshes and not any(is_model(name) for item in requested for name in item.files):
+        raise DescriptionError("--meshes is for model files", "check", 'write allow = ["meshes"] into the scene')
     settings = replace(settings, tolerances=read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), settings.smoke, [item.name for item in requested])

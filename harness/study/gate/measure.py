@@ -14,11 +14,13 @@ import numpy as np
 from screwgauge.diagnosis.answer import Difference
 from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.facts.fact import ALL, INEXACT, digits_of
+from screwgauge.diagnosis.model import weighed
 from screwgauge.diagnosis.shares import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
+from screwgauge.models.importing.model import scratch_folder
 from screwgauge.problem import spread
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.files import read_file
@@ -44,12 +46,14 @@ class GateSettings:
         tolerances: Scaled errors that are admitted of quantities for which a scene has none.
         tell: Makes a sentence or two of a comparison.
         more: Makes a sentence of what files have more than is compared.
+        meshes: Model files have mass and inertia from meshes.
     """
 
     tell: Callable[[Comparison], str]
     smoke: bool = False
     tolerances: Mapping[str, float] | None = None
     more: Callable[[Comparison], str] = lambda results: ""
+    meshes: bool = False
 
 
 def compared(
@@ -208,7 +212,8 @@ def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, fl
 def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     """The row of two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
-    diagnosis = diagnose(a, b)
+    sides = (weighed(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)
+    diagnosis = diagnose(*sides)
     given = (settings.tolerances or {}).get("tree_force")
     rounded = bool(diagnosis.differences) and all(each.kind == "digits" for each in diagnosis.differences)
     tolerance, reason = given or SAME, "from --tolerances" if given else "rounding"

@@ -9,7 +9,8 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from screwgauge.models.importing import is_model
+from screwgauge.models.importing import MESHES, is_model
+from screwgauge.models.importing.model import imported_file
 from screwgauge.models.readings.loops import loops_for
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
@@ -39,10 +40,10 @@ def check_items(
         execute: Where items are checked; in this process by default.
         place: Folder of the report, of which rows are kept until all are there; by default none are.
     """
-    kept = Journal(place, address("check", settings.smoke, settings.tolerances))
+    kept = Journal(place, address("check", settings.smoke, settings.tolerances, settings.meshes))
     tasks = []
     for item in items:
-        files = files_in(item) if place else []
+        files = files_in(item, meshes=settings.meshes) if place else []
         key = address(item.name, item.files, files=files) if place else ""
         tasks.append(Task(item.name, partial(_timed, item, settings), key, files))
 
@@ -82,12 +83,14 @@ def _pair(item: Item, settings: GateSettings) -> GateRow:
 
 
 def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
+    if settings.meshes and is_model(item.files[0]):
+        imported_file(Path(item.files[0]), [MESHES])
     scene = load_scene(item.files[0])
     row = smoke_row(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
     return replace(row, scene=item.name, file=row.file or item.files[0])
 
 
-def files_in(item: Item) -> list[Path]:
+def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
     """All files that an item is made of and that do not come with this package: loops files, what models name, too."""
     with files_read() as read, suppress(ScrewgaugeError):
         models = []
@@ -98,7 +101,7 @@ def files_in(item: Item) -> list[Path]:
                 read += files_of(load_scene(name))
         models += filter(is_model, read)
         for model in models:
-            prepare(model)
+            prepare(model, meshes=meshes)
             read += filter(None, [loops_for(model)])
     every = dict.fromkeys([*map(Path, item.files), *read])
     loops = (path.with_suffix(".loops.toml") for path in [*every])
