@@ -88,7 +88,7 @@ def check(
     if not what:
         raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     execute = InTurn() if limits is None else Processes(jobs, limits)
-    more = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline, "meshes": meshes}
+    more: dict[str, Any] = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline, "meshes": meshes}
     return check_with(execute, what, **more, progress=progress)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,62 @@ def test_included_models_are_put_in_their_place(uri, include, tmp_path):
 def test_what_lies_elsewhere_is_not_included(uri, tmp_path):
     (tmp_path / "here").mkdir()
     assert uri.rpartition("/")[2] in refusal(tmp_path / "here", model(arm(f"<include><uri>{uri}</uri></include>")))
+
+
+def test_what_an_include_adds_belongs_to_the_model(tmp_path):
+    (tmp_path / "t.sdf").write_text(f'<sdf version="1.8"><model name="x">{LINK.format("t", "", 3)}</model></sdf>')
+    include = "<include><uri>t.sdf</uri><static>true</static><plugin name='grip' filename='g'/></include>"
+    (tmp_path / "m.sdf").write_text(model(arm(include)), encoding="utf-8")
+    assert "x::t" in read(tmp_path / "m.sdf", "screwgauge").fixed
+    assert any("plugin grip" in phrase for phrase in import_model(tmp_path / "m.sdf").left_out)
+
+
+def test_a_merged_model_is_placed_by_its_placement_frame(tmp_path):
+    link = LINK.format("t", "0 0 0.25 0 0 0", 3)
+    (tmp_path / "t.sdf").write_text(f'<sdf version="1.8"><model name="x">{link}</model></sdf>', encoding="utf-8")
+    include = "<include merge='1'><uri>t.sdf</uri><placement_frame>t</placement_frame></include>"
+    found = reading(tmp_path, model(arm(include + joint("w", "ball", "b", "t"))))
+    assert found.bodies["t"].pose[:3, 3] == pytest.approx([0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("version", ["1.5", "1.6"])
+def test_a_joint_with_the_name_of_a_link_gets_another_one_in_old_versions(version, tmp_path):
+    named = model(arm().replace('<joint name="k"', '<joint name="b"'), version)
+    (tmp_path / "m.sdf").write_text(named, encoding="utf-8")
+    imported = import_model(tmp_path / "m.sdf")
+    assert "b_joint" in imported.mechanism.coordinates
+    assert any("'b'" in said and "'b_joint'" in said for said in imported.remarks)
+    assert "'m::b'" in refusal(tmp_path, named.replace(f'sdf version="{version}"', 'sdf version="1.7"'))
+
+
+def test_frames_may_be_placed_in_each_other_without_end(tmp_path):
+    n = 3000
+    frames = (
+        f'<frame name="f{i}"><pose relative_to="f{i - 1}">0 0 0.001 0 0 0</pose></frame>' for i in range(1, n + 1)
+    )
+    chain = "".join(
+        ['<frame name="f0"/>', *frames, LINK.format("c", "", 1).replace("<pose>", f'<pose relative_to="f{n}">')]
+    )
+    found = reading(tmp_path, model(arm(chain + joint("l", "ball", "b", "c"))))
+    assert found.bodies["c"].pose[2, 3] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    ("inertial", "said"),
+    [
+        ("", "1 kg and 1 kg m.2 to what states no mass: c"),
+        ("<inertial><mass>2</mass><inertia><ixx>1</ixx></inertia></inertial>", "1 kg m.2 .* moments of inertia: c"),
+        ("<inertial auto='1'/>", "Mass and inertia of c are those of their shapes"),
+    ],
+)
+def test_what_links_do_not_state_is_said(inertial, said, tmp_path):
+    shape = "<collision name='s'><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>"
+    moments = LINK.replace("</mass>", "</mass><inertia><ixx>1</ixx><iyy>1</iyy><izz>1</izz></inertia>")
+    links = moments.format("a", "", 1) + f'<link name="c">{inertial}{shape}</link>'
+    parts = links + joint("j", "ball", "world", "a") + joint("l", "ball", "a", "c")
+    still = '<model name="floor"><static>1</static><link name="floor"/></model>'
+    (remark,) = reading(tmp_path, model(parts).replace("</world>", f"{still}</world>")).remarks
+    assert re.search(said, remark)
 
 
 def test_a_model_that_includes_itself_is_refused(tmp_path):
@@ -273,6 +330,8 @@ BAD = {
     "6 finite numbers": model(arm().replace("0 0 1.5 0 0 0", "0 0 1.5")),
     "not a finite number": model(arm().replace("<mass>2</mass>", "<mass>two</mass>")),
     "is 0": model(arm(axes=axis("0 0 0"))),
+    "a link has no name": model(arm("<link><pose/></link>")),
+    "'m::nowhere'": model(arm('<frame name="f"><pose relative_to="nowhere"/></frame>')),
     "'m::b'": model(arm(LINK.format("b", "0 0 0 0 0 0", 1))),
     "weight of a part": model(arm('<link name="c"><gravity>0</gravity></link>' + joint("l", "fixed", "b", "c"))),
     "mesh": model(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import copy
+from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -13,54 +13,56 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import inside
 from screwgauge.models.files.xml import parse
-from screwgauge.models.poses import matrix
+from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.graph import WORLD
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, is_file
 from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 
-#: Versions that are read.
-_VERSIONS = tuple(f"1.{minor}" for minor in range(5, 13))
+#: Versions that are read; those in which a joint may have the name of a link.
+_VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
 #: What separates the name of a model from that of a part of it.
 OF = "::"
+#: Parts of models that are frames; children of an include that say which model is meant, and where it is placed.
+_FRAMES, _OF_INCLUDES = ("link", "joint", "frame", "model"), ("uri", "name", "placement_frame")
 
 
-def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> list[Content]:
-    """Puts models in the place of the includes that name them; returns what was included.
+def is_true(text: str | None) -> bool:
+    return (text or "").strip() in ("true", "1")
+
+
+def base_of(element: ET.Element) -> str:
+    """Name of the frame in which an element says that it is placed; empty if it says none."""
+    pose = element.find("pose")
+    return "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
+
+
+def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[list[Content], list[str]]:
+    """Puts models in the place of the includes that name them; returns what was included, and sentences on names.
 
     Raises:
         ModelFileError: The version is unknown, or a model lies outside `folder` or is none.
     """
-    where, content = str(path), list[Content]()
-    check_count(depth, "nested models", where, "include fewer in each other")
-    if root.get("version") not in _VERSIONS:
-        raise ModelFileError(f"is SDF {root.get('version', 'without a version')}", where, "save it as SDF 1.5 to 1.12")
+    content, said, version = list[Content](), list[str](), root.get("version")
+    check_count(depth, "nested models", str(path), "include fewer in each other")
+    if version not in _VERSIONS:
+        raise ModelFileError(f"is SDF {version or 'without a version'}", str(path), "save it as SDF 1.5 to 1.12")
+    for model in root.iter("model") if version in _OLD else ():
+        links = {link.get("name") for link in model.iterfind("link")}
+        for joint in (each for each in model.iterfind("joint") if each.get("name") in links):
+            name = f"{joint.get('name')}_joint"
+            said.append(f"A joint and a link are both called '{joint.get('name')}': the joint is '{name}' here.")
+            joint.set("name", name)
     for parent in [element for element in root.iter() if element.find("include") is not None]:
-        for i, include in enumerate(parent):
-            if include.tag != "include":
-                continue
+        for i, include in [(i, each) for i, each in enumerate(parent) if each.tag == "include"]:
             uri = (include.findtext("uri") or "").strip()
             file = _included_file(path, uri, folder)
             other = parse(file)
-            content += expand(other, file, folder, depth + 1)
-            model = copy.deepcopy(_only_model(other, file))
-            for tag in ("pose", "static"):
-                if (given := include.find(tag)) is not None:
-                    for old in model.findall(tag):
-                        model.remove(old)
-                    model.append(given)
-            model.set("name", include.findtext("name") or model.get("name") or "")
-            placement = include.findtext("placement_frame")
-            model.attrib |= {"merge": include.get("merge", "")} | ({"placement_frame": placement} if placement else {})
-            parent[i] = model
-            content.append(Content("put in place", f"include {uri}, put in its place before it is read"))
-    return content
-
-
-def gives_mass(link: ET.Element) -> str:
-    """What gives a link its mass: ``numbers``, ``shapes``, or nothing."""
-    inertial = link.find("inertial")
-    return "" if inertial is None else "shapes" if is_true(inertial.get("auto")) else "numbers"
+            more = expand(other, file, folder, depth + 1)
+            parent[i] = _included(include, other, file)
+            content += [*more[0], Content("put in place", f"include {uri}, put in its place before it is read")]
+            said += more[1]
+    return content, said
 
 
 def _included_file(path: Path, uri: str, folder: Path) -> Path:
@@ -73,41 +75,47 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
         return file
     config = file / "model.config"
     files = [each.text or "" for each in parse(config).iter("sdf")] if is_file(config) else ["model.sdf"]
-    return inside(file / "model.config", files[-1].strip(), folder, "includes")
+    return inside(config, files[-1].strip() if files else "model.sdf", folder, "includes")
 
 
-def _only_model(root: ET.Element, file: Path) -> ET.Element:
+def _included(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
+    """The only model of a file as an include wants it: with its name, pose and whatever else the include adds."""
     models = root.findall("model")
     if len(models) != 1:
         raise ModelFileError(f"holds {len(models)} models, and is included as one", str(file), "let it hold one")
-    return models[0]
-
-
-def is_true(text: str | None) -> bool:
-    return (text or "").strip() in ("true", "1")
+    (model,) = models
+    given = [each for each in include if each.tag not in _OF_INCLUDES]
+    replaced = {each.tag for each in given} & {"pose", "static"}
+    model[:] = [*given, *(each for each in model if each.tag not in replaced)]
+    words = {key: include.findtext(key) for key in ("name", "placement_frame")} | {"merge": include.get("merge")}
+    model.attrib |= {key: word for key, word in words.items() if word}
+    return model
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A link, joint, frame or model as a frame of its own.
+    """A link, joint, frame or model as a frame of its own. All names are full ones, but for alternatives of models.
 
     Attributes:
-        base: Frame that it is placed in, by its full name; empty for the world.
-        carrier: Frame that it moves with; itself of a link.
         scope: What precedes the names that it uses; `model`: the frame that these call ``__model__``.
+        carrier: Frame that it moves with; itself of a link.
+        base: Frame that it is placed in; empty for the world.
+        placed: Frame that its pose places there: itself, but for models with a placement frame.
         still: Whether its model is static.
     """
 
     element: ET.Element
-    base: str
-    carrier: str
     scope: str
     model: str
+    carrier: str
+    base: str
+    placed: str
     still: bool
 
-    def named(self, name: str) -> str:
+    def named(self, name: str | None) -> str:
         """Full name of a frame that the element names."""
-        return {"world": "", "__model__": self.model}.get(name, f"{self.scope}{name}")
+        name = (name or "").strip()
+        return {"world": WORLD, "__model__": self.model}.get(name, f"{self.scope}{name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,68 +124,79 @@ class Frames:
 
     Attributes:
         alone: What names of the only model that moves begin with.
+        poses: Full name -> pose in the world, once they are placed. Shape (4, 4) each.
     """
 
     where: str
-    alone: str
+    alone: str = ""
     by_name: dict[str, Frame] = field(default_factory=dict)
+    poses: dict[str, Array] = field(default_factory=dict)
 
-    def add(self, owner: ET.Element, scope: str, model: str, *, still: bool) -> None:
+    def add(self, owner: ET.Element, scope: str = "", model: str = WORLD, *, still: bool = False) -> None:
         """Adds all that is in a model, or in the world."""
-        for e in owner:
-            if e.tag not in ("link", "joint", "frame", "model"):
-                continue
-            name, pose = f"{scope}{e.get('name', '')}", e.find("pose")
-            frame = Frame(e, model, name, scope, model, still)
+        for e in (each for each in owner if each.tag in _FRAMES):
+            own = name = f"{scope}{e.get('name', '')}"
+            attached, tip = "__model__", e.get("placement_frame")
+            named = Frame(e, scope, model, name, model, name, still).named
             if e.tag == "model":
                 merged = is_true(e.get("merge"))
-                own = f"{scope}_merged__{e.get('name')}__model__" if merged else f"{name}{OF}__model__"
-                inner, first = scope if merged else f"{name}{OF}", (e.get("canonical_link"), *_links_of(e), "")
-                frame = replace(frame, carrier=f"{inner}{next(each for each in first if each is not None)}")
+                own, inner = f"{name}{OF}__model__", scope if merged else f"{name}{OF}"
                 self.add(e, inner, own, still=still or is_true(e.findtext("static")))
-                name = own
-            elif e.tag != "link":
-                carrier = frame.named((e.get("attached_to") or e.findtext("child") or "__model__").strip())
-                frame = replace(frame, base=carrier, carrier=carrier)
-            other = pose is not None and (pose.get("relative_to") or pose.get("frame"))
-            if name in self.by_name:
-                raise ModelFileError(f"has two parts of the name '{name}'", self.where, "give each a name of its own")
-            self.by_name[name] = replace(frame, base=frame.named(other)) if other else frame
+                carrier = f"{inner}{e.get('canonical_link') or next(_links_of(e), '')}"
+                tip = tip and f"{inner}{tip}"
+            else:
+                attached = e.get("attached_to") or e.findtext("child") or attached
+                carrier = name if e.tag == "link" else named(attached)
+            base = named(base_of(e) or attached)
+            if own in self.by_name or not e.get("name"):
+                what = f"has two parts of the name '{name}'" if e.get("name") else f"a {e.tag} has no name"
+                raise ModelFileError(what, self.where, "give each a name of its own")
+            self.by_name[own] = Frame(e, scope, model, carrier, base, tip or own, still)
+
+    def place(self) -> None:
+        """Finds the poses of all frames.
+
+        Raises:
+            ModelFileError: A frame is placed by itself, or by one that is not there.
+        """
+        steps = defaultdict[str, list[tuple[str, Array]]](list)
+        for frame in self.by_name.values():
+            near, far, T = self.key(frame.base), self.key(frame.placed), self.pose(frame.element)
+            steps[near].append((far, T))
+            steps[far].append((near, relative(T, np.eye(4))))
+        self.poses[WORLD], waiting = np.eye(4), [WORLD]
+        while waiting:
+            near = waiting.pop()
+            for far, T in steps[near]:
+                if far not in self.poses:
+                    self.poses[far] = self.poses[near] @ T
+                    waiting.append(far)
+        if lost := next((name for name in self.by_name if name not in self.poses), ""):
+            raise ModelFileError(f"places the frame '{lost}' by itself", self.where, "place it by another frame")
 
     def key(self, name: str) -> str:
         """Name by which a frame is kept; one that only names a model means the frame of that."""
         model = f"{name}{OF}__model__"
-        return model if name not in self.by_name and model in self.by_name else name
+        key = name if name in self.by_name or model not in self.by_name else model
+        if key and key not in self.by_name:
+            raise UnknownNameError("frame", key, self.by_name, self.where)
+        return key
 
     def short(self, name: str) -> str:
         """Name of a link or joint in the reading."""
         return name.removeprefix(self.alone)
 
-    def __getitem__(self, name: str) -> Frame:
-        if (key := self.key(name)) not in self.by_name:
-            raise UnknownNameError("frame", key, self.by_name, self.where)
-        return self.by_name[key]
+    def at(self, name: str) -> Array:
+        """Pose of a frame in the world. Shape (4, 4)."""
+        return self.poses[self.key(name)]
 
-    def at(self, name: str, root: str = "", passed: tuple[str, ...] = ()) -> Array:
-        """Pose of a frame in another one that it is placed in, by default in the world. Shape (4, 4)."""
-        if (key := self.key(name)) == self.key(root):
-            return np.eye(4)
-        if key in passed or not key:
-            raise ModelFileError(f"places the frame '{key}' by itself", self.where, "place it by another frame")
-        frame = self[key]
-        T = self.pose(frame.element)
-        if placed := frame.element.get("placement_frame"):
-            T = T @ np.linalg.inv(self.at(f"{name.removesuffix('__model__')}{placed}", name))
-        return np.asarray(self.at(frame.base, root, (*passed, key)) @ T)
-
-    def link(self, name: str, passed: tuple[str, ...] = ()) -> str:
+    def link(self, name: str) -> str:
         """Name of the link that a frame moves with; `WORLD` for the world."""
-        if not name:
-            return WORLD
-        key, frame = self.key(name), self[name]
-        if key in passed:
-            raise ModelFileError(f"attaches the frame '{key}' to itself", self.where, "attach it to a link")
-        return self.short(key) if frame.element.tag == "link" else self.link(frame.carrier, (*passed, key))
+        for _ in (*self.by_name, ""):
+            if not (key := self.key(name)) or self.by_name[key].element.tag == "link":
+                return self.short(key)
+            name = self.by_name[key].carrier
+        raise ModelFileError(f"attaches the frame '{key}' to itself", self.where, "attach it to a link")
 
     def vector(self, element: ET.Element, tag: str, default: str, n: int) -> Array:
         """So many numbers in an element. Shape (n,)."""
@@ -213,5 +232,5 @@ def _links_of(model: ET.Element) -> Iterator[str]:
     """Names of the links of a model in its own scope, those of nested models last."""
     yield from (link.get("name", "") for link in model.iterfind("link"))
     for nested in model.iterfind("model"):
-        inner = "" if nested.get("merge") in ("true", "1") else f"{nested.get('name')}{OF}"
+        inner = "" if is_true(nested.get("merge")) else f"{nested.get('name')}{OF}"
         yield from (f"{inner}{name}" for name in _links_of(nested))

@@ -5,23 +5,39 @@ A joint of any kind closes a loop: it carries a copy of its child without mass, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from screwgauge.models.kinematics import moved
-from screwgauge.models.matter import NOTHING
+from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import screw
 from screwgauge.models.readings.assemble import Assembly, assemble
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading
+from screwgauge.models.readings.reading import (
+    OWN,
+    BodyReading,
+    ClosureReading,
+    CouplingReading,
+    JointReading,
+    Reading,
+)
+from screwgauge.reference.couplings import PolynomialSum
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: The world, where a joint names it in place of a link.
 WORLD = ""
-#: Mass, centre of mass and inertia of nothing.
-EMPTY = (NOTHING.mass, NOTHING.com, NOTHING.inertia)
+
+
+def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
+    """Return a link that is not in a tree yet. pose: in the world, shape (4, 4)."""
+    return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), pose, gravcomp=float(weightless))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,70 +57,98 @@ class GraphJoint:
     step: Array = field(default_factory=lambda: np.eye(4))
     loop: bool = False
 
+    def placed(self, T: Array) -> dict[str, JointReading]:
+        """Return its freedoms where its parent is displaced. T: shape (4, 4)."""
+        return {name: moved(freedom, T) for name, freedom in self.freedoms.items()}
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Graph:
-    """What a `Reading` holds of links and joints.
+
+class Mimic(NamedTuple):
+    """A coordinate that is a linear function of another one.
 
     Attributes:
-        floating: Links that no joint keeps to the world.
+        leader: Joint that it follows.
+        nth: What distinguishes the coordinate among those of the leader, if that has several.
     """
 
-    assembly: Assembly
-    joints: Mapping[str, JointReading]
-    closures: Mapping[str, ClosureReading]
-    floating: tuple[str, ...] = ()
+    coordinate: str
+    leader: str
+    nth: str
+    constant: float
+    slope: float
+
+    def coupling(self, joints: Mapping[str, GraphJoint], where: str) -> CouplingReading:
+        """Return it as a coupling; what follows a fixed joint, which stays at 0, is held."""
+        freedoms = {name for joint in joints.values() for name in joint.freedoms}
+        name = next((each for each in (f"{self.leader}.{self.nth}", self.leader) if each in freedoms), "")
+        if not name and (self.leader not in joints or joints[self.leader].freedoms):
+            raise UnknownNameError("joint", self.leader, freedoms, f"{where}, mimic of {self.coordinate}")
+        law = PolynomialSum.of({name: np.array([self.constant, self.slope])})
+        return CouplingReading(self.coordinate, law)
 
 
-def graph_of_links(
-    links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint], where: str, *, rounding: float = 0.0
-) -> Graph:
+def read_graph(
+    links: Mapping[str, BodyReading],
+    joints: Mapping[str, GraphJoint],
+    where: str,
+    *,
+    mimics: Iterable[Mimic] = (),
+    rounding: float = 0.0,
+    **rest: Any,
+) -> Reading:
     """Chooses a tree, in the order of the file and without joints that are to close loops as far as that can be.
 
     Args:
         links: Their matter and poses; whatever no joint keeps to the world floats.
         where: The file, to blame.
         rounding: Gaps of loops and angles between axes up to this are none [m or rad].
+        rest: What else the `Reading` has.
 
     Raises:
-        ModelFileError: A body that moves has the name of the ground.
+        ScrewgaugeError: A body that moves has the name of the ground, a mimic follows no joint, links are too many.
     """
+    check_count(len(links), "links", where)
     shift, tree, moving = {WORLD: np.eye(4)}, dict[str, BodyReading](), dict[str, JointReading]()
-    used, floating = set[str](), list[str]()
-    for link, name, back in _reached(links, joints):
-        if not name:
-            floating.append(link)
-            freedoms = {f"{link}_free": JointReading("free", np.zeros(6), links[link].pose[:3, 3])}
-            near, shift[link] = WORLD, np.eye(4)
+    loops = dict(joints)
+    for name, by, back in _reached(links, joints):
+        if not by:
+            freedoms = {f"{name}_free": JointReading("free", np.zeros(6), links[name].pose[:3, 3])}
+            near, shift[name] = WORLD, np.eye(4)
         else:
-            joint = joints[name]
+            joint = loops.pop(by)
             near, step = (joint.child, np.linalg.inv(joint.step)) if back else (joint.parent, joint.step)
-            shift[link] = shift[near] @ step
-            freedoms = _placed(joint, shift[joint.parent])
+            shift[name] = shift[near] @ step
+            freedoms = joint.placed(shift[joint.parent])
             if back:
                 freedoms = {n: replace(freedoms[n], screw=-freedoms[n].screw) for n in reversed(freedoms)}
-        used.add(name)
-        tree[link] = replace(links[link], near=near, joints=tuple(freedoms), pose=shift[link] @ links[link].pose)
+        tree[name] = replace(links[name], near=near, joints=tuple(freedoms), pose=shift[name] @ links[name].pose)
         moving |= freedoms
     welds = dict[str, tuple[str, str, Array]]()
-    for name, joint in ((name, joint) for name, joint in joints.items() if name not in used):
-        here = links[joint.child].pose if joint.child else np.eye(4)
-        pose, closed = shift[joint.parent] @ joint.step @ here, shift[joint.child] @ here
+    for name, joint in loops.items():
+        home = links[joint.child].pose if joint.child else np.eye(4)
+        pose, closed = shift[joint.parent] @ joint.step @ home, shift[joint.child] @ home
         pose = closed if np.abs(pose - closed).max() <= rounding else pose
-        freedoms, end = _placed(joint, shift[joint.parent]), joint.parent
+        end, freedoms = joint.parent, joint.placed(shift[joint.parent])
         if freedoms:
             end = f"{joint.child or GROUND}.{name}"
-            copy = BodyReading(*EMPTY, joint.parent, tuple(freedoms), pose, copy_of=joint.child or GROUND)
-            tree[end], moving = copy, moving | freedoms
+            copy = replace(link(NOTHING, pose), near=joint.parent, joints=tuple(freedoms))
+            tree[end], moving = replace(copy, copy_of=joint.child or GROUND), moving | freedoms
         welds[f"{name}.loop"] = joint.child, end, pose
     assembly = assemble(tree, where)
-    closures = {name: _weld(assembly, *ends) for name, ends in welds.items()}
-    return Graph(assembly, _aligned(moving, rounding), closures, tuple(floating))
+    return Reading(
+        library=OWN,
+        bodies=assembly.bodies,
+        joints=_aligned(moving, rounding),
+        fixed=assembly.fixed,
+        closures={name: _weld(assembly, *ends) for name, ends in welds.items()},
+        couplings={mimic.coordinate: mimic.coupling(joints, where) for mimic in mimics},
+        frames={n: joint.child for n, joint in joints.items() if not (joint.freedoms or n in links)},
+        **rest,
+    )
 
 
 def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
     """Joints with one direction for all that are parallel but for rounding: loops hang on that."""
-    known, found = list[Array](), dict[str, JointReading]()
+    known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
         if rounding and way.any():
@@ -112,44 +156,39 @@ def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, J
             way = next((other for other in near if np.abs(other - way).max() <= rounding), way)
             known += [way] if way is joint.direction or not known else []
             joint = replace(joint, screw=screw(joint.kind == "hinge", way, joint.centre))
-        found[name] = joint
-    return found
-
-
-def _placed(joint: GraphJoint, T: Array) -> dict[str, JointReading]:
-    """Freedoms of a joint whose parent is displaced. T: shape (4, 4)."""
-    return {name: moved(freedom, T) for name, freedom in joint.freedoms.items()}
+        aligned[name] = joint
+    return aligned
 
 
 def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReading:
     """Weld of a child to the end of the joint that closes a loop with it, where the child would then be."""
-    frames = []
-    for link, T in ((child, None), (end, pose)):
-        body, F = assembly.places[link] if link else (GROUND, np.eye(4))
-        at = np.eye(4) if body == GROUND else assembly.bodies[body].pose
-        frames.append((body, F if T is None else np.linalg.inv(at) @ T))
-    return ClosureReading("weld", *frames[0], *frames[1])
+    (body, F), (other, _) = (assembly.places[name] if name else (GROUND, np.eye(4)) for name in (child, end))
+    at = np.eye(4) if other == GROUND else assembly.bodies[other].pose
+    return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
 
 
 def _reached(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
     """Each link, the joint by which it is reached from the world, and whether it is the parent there.
 
-    A link that none reaches floats, and has no joint.
+    Of all joints that lead further the first one of the file is taken, those that are to close loops last. A link that
+    none reaches floats, and has no joint.
     """
-    reached = {WORLD}
+    touching, carried = defaultdict[str, list[tuple[bool, int, str]]](list), {j.child for j in joints.values()}
+    for i, (name, joint) in enumerate(joints.items()):
+        for side in {joint.parent, joint.child}:
+            touching[side].append((joint.loop, i, name))
+    reached, ahead = {WORLD}, sorted(touching[WORLD])
+    afloat = iter([*(link for link in links if link not in carried), *links])
     while len(reached) <= len(links):
-        step = next(_steps(joints, reached), None)
-        if step is None:
-            rest, carried = [link for link in links if link not in reached], {j.child for j in joints.values()}
-            step = next((link for link in rest if link not in carried), rest[0]), "", False
-        reached.add(step[0])
-        yield step
-
-
-def _steps(joints: Mapping[str, GraphJoint], reached: set[str]) -> Iterator[tuple[str, str, bool]]:
-    """Joints by which a further link is reached, those that are to close loops last."""
-    for wanted in (False, True):
-        for name, joint in joints.items():
+        step = None
+        while ahead and step is None:
+            joint = joints[name := heappop(ahead)[2]]
             back = joint.child in reached
-            if joint.loop == wanted and (joint.parent in reached) != back:
-                yield (joint.parent if back else joint.child), name, back
+            if not (back and joint.parent in reached):
+                step = (joint.parent if back else joint.child), name, back
+        if step is None:
+            step = next(link for link in afloat if link not in reached), "", False
+        reached.add(step[0])
+        for each in touching[step[0]]:
+            heappush(ahead, each)
+        yield step

@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.content import Content, force_limits
-from screwgauge.models.files.sdf import OF, Frame, Frames, is_true
+from screwgauge.models.content import force_limits
+from screwgauge.models.files.sdf import OF, Frame, Frames, base_of, is_true
 from screwgauge.models.formats import TENSOR, tensor
 from screwgauge.models.matter import NOTHING, SHAPES, Matter, displaced, joined, uniform
 from screwgauge.models.poses import relative, screw
-from screwgauge.models.readings.graph import WORLD, GraphJoint, graph_of_links
-from screwgauge.models.readings.reading import FREE, OWN, BodyReading, CouplingReading, JointReading, Reading
-from screwgauge.reference.couplings import PolynomialSum
-from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.files import check_count
+from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, link, read_graph
+from screwgauge.models.readings.reading import FREE, BodyReading, JointReading, Reading
+from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.rotations import Array
 
 #: Type of a joint -> its freedoms; a screw's second one follows the first.
@@ -35,14 +32,23 @@ _KINDS = {
 }
 #: Density of shapes whose file says none [kg/m^3], gravity of a world that says none, limits that mean none.
 _WATER, _GRAVITY, _BOUNDLESS = 1000.0, "0 0 -9.8", 1e16
-#: What a joint's reading has -> element of its dynamics; cosine between axes of one direction.
+#: What a joint's reading has -> element of its dynamics.
 _DYNAMICS = {
     "damping": "damping",
     "friction": "friction",
     "stiffness": "spring_stiffness",
     "rest": "spring_reference",
 }
-_ALONG = 1.0 - 1e-9
+#: What tells the lengths of a shape, but for those that have names of their own; cosine of axes of one direction.
+_WHOLE, _ALONG = {"box": "size", "ellipsoid": "radii"}, 1.0 - 1e-9
+#: What links state of their inertial -> what is said of them.
+_STATED = {
+    "shapes": "Mass and inertia of {} are those of their shapes.",
+    "nothing": "SDF gives 1 kg and 1 kg m^2 to what states no mass: {}.",
+    "mass alone": "SDF gives 1 kg m^2 to what states no moments of inertia: {}.",
+}
+#: Links that a sentence names.
+_NAMED = 6
 
 
 def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
@@ -58,39 +64,47 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     top = root if world is None else world
     moving = [f"{m.get('name')}{OF}" for m in top.iterfind("model") if not is_true(m.findtext("static"))]
     frames = Frames(where, moving[0] if len(moving) == 1 else "")
-    frames.add(top, "", "", still=False)
-    links = {n: f for n, f in frames.by_name.items() if f.element.tag == "link"}
-    check_count(len(links), "links", where)
-    joints = [_Joint(n, f, frames) for n, f in frames.by_name.items() if f.element.tag == "joint" and not f.still]
-    named = {one.name: one for one in joints}
-    graph = {n: GraphJoint(WORLD, n, {}) for n, f in links.items() if f.still}
-    graph |= {one.name: one.in_graph() for one in joints if one.kind != "gearbox"}
-    assembled = graph_of_links({frames.short(n): _link(n, f, frames) for n, f in links.items()}, graph, where)
-    for n, body in assembled.assembly.bodies.items():
+    frames.add(top)
+    frames.place()
+    links = {frames.short(n): f for n, f in frames.by_name.items() if f.element.tag == "link"}
+    every = (_Joint(n, f, frames) for n, f in frames.by_name.items() if f.element.tag == "joint" and not f.still)
+    joints = {one.name: one for one in every}
+    reading = read_graph(
+        {n: _link(n, f, frames) for n, f in links.items()},
+        {n: GraphJoint(WORLD, n, {}) for n, f in links.items() if f.still}
+        | {n: one.in_graph() for n, one in joints.items() if one.kind != "gearbox"},
+        where,
+        mimics=[mimic for one in joints.values() for mimic in one.mimics(joints)],
+        name=frames.alone.removesuffix(OF) or name,
+        gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
+        content=tuple(force_limits(n, most) for one in joints.values() for n, most in one.efforts()),
+        remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
+    )
+    for n, body in reading.bodies.items():
         if body.gravcomp % 1.0:  # the weight of the rest acts in another centre of mass
             remedy = "give <gravity> to all links that are fixed to each other, or to none"
             raise ModelFileError(f"switches off the weight of a part of body {n}", where, remedy)
-    return Reading(
-        name=frames.alone.removesuffix(OF) or name,
-        library=OWN,
-        bodies=assembled.assembly.bodies,
-        joints=assembled.joints,
-        fixed=assembled.assembly.fixed,
-        closures=assembled.closures,
-        couplings={c.joint: c for one in joints for c in one.couplings(named)},
-        gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
-        content=tuple(each for one in joints for each in one.content()),
-        frames={n: joint.child for n, joint in graph.items() if n in named and not joint.freedoms},
-    )
+    return reading
+
+
+def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
+    """Sentences on links that do not state their matter."""
+    stated = dict[str, list[str]]()
+    for name, element in links.items():
+        inertial = ET.Element("inertial") if (found := element.find("inertial")) is None else found
+        numbers = "mass alone" if any(inertial.find(f"inertia/i{k}{k}") is None for k in "xyz") else "all"
+        numbers = "nothing" if inertial.find("mass") is None else numbers
+        stated.setdefault("shapes" if is_true(inertial.get("auto")) else numbers, []).append(name)
+    return (text.format(first_few(stated[kind], _NAMED)) for kind, text in _STATED.items() if kind in stated)
 
 
 def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
     """Matter and pose of a link; SDF gives one without inertial 1 kg and 1 kg m^2."""
-    link, inertial = frame.element, frame.element.find("inertial")
+    element, inertial = frame.element, frame.element.find("inertial")
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
         density = frames.number(inertial, "density", _WATER)
-        matter = joined(_shape(name, frame, each, density, frames) for each in link.iterfind("collision"))
+        matter = joined(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
         if not matter.mass:
             what = f"mass of link {name} is to come from its shapes (inertial auto), and it has none"
             raise ModelFileError(what, frames.where, "write its <inertial> out")
@@ -99,25 +113,25 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
     else:
         I = tensor(frames.number(inertial, f"inertia/i{key}", float(key[0] == key[1])) for key in TENSOR)
         matter = displaced(Matter(frames.number(inertial, "mass", 1.0), np.zeros(3), I), frames.pose(inertial))
-    floats = (link.findtext("gravity") or "true").strip() in ("false", "0")
-    return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), frames.at(name), gravcomp=float(floats))
+    weightless = (element.findtext("gravity") or "true").strip() in ("false", "0")
+    return link(matter, frames.poses[frame.placed], weightless=weightless)
 
 
-def _shape(link: str, frame: Frame, collision: ET.Element, density: float, frames: Frames) -> Matter:
+def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frames: Frames) -> Matter:
     """Matter of a shape in the frame of its link; none of a plane."""
     shape = next(iter(collision.find("geometry") or ()), ET.Element("nothing"))
     if shape.tag == "plane":
         return NOTHING
     if shape.tag not in SHAPES:
-        what = f"mass of link {link} is to come from a {shape.tag} (inertial auto), which is not computed"
+        what = f"mass of link {name} is to come from a {shape.tag} (inertial auto), which is not computed"
         raise ModelFileError(what, frames.where, "write its <inertial> out")
-    whole = {"box": "size", "ellipsoid": "radii"}.get(shape.tag)
+    whole = _WHOLE.get(shape.tag)
     tags = [whole] if whole else SHAPES[shape.tag]
     lengths = [x for tag in tags for x in frames.vector(shape, tag, "", 3 if whole else 1).tolist()]
-    other = next((p for pose in collision.iterfind("pose") if (p := pose.get("relative_to") or pose.get("frame"))), "")
-    near = relative(frames.at(link), frames.at(frame.named(other))) if other else np.eye(4)
-    density = frames.number(collision, "density", density)
-    return displaced(uniform(shape.tag, lengths, density), near @ frames.pose(collision))
+    here, T = frames.poses[frame.placed], frames.pose(collision)
+    if other := base_of(collision):
+        T = relative(here, frames.at(frame.named(other))) @ T
+    return displaced(uniform(shape.tag, lengths, frames.number(collision, "density", density)), T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,13 +159,13 @@ class _Joint:
         return (self.name,) if count == 1 else tuple(f"{self.name}.{i + 1}" for i in range(count))
 
     def axis(self, i: int) -> ET.Element:
-        """What holds the numbers of a freedom: a screw has one axis."""
+        """What holds the numbers of a freedom: a screw has one axis, for its hinge."""
         axis = self.frame.element.find("axis2" if i and self.kind != "screw" else "axis")
         return ET.Element("axis") if axis is None else axis
 
     def link(self, side: str) -> str:
         """Link on one of its sides, ``parent`` or ``child``."""
-        if not (name := (self.frame.element.findtext(side) or "").strip()):
+        if not (name := self.frame.element.findtext(side)):
             raise ModelFileError(f"joint {self.name} has no {side}", self.frames.where, "name it")
         return self.frames.link(self.frame.named(name))
 
@@ -161,8 +175,8 @@ class _Joint:
         way, (xyz,) = self.frames.vector(axis, "xyz", "0 0 1", 3), [*axis.findall("xyz"), axis][:1]
         if not way.any():
             raise ModelFileError(f"axis of joint {self.name} is 0", self.frames.where, "give it a direction")
-        if xyz.get("expressed_in"):
-            base = self.frame.named(xyz.get("expressed_in", ""))
+        if name := xyz.get("expressed_in"):
+            base = self.frame.named(name)
         elif is_true(axis.findtext("use_parent_model_frame")):
             base = self.frame.model
         return np.asarray(self.frames.at(base)[:3, :3] @ way / np.linalg.norm(way))
@@ -178,63 +192,50 @@ class _Joint:
         return GraphJoint(parent, child, {n: self._freedom(i) for i, n in enumerate(self.coordinates)})
 
     def _freedom(self, i: int) -> JointReading:
-        kind, centre = _KINDS[self.kind][i], self.frames.at(self.full)[:3, 3]
+        kind, centre = _KINDS[self.kind][i], self.frames.poses[self.full][:3, 3]
         if kind == "ball":
             return JointReading("ball", np.zeros(6), centre)
         joint = JointReading(kind, screw(kind == "hinge", self.direction(i), centre), centre)
         if self.kind == "screw" and i:
             return joint
         axis, number = self.axis(i), self.frames.number
-        numbers: dict[str, Any] = {what: number(axis, f"dynamics/{tag}", 0.0) for what, tag in _DYNAMICS.items()}
         bounds = number(axis, "limit/lower", -_BOUNDLESS), number(axis, "limit/upper", _BOUNDLESS)
         low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in bounds)
-        return replace(joint, limits=FREE if self.kind == "continuous" else (low, high), **numbers)
+        dynamics = {what: number(axis, f"dynamics/{tag}", 0.0) for what, tag in _DYNAMICS.items()}
+        return replace(joint, limits=FREE if self.kind == "continuous" else (low, high), **dynamics)  # type: ignore[arg-type]
 
-    def content(self) -> Iterator[Content]:
-        """What it says of the effort along its axes."""
+    def efforts(self) -> Iterator[tuple[str, float]]:
+        """Coordinates whose force has a bound, and that."""
         for i, name in enumerate(self.coordinates):
-            most = self.frames.number(self.axis(i), "limit/effort", -1.0)
-            if 0.0 <= most < _BOUNDLESS:
-                yield force_limits(name, most)
+            if 0.0 <= (most := self.frames.number(self.axis(i), "limit/effort", -1.0)) < _BOUNDLESS:
+                yield name, most
 
-    def couplings(self, joints: Mapping[str, _Joint]) -> Iterator[CouplingReading]:
-        """Couplings by which its coordinates follow others, or by which a gearbox lets hinges follow."""
+    def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
+        """Of its coordinates those that follow others, or the hinges that a gearbox lets follow each other."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
-            (one, s), (two, t) = (self._geared(i, joints) for i in (0, 1))
-            yield _linear(two, one, 0.0, -number(e, "gearbox_ratio", 1.0) * s * t)
+            (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
+            yield Mimic(two, one, "", 0.0, -number(e, "gearbox_ratio", 1.0) * s * t)
         if self.kind == "screw":
             old = e.find("screw_thread_pitch") is None and e.find("thread_pitch") is not None
             pitch = -math.tau / number(e, "thread_pitch", 1.0) if old else number(e, "screw_thread_pitch", 1.0)
-            yield _linear(self.coordinates[1], self.coordinates[0], 0.0, pitch / math.tau)
-        for i, name in enumerate(self.coordinates):
-            if (mimic := self.axis(i).find("mimic")) is not None and not (self.kind == "screw" and i):
+            yield Mimic(self.coordinates[1], self.name, "1", 0.0, pitch / math.tau)
+        for i, name in enumerate(self.coordinates[: 1 if self.kind == "screw" else None]):
+            if (mimic := self.axis(i).find("mimic")) is not None:
+                leader, nth = self.frame.named(mimic.get("joint")), mimic.get("axis", "").removeprefix("axis") or "1"
                 slope, zero = number(mimic, "multiplier", 1.0), number(mimic, "reference", 0.0)
-                yield _linear(name, self._leader(mimic, joints), number(mimic, "offset", 0.0) - slope * zero, slope)
+                yield Mimic(name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope)
 
-    def _leader(self, mimic: ET.Element, joints: Mapping[str, _Joint]) -> str:
-        """Coordinate that an axis follows; empty of a fixed joint, which stays at 0."""
-        name = self.frames.short(self.frame.named(mimic.get("joint", "")))
-        if name not in joints:
-            raise UnknownNameError("joint", name, joints, f"{self.frames.where}, mimic of {self.name}")
-        names = joints[name].coordinates
-        i = int(mimic.get("axis") == "axis2")
-        return names[i] if i < len(names) else ""
-
-    def _geared(self, i: int, joints: Mapping[str, _Joint]) -> tuple[str, float]:
+    def _geared(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
         """Hinge between a link of a gearbox and its reference body, and the sense of its axis along the gearbox's."""
-        link, reference = self.link(("parent", "child")[i]), self.link("gearbox_reference_body")
+        near, reference = self.link(side), self.link("gearbox_reference_body")
         for name, joint in joints.items():
             if _KINDS.get(joint.kind) == ("hinge",) and {joint.link("parent"), joint.link("child")} == {
-                link,
+                near,
                 reference,
             }:
                 cosine = float(joint.direction(0) @ self.direction(i))
                 if abs(cosine) > _ALONG:
-                    return name, math.copysign(1.0, cosine) * (1.0 if joint.link("child") == link else -1.0)
-        what = f"gearbox {self.name} gears '{link}', which no hinge along its axis joins to '{reference or 'world'}'"
+                    return name, math.copysign(1.0, cosine) * (1.0 if joint.link("child") == near else -1.0)
+        what = f"gearbox {self.name} gears '{near}', which no hinge along its axis joins to '{reference or 'world'}'"
         raise ModelFileError(what, self.frames.where, "add that hinge, or name another gearbox_reference_body")
-
-
-def _linear(follower: str, leader: str, constant: float, slope: float) -> CouplingReading:
-    return CouplingReading(follower, PolynomialSum.of({leader: np.array([constant, slope])}))

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import MAKERS, Part, joints_in, name_all, parts, world
-from screwgauge.models.files.sdf import expand, gives_mass
+from screwgauge.models.files.sdf import expand
 from screwgauge.models.files.urdf import (
     add_floating_base,
     carried_link,
@@ -197,13 +197,7 @@ def _turned(root: ET.Element) -> Iterator[str]:
 
 
 def _sdf(root: ET.Element, path: Path) -> Source:
-    content = expand(root, path, path.parent.resolve())
-    links = {mass: [e.get("name", "") for e in root.iter("link") if gives_mass(e) == mass] for mass in ("shapes", "")}
-    said = [f"Mass and inertia of {first_few(links['shapes'], _NAMED)} are those of their shapes."] * bool(
-        links["shapes"]
-    )
-    if links[""]:
-        said.append(f"SDF gives 1 kg and 1 kg m^2 to what states no mass: {first_few(links[''], _NAMED)}.")
+    content, said = expand(root, path, path.parent.resolve())
     return Source(path, "sdf", root, tuple(content), resolved=(*said, *_turned(root)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,39 +13,36 @@ import numpy as np
 
 from screwgauge.models.content import Content, force_limits
 from screwgauge.models.files.usd import is_joint, names_of, prims, stage_of, triangles_of, value
+from screwgauge.models.formats import tensor
 from screwgauge.models.matter import NOTHING, Matter, displaced, joined, polyhedron, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
-from screwgauge.models.readings.graph import WORLD, GraphJoint, graph_of_links
-from screwgauge.models.readings.reading import (
-    FREE,
-    OWN,
-    ActuatorReading,
-    BodyReading,
-    CouplingReading,
-    JointReading,
-    Reading,
-)
-from screwgauge.reference.couplings import PolynomialSum
+from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, link, read_graph
+from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, first_few
-from screwgauge.reference.files import check_count
 from screwgauge.reference.rotations import Array, quaternion_rotation
 
 #: Gaps and turns that are the rounding of 32 bits [m or rad]; density that a file leaves open [kg/m^3]; gravity.
 ROUNDING, _WATER, _GRAVITY = 1e-6, 1000.0, 9.81
-_AXES = {"X": 0, "Y": 1, "Z": 2}
-#: Freedoms of a joint by the axes of its frames, in the order in which they follow each other.
-_FREEDOMS = {f"{kind}{axis}": (k, i) for kind, k in (("trans", "slide"), ("rot", "hinge")) for axis, i in _AXES.items()}
-#: What a joint's reading has -> attributes; per degree where a list says so.
+_AXES = "XYZ"
+_SLIDES, _TURNS = ([f"{kind}{axis}" for axis in _AXES] for kind in ("trans", "rot"))
+#: Type of a joint -> its freedoms in the axes of its frames, in the order in which they follow each other.
+_KINDS = {
+    "Revolute": ("rot{}",),
+    "Prismatic": ("trans{}",),
+    "Spherical": _TURNS,
+    "Fixed": (),
+    "": (*_SLIDES, *_TURNS),
+}
+#: What a joint's reading has -> attributes.
 _PASSIVE = {
     "armature": ("newton:armature", "physxJoint:armature", "mjc:armature"),
     "damping": ("newton:damping", "mjc:damping"),
     "friction": ("newton:friction", "mjc:frictionloss"),
     "stiffness": ("mjc:stiffness",),
-    "rest": ("mjc:springref",),
 }
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
-#: Types of joints that are read.
-_TYPES = tuple(f"Physics{kind}Joint" for kind in ("Revolute", "Prismatic", "Spherical", "Fixed", ""))
+#: Shapes of which mass may come -> as `uniform` calls them.
+_SHAPES = {"cube": "box", "sphere": "ellipsoid", "cylinder": "cylinder", "capsule": "capsule", "cone": "cone"}
 
 
 def read_usd(path: Path, name: str) -> Reading:
@@ -57,31 +55,28 @@ def read_usd(path: Path, name: str) -> Reading:
 
     stage = stage_of(path)
     every = [*prims(stage)]
-    moving = [
-        prim for prim in every if prim.HasAPI(UsdPhysics.RigidBodyAPI) and value(prim, "physics:rigidBodyEnabled")
+    bodies = [
+        each for each in every if each.HasAPI(UsdPhysics.RigidBodyAPI) and value(each, "physics:rigidBodyEnabled")
     ]
-    check_count(len(moving), "links", str(path))
-    names = dict(zip((prim.GetPath() for prim in moving), names_of(moving), strict=True))
+    names = dict(zip((prim.GetPath() for prim in bodies), names_of(bodies), strict=True))
     units = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
     read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.Default()), names)
-    joints = [prim for prim in every if is_joint(prim)]
-    graph = {one.name: one for one in map(read.joint, joints, names_of(joints)) if one is not None}
-    links = {names[prim.GetPath()]: read.body(prim) for prim in moving}
-    edges, serial = _in_series({n: one.in_graph() for n, one in graph.items()})
-    assembled = graph_of_links(links, edges, str(path), rounding=ROUNDING)
-    return Reading(
+    found = [prim for prim in every if is_joint(prim)]
+    joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
+    placed = {one.name: one.placed() for one in joints}
+    edges, serial = _in_series({n: edge for n, (edge, _) in placed.items()})
+    paths = {one.prim.GetPath(): one for one in joints}
+    return read_graph(
+        {names[prim.GetPath()]: read.body(prim) for prim in bodies},
+        edges,
+        str(path),
+        mimics=[mimic for one in joints for mimic in one.mimics(paths)],
+        rounding=ROUNDING,
         name=name,
-        library=OWN,
-        bodies=assembled.assembly.bodies,
-        joints=assembled.joints,
-        fixed=assembled.assembly.fixed,
-        closures=assembled.closures,
-        couplings={c.joint: c for one in graph.values() for c in one.couplings(graph)},
-        actuators={n: ActuatorReading(n) for one in graph.values() for n, _ in one.drives()},
+        actuators={n: ActuatorReading(n) for one in joints for n, _ in one.drives()},
         gravity=read.gravity(next((prim for prim in every if prim.IsA(UsdPhysics.Scene)), None)),
-        content=(*read.content, *(each for one in graph.values() for each in one.content())),
-        frames={n: joint.child for n, joint in edges.items() if not joint.freedoms},
-        remarks=(*_apart({n: one.gap for n, one in graph.items()}), *serial),
+        content=(*read.content, *(each for one in joints for each in one.content())),
+        remarks=(*_apart({n: gap for n, (_, gap) in placed.items()}), *serial),
     )
 
 
@@ -126,9 +121,9 @@ class _Stage:
 
     def joint(self, prim: Any, name: str) -> _Joint | None:
         """A joint that constrains something."""
-        kind = str(prim.GetTypeName())
-        off, distance = not value(prim, "physics:jointEnabled", default=True), kind == "PhysicsDistanceJoint"
-        if off or distance:
+        kind = str(prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
+        off = not value(prim, "physics:jointEnabled", default=True)
+        if off or kind == "Distance":
             what = (
                 ("put in place", f"joint {name}, switched off")
                 if off
@@ -136,11 +131,26 @@ class _Stage:
             )
             self.content.append(Content(*what))
             return None
-        if kind not in _TYPES:
-            raise ModelFileError(f"joint {name} is a {kind}", self.where, f"make it one of {', '.join(_TYPES)}")
-        one = _Joint(prim, name, self)
+        if kind not in _KINDS:
+            types = ", ".join(f"Physics{each}Joint" for each in _KINDS)
+            raise ModelFileError(f"joint {name} is a {prim.GetTypeName()}", self.where, f"make it one of {types}")
+        tokens = [token.format(value(prim, "physics:axis", default="X")) for token in _KINDS[kind]]
+        limits = {token: self.limits(prim, kind, token) for token in tokens}
+        free = {token: (low, high) for token, (low, high) in limits.items() if not low >= high}
         same = self.side(prim, 0)[0] == self.side(prim, 1)[0]
-        return None if len(one.tokens) == len(_FREEDOMS) or same else one
+        return None if len(free) == len(_KINDS[""]) or same else _Joint(prim, name, kind, self, free)
+
+    def limits(self, prim: Any, kind: str, token: str) -> tuple[float, float]:
+        """Limits of a freedom of a joint [rad or m]."""
+        ends = ("physics:lowerLimit", "physics:upperLimit")
+        if kind not in ("Revolute", "Prismatic"):
+            ends = (f"limit:{token}:physics:low", f"limit:{token}:physics:high")
+        low, high = (self.scaled(token, value(prim, n, default=d)) for n, d in zip(ends, FREE, strict=True))
+        return low, high
+
+    def scaled(self, token: str, x: float) -> float:
+        """A coordinate in SI."""
+        return math.radians(x) if token in _TURNS else self.unit * x
 
     def placed(self, prim: Any) -> tuple[Array, Array]:
         """Pose of a prim in the world, and its scale. Shapes (4, 4), (3,)."""
@@ -162,13 +172,11 @@ class _Stage:
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not prim:
-            raise ModelFileError(
-                f"joint {joint.GetName()} joins {targets[0]}, which is not there", self.where, "mend it"
-            )
+            what = f"joint {joint.GetName()} joins {targets[0]}, which is not there"
+            raise ModelFileError(what, self.where, "mend it")
         T, scale = self.placed(prim) if prim else (np.eye(4), np.ones(3))
-        p = np.array(value(joint, f"physics:localPos{k}"), dtype=float)
-        R = _turn(value(joint, f"physics:localRot{k}"))
-        return self.body_of(prim), T @ matrix(self.unit * scale * p, np.eye(3) if R is None else R)
+        p, R = value(joint, f"physics:localPos{k}"), _turn(value(joint, f"physics:localRot{k}"))
+        return self.body_of(prim), T @ matrix(self.unit * scale * np.array(p), np.eye(3) if R is None else R)
 
     def body(self, prim: Any) -> BodyReading:
         """Matter and pose of a body."""
@@ -189,16 +197,15 @@ class _Stage:
         if value(prim, "physics:kinematicEnabled"):
             self.content.append(Content("bodies moved from outside", "kinematic body", f" {name}"))
         weightless = value(prim, "physxRigidBody:disableGravity", default=False)
-        return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), T, gravcomp=float(weightless))
+        return link(matter, T, weightless=weightless)
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
         """Matter of a body or collider: as the file states it, and the rest as shapes have it."""
         mass = self.kilo * value(prim, "physics:mass", default=0.0)
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
         moments, axes = value(prim, "physics:diagonalInertia"), _turn(value(prim, "physics:principalAxes"))
-        if tensor := value(prim, "newton:inertia"):
-            xx, yy, zz, xy, xz, yz = tensor
-            inertia = self.kilo * self.unit**2 * np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if entries := value(prim, "newton:inertia"):
+            inertia = self.kilo * self.unit**2 * tensor(entries)
         elif moments is not None and any(moments):
             A = np.eye(3) if axes is None else axes
             inertia = self.kilo * self.unit**2 * A @ np.diag(moments) @ A.T
@@ -214,7 +221,7 @@ class _Stage:
             return NOTHING
         kind, (T, scale) = str(prim.GetTypeName()).lower(), self.placed(prim)
         size = self.unit * np.abs(scale)
-        axis = _AXES[str(value(prim, "axis", default="Z"))]
+        axis = _AXES.index(str(value(prim, "axis", default="Z")))
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
         if kind not in ("cube", "sphere", "cylinder", "capsule", "cone", "mesh"):
@@ -237,7 +244,7 @@ class _Stage:
         from pxr import UsdGeom
 
         axis = str(UsdGeom.GetStageUpAxis(self.stage))
-        down = -np.eye(3)[_AXES[axis]]
+        down = -np.eye(3)[_AXES.index(axis)]
         if scene is None:
             return None if axis == "Z" else _GRAVITY * down
         way, size = np.array(value(scene, "physics:gravityDirection")), value(scene, "physics:gravityMagnitude")
@@ -254,99 +261,67 @@ def _turn(quaternion: Any) -> Array | None:
 
 @dataclass(frozen=True, slots=True)
 class _Joint:
-    """A joint of a stage; its freedoms are `tokens` of `_FREEDOMS`."""
+    """A joint of a stage.
+
+    Attributes:
+        kind: One of `_KINDS`.
+        limits: Token of each freedom that it leaves -> limits [rad or m], in the order in which they follow each other.
+    """
 
     prim: Any
     name: str
+    kind: str
     stage: _Stage
-
-    @property
-    def kind(self) -> str:
-        """Its type without what all begin and end with."""
-        return str(self.prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
-
-    @property
-    def tokens(self) -> tuple[str, ...]:
-        """Freedoms that it leaves, in their order."""
-        axis = value(self.prim, "physics:axis", default="X")
-        free = {"Revolute": (f"rot{axis}",), "Prismatic": (f"trans{axis}",), "Fixed": ()}
-        free["Spherical"] = tuple(token for token in _FREEDOMS if token.startswith("rot"))
-        return tuple(t for t in free.get(self.kind, tuple(_FREEDOMS)) if not self.bounds(t)[0] >= self.bounds(t)[1])
-
-    @property
-    def coordinates(self) -> dict[str, str]:
-        """Token of each freedom -> its name; a ball has one."""
-        tokens = self.tokens
-        if len(tokens) == 1 or self.is_ball:
-            return dict.fromkeys(tokens[:1], self.name)
-        return {token: f"{self.name}.{token}" for token in tokens}
+    limits: Mapping[str, tuple[float, float]]
 
     @property
     def is_ball(self) -> bool:
         """Whether it turns about all axes, and does nothing else."""
-        turns = len(self.tokens) == len(_AXES) and all(token.startswith("rot") for token in self.tokens)
-        return turns and all(self.bounds(token) == FREE for token in self.tokens)
+        return [*self.limits] == _TURNS and {*self.limits.values()} == {FREE}
 
-    def bounds(self, token: str) -> tuple[float, float]:
-        """Limits of a freedom [rad or m]."""
-        names = [(f"limit:{token}:physics:low",), (f"limit:{token}:physics:high",)]
-        if self.kind in ("Revolute", "Prismatic"):
-            names = [("physics:lowerLimit",), ("physics:upperLimit",)]
-        low, high = (value(self.prim, *n, default=d) for n, d in zip(names, FREE, strict=True))
-        return self.scaled(token, low), self.scaled(token, high)
+    @property
+    def coordinates(self) -> dict[str, str]:
+        """Token of each freedom -> its name; a ball has one."""
+        several = len(self.limits) > 1 and not self.is_ball
+        names = {token: f"{self.name}.{token}" if several else self.name for token in self.limits}
+        return {_TURNS[0]: self.name} if self.is_ball else names
 
-    def scaled(self, token: str, x: float) -> float:
-        """A coordinate in SI."""
-        return math.radians(x) if token.startswith("rot") else self.stage.unit * x
-
-    def moved(self) -> tuple[dict[str, JointReading], Array]:
-        """Freedoms at home, and where the frame on the child is by them. Shape (4, 4)."""
-        X, F = (self.stage.side(self.prim, k)[1] for k in (0, 1))
-        if self.is_ball:
-            return {self.name: JointReading("ball", np.zeros(6), X[:3, 3])}, matrix(X[:3, 3], F[:3, :3])
-        freedoms, home = {}, self.home(relative(X, F))
+    def placed(self) -> tuple[GraphJoint, float]:
+        """The joint between its bodies, and how far its frames are apart there [m or rad]."""
+        (parent, X), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
+        home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
         for token, name in self.coordinates.items():
-            kind, i = _FREEDOMS[token]
-            way, centre = X[:3, i], X[:3, 3]
-            numbers: dict[str, Any] = self.passive(token)
-            unit = screw(kind == "hinge", way, centre)
-            freedoms[name] = JointReading(kind, unit, centre, home[token], self.bounds(token), **numbers)
-            X = exponential(kind, way, centre, home[token]) @ X
-        return freedoms, X
+            kind, centre, q = "hinge" if token in _TURNS else "slide", X[:3, 3], home[token]
+            way = X[:3, _AXES.index(token[-1])]
+            if self.is_ball:
+                freedoms[name], X = JointReading("ball", np.zeros(6), centre), matrix(centre, F[:3, :3])
+                continue
+            unit, limits = screw(kind == "hinge", way, centre), self.limits[token]
+            freedoms[name] = JointReading(kind, unit, centre, q, limits, **self.passive(token))
+            X = exponential(kind, way, centre, q) @ X
+        gap = max(float(np.linalg.norm(X[:3, 3] - F[:3, 3])), float(np.abs(X[:3, :3] - F[:3, :3]).max()))
+        loop = bool(value(self.prim, "physics:excludeFromArticulation"))
+        return GraphJoint(parent, child, freedoms, X @ np.linalg.inv(F), loop), gap
 
     def home(self, T: Array) -> dict[str, float]:
         """Coordinates by which one frame stands in the other. T: shape (4, 4)."""
-        R, turning = T[:3, :3], [_FREEDOMS[token][1] for token in self.tokens if token.startswith("rot")]
+        R, turning = T[:3, :3], [_TURNS.index(token) for token in self.limits if token in _TURNS]
         angles = [math.atan2(-R[1, 2], R[2, 2]), math.asin(float(np.clip(R[0, 2], -1.0, 1.0)))]
         angles.append(math.atan2(-R[0, 1], R[0, 0]))
         if len(turning) == 1:
             i, j, k = (turning[0] + n for n in (-3, -2, -1))
             angles[i] = math.atan2(R[k, j] - R[j, k], R[j, j] + R[k, k])
-        return {t: float(T[i, 3] if kind == "slide" else angles[i]) for t, (kind, i) in _FREEDOMS.items()}
-
-    def in_graph(self) -> GraphJoint:
-        """The joint between its links."""
-        (parent, _), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
-        freedoms, X = self.moved()
-        loop = bool(value(self.prim, "physics:excludeFromArticulation"))
-        return GraphJoint(parent, child, freedoms, X @ np.linalg.inv(F), loop)
-
-    @property
-    def gap(self) -> float:
-        """How far its frames are apart [m or rad]."""
-        F, X = self.stage.side(self.prim, 1)[1], self.moved()[1]
-        return max(float(np.linalg.norm(X[:3, 3] - F[:3, 3])), float(np.abs(X[:3, :3] - F[:3, :3]).max()))
+        return dict(zip((*_SLIDES, *_TURNS), (*T[:3, 3].tolist(), *angles), strict=True))
 
     def passive(self, token: str) -> dict[str, float]:
         """What a freedom exerts by itself: in SI, per radian."""
-        turns, per = token.startswith("rot"), self.stage.kilo
-        size = per * self.stage.unit ** (2 if turns else 0)
-        found = {what: value(self.prim, *names, default=0.0) for what, names in _PASSIVE.items()}
+        turns, unit = token in _TURNS, self.stage.unit
+        size = self.stage.kilo * unit ** (2 if turns else 0)
+        found = {what: size * value(self.prim, *names, default=0.0) for what, names in _PASSIVE.items()}
         if turns and value(self.prim, "newton:damping") is not None:
             found["damping"] = math.degrees(found["damping"])
-        found = {what: size * x for what, x in found.items()}
-        rest = self.scaled(token, value(self.prim, *_PASSIVE["rest"], default=0.0))
-        return {**found, "friction": found["friction"] * (1.0 if turns else self.stage.unit), "rest": rest}
+        found["friction"] *= 1.0 if turns else unit
+        return {**found, "rest": self.stage.scaled(token, value(self.prim, "mjc:springref", default=0.0))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
         """Coordinates that are driven, and the instance of the drive."""
@@ -369,31 +344,31 @@ class _Joint:
         """Path that a relationship names; None if it names nothing."""
         return next(iter(self.prim.GetRelationship(relationship).GetForwardedTargets()), None)
 
-    def mimics(self) -> Iterator[tuple[Any, str, str, tuple[float, float], bool]]:
+    def laws(self) -> Iterator[tuple[Any, str, str, float, float, bool]]:
         """Joint that it follows, its own and that one's freedom, constant and slope, and whether these count degrees.
 
         Those of PhysX count only if there is none of Newton's.
         """
-        if (to := self.target("newton:mimicJoint")) and value(self.prim, "newton:mimicEnabled", default=True):
-            law = value(self.prim, "newton:mimicCoef0", default=0.0), value(self.prim, "newton:mimicCoef1", default=1.0)
-            yield to, self.tokens[0], "", law, False
+        read = partial(value, self.prim)
+        if (to := self.target("newton:mimicJoint")) and read("newton:mimicEnabled", default=True):
+            constant, slope = read("newton:mimicCoef0", default=0.0), read("newton:mimicCoef1", default=1.0)
+            yield to, "", "", constant, slope, False
             return
         names = (each.GetName().split(":") for each in self.prim.GetAuthoredRelationships())
         for token in (parts[1] for parts in names if parts[0] == "physxMimicJoint" and parts[-1] == "referenceJoint"):
             of = f"physxMimicJoint:{token}"
-            law = -value(self.prim, f"{of}:offset", default=0.0), -value(self.prim, f"{of}:gearing", default=1.0)
-            axis = str(value(self.prim, f"{of}:referenceJointAxis", default=""))
-            yield self.target(f"{of}:referenceJoint"), token, axis, law, True
+            constant, slope = -read(f"{of}:offset", default=0.0), -read(f"{of}:gearing", default=1.0)
+            axis = str(read(f"{of}:referenceJointAxis", default=""))
+            yield self.target(f"{of}:referenceJoint"), token, axis, constant, slope, True
 
-    def couplings(self, joints: Mapping[str, _Joint]) -> Iterator[CouplingReading]:
-        """Joints that follow others."""
-        for target, token, axis, (constant, slope), degrees in self.mimics():
-            leader = next((one for one in joints.values() if one.prim.GetPath() == target), None)
+    def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
+        """Its coordinates that follow others. joints: by their paths."""
+        for path, token, axis, constant, slope, degrees in self.laws():
+            leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
-                what = f"joint {self.name} follows {target}, which is no joint that moves"
+                what = f"joint {self.name} follows {path}, which is no joint that moves"
                 raise ModelFileError(what, self.stage.where, "name another joint, or take the mimic out")
             pairs = ((token, self), (axis, leader))
             own, leads = (t if t in one.coordinates else next(iter(one.coordinates)) for t, one in pairs)
-            ratio = self.scaled(own, 1.0) / leader.scaled(leads, 1.0) if degrees else 1.0
-            law = PolynomialSum.of({leader.coordinates[leads]: np.array([self.scaled(own, constant), ratio * slope])})
-            yield CouplingReading(self.coordinates[own], law)
+            ratio = scaled(own, 1.0) / scaled(leads, 1.0) if degrees else 1.0
+            yield Mimic(self.coordinates[own], leader.name, leads, scaled(own, constant), ratio * slope)

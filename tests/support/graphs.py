@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,7 +14,7 @@ from screwgauge.models.formats import TENSOR, quaternion, vector_text
 from screwgauge.models.importing.model import Imported, Wanted, describe
 from screwgauge.models.layout import lay_out
 from screwgauge.models.poses import exponential, matrix, screw
-from screwgauge.models.readings.graph import GraphJoint, graph_of_links
+from screwgauge.models.readings.graph import GraphJoint, read_graph
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading, couplings_of
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -66,18 +67,9 @@ def reading_of(mechanism: Mechanism, last: str = "") -> Reading:
         j.name: GraphJoint(link.get(j.parent, j.parent), link.get(j.child, j.child), freedoms_of(j, poses[j.parent])[0])
         for j in ordered(mechanism, last)
     }
-    graph = graph_of_links(links, joints, mechanism.name)
-    return Reading(
-        name=mechanism.name,
-        library="screwgauge",
-        bodies=graph.assembly.bodies,
-        joints=graph.joints,
-        fixed=graph.assembly.fixed,
-        closures=graph.closures,
-        couplings=couplings_of(mechanism.couplings),
-        gravity=np.array([0.0, 0.0, -9.81]),
-        form="sdf",
-    )
+    more = {"name": mechanism.name, "gravity": np.array([0.0, 0.0, -9.81]), "form": "sdf"}
+    reading = read_graph(links, joints, mechanism.name, **more)
+    return replace(reading, couplings=couplings_of(mechanism.couplings))
 
 
 def wanted(mechanism: Mechanism) -> Wanted:
