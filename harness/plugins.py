@@ -18,7 +18,8 @@ it, ``precisions=("float64", "float32")``, and its function takes ``precision="f
 **Question.** A `Problem` has a task, what acts, names of wanted quantities and the rule for redundant actuators.
 Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`) and `States` (an open
 tree as it is). `Applied` holds gravity (`GRAVITY` where none is given), each `Load`, springs (`JointSpring`,
-`PointSpring`) and each `Motor`. `GIVEN` names the quantities that are asked of a given motion by default, `OF_MOTION`
+`PointSpring`) and each `Motor`. A `Load` may follow a `Course` or `Samples` over time, see its `at`, and turn with its
+body (`axes`). `GIVEN` names the quantities that are asked of a given motion by default, `OF_MOTION`
 all that can be.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings

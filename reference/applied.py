@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.courses import Course, Samples, Wave
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
 
@@ -16,25 +17,64 @@ from screwgauge.reference.rotations import Array
 GRAVITY = (0.0, 0.0, -9.81)
 
 
+#: Axes that the components of a load are given in: of the world, or of its body, with which it turns.
+AXES = ("world", "body")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """A force and moment on a body, in world axes.
+    """A force and moment on a body.
 
     Attributes:
         body: Body that the load acts on (signs of an opposite reading are already applied).
         point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
-        force, torque: [N], [N m]. Shape (3,), or (n, 3) where they change from sample to sample.
+        force, torque: [N], [N m]. Shape (3,), or (n, 3) where they are those of n samples; no numbers where they follow
+            from `courses`, see `at`.
+        axes: Whose axes these are in, one of `AXES`.
+        courses: Fx, Fy, Fz, Mx, My, Mz over time; empty where nothing changes.
     """
 
     body: str
     point: Array | None
     force: Array
     torque: Array
+    axes: str = AXES[0]
+    courses: tuple[Course | Samples, ...] = ()
 
-    def numbers(self) -> tuple[str, list[float] | None, list[float], list[float]]:
+    @classmethod
+    def over_time(cls, body: str, point: Array | None, courses: tuple[Course | Samples, ...], axes: str) -> Load:
+        """A load of six components, plain numbers if none of them changes."""
+        unknown = np.full(3, np.nan)
+        load = cls(body, point, unknown, unknown, axes, courses)
+        return load.at(0.0) if all(one.constant for one in courses) else load
+
+    def at(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Load:
+        """The load with its force and torque at times [s], of numbers of any kind. Shape (...)."""
+        if not self.courses:
+            return self
+        each = np.broadcast_arrays(*(course(t, cos, sin) for course in self.courses))
+        vectors = np.stack(each, axis=-1)
+        return replace(self, force=vectors[..., :3], torque=vectors[..., 3:], courses=())
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it is known at the times of a file only."""
+        return any(isinstance(course, Samples) for course in self.courses)
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it exerts nothing at any time."""
+        if self.courses:
+            return all(course.nothing for course in self.courses)
+        return not (self.force.any() or self.torque.any())
+
+    def numbers(self) -> tuple[Any, ...]:
         """The load as plain values, which can be compared and written down."""
         point = None if self.point is None else self.point.tolist()
-        return self.body, point, self.force.tolist(), self.torque.tolist()
+        if self.courses:
+            return self.body, point, self.axes, [course.plain() for course in self.courses]
+        plain = self.body, point, self.force.tolist(), self.torque.tolist()
+        return plain if self.axes == AXES[0] else (*plain, self.axes)
 
 
 def _check(where: str, stiffness: float, rest: float, damping: float) -> None:
@@ -129,32 +169,20 @@ class Motor:
 
     Attributes:
         coordinate: Name of the joint coordinate.
-        polynomial: Coefficients over time, lowest first [N or N m, per s^k]. Shape (m,).
-        harmonics: Rows [omega, cos, sin] [rad/s, N or N m]. Shape (k, 3).
+        course: The force over time [N or N m].
     """
 
     coordinate: str
-    polynomial: Array
-    harmonics: Array
+    course: Course
 
-    @property
-    def constant(self) -> bool:
-        """Whether time changes nothing."""
-        return not self.polynomial[1:].any() and not len(self.harmonics)
-
-    def force(self, t: Any, cos: Callable[[Any], Any] = np.cos, sin: Callable[[Any], Any] = np.sin) -> Any:
+    def force(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
         """[N or N m] at times [s], of numbers of any kind."""
-        total: Any = 0.0
-        for coefficient in self.polynomial[::-1].tolist():
-            total = total * t + coefficient
-        for omega, c, s in self.harmonics.tolist():
-            total = total + c * cos(omega * t) + s * sin(omega * t)
-        return total
+        return self.course(t, cos, sin)
 
 
 def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
     """Motors of constant force by joint coordinate [N or N m]."""
-    return tuple(Motor(name, np.array([float(f)]), np.zeros((0, 3))) for name, f in forces.items())
+    return tuple(Motor(name, Course.of(f)) for name, f in forces.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +191,7 @@ class Applied:
 
     Attributes:
         gravity: World axes [m/s^2], shape (3,); None leaves that of the model file.
-        loads: On bodies, constant, in world axes.
+        loads: On bodies.
         springs: Springs and dampers, along joints or between points of bodies.
         motors: Forces along joint coordinates over time.
     """
@@ -177,3 +205,7 @@ class Applied:
     def g(self) -> Array:
         """Gravity, the usual one where the model file would say it. Shape (3,)."""
         return np.array(GRAVITY) if self.gravity is None else self.gravity
+
+    def at(self, t: Array) -> Applied:
+        """What acts at times [s], forces and torques of loads being those of samples. Shape (n,)."""
+        return replace(self, loads=tuple(load.at(t) for load in self.loads))

@@ -69,7 +69,7 @@ def test_a_right_motion_passes(driven):
 def test_forces_of_another_scene_fail_though_their_energy_may_balance(driven, what):
     acting = driven.applied
     others = {
-        "motors": tuple(replace(motor, polynomial=-motor.polynomial) for motor in acting.motors),
+        "motors": tuple(replace(motor, course=motor.course.times(-1.0)) for motor in acting.motors),
         "springs": (replace(acting.springs[0], damping=0.0), acting.springs[1]),
         "loads": tuple(replace(load, force=-load.force) for load in acting.loads),
     }

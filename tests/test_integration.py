@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from support.acting import Applied, JointSpring, Motor
+from support.acting import Applied, Course, JointSpring, Motor
 from support.errors import DescriptionError, UnknownNameError
 from support.mechanism import DATA, load_mechanism
 from support.solve import METHODS, Branch, integrate, layout, positions
@@ -88,7 +88,7 @@ def test_all_methods_give_the_same_motion(sprung, best, method):
 @pytest.mark.slow
 def test_forces_may_depend_on_time(pendulum):
     """Without gravity the second joint alone is 1 kg at 1 m: its angle is the torque integrated twice."""
-    torque = Motor("b", np.zeros(1), np.array([[9.0, 0.0, 5.0]]))
+    torque = Motor("b", Course(np.zeros(1), np.array([[9.0, 0.0, 5.0]])))
     held = integrate(
         pendulum,
         Applied(gravity=np.zeros(3), motors=(torque,)),

@@ -10,6 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
+from screwgauge.reference.courses import Course
 from support.acting import Applied, Load, Motor
 from support.engines import ENGINES, ask, model_files
 from support.errors import ClosureError
@@ -88,7 +89,9 @@ def test_loads_may_change_from_sample_to_sample():
     scene = load_scene("3ups-upu-s").at([0.1, 0.4, 0.9])
     force, torque = np.arange(9.0).reshape(3, 3) * 50.0, np.array([[1.0, -2.0, 3.0]] * 3)
     loads = (Load("platform", np.array([0.1, 0.0, 0.2]), force, torque), Load("leg1.lower", None, torque[0], torque[1]))
-    applied = replace(scene.applied, loads=loads, motors=(Motor("leg1.q3", np.array([5.0, 7.0]), np.zeros((0, 3))),))
+    applied = replace(
+        scene.applied, loads=loads, motors=(Motor("leg1.q3", Course(np.array([5.0, 7.0]), np.zeros((0, 3)))),)
+    )
     problem = replace(scene.problem(["actuator_force", "reaction"]), applied=applied)
     one, other = (ask(name, model_files("3ups-upu-s", name), problem).values for name in ("screw", "lagrange"))
     for name, values in one.items():

@@ -11,7 +11,7 @@ import pytest
 
 import screwgauge
 from screwgauge.truth import cache
-from support.acting import Motor, hold
+from support.acting import Course, Motor, hold
 from support.scene import sampled
 from support.solve import ScrewModel, layout
 from support.traced import native
@@ -149,7 +149,7 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
 
 def test_motors_that_change_over_time_ask_for_the_times(scene):
     """Samples in any order have none."""
-    waving = scene.under(motors=(Motor("leg1.q3", np.zeros(1), np.array([[5.0, 1.0, 2.0]])),))
+    waving = scene.under(motors=(Motor("leg1.q3", Course(np.zeros(1), np.array([[5.0, 1.0, 2.0]]))),))
     solver = screwgauge.compile(waving, FORCES, backend="numpy")
     with pytest.raises(screwgauge.ScrewgaugeError, match=r"a motor changes over time.*give t"):
         solver(*motion(scene))

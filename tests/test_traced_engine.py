@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 
 import screwgauge
-from support.acting import JointSpring, Motor
+from support.acting import Course, JointSpring, Motor
 from support.engines import ModelFiles, get_engine
 from support.errors import UnknownNameError
 from support.geometry import rotation
@@ -190,7 +190,7 @@ def under(**applied):
     [
         ("3ups-upu-s", lambda scene: replace(scene, rule="spherical_axial")),
         ("3ups-upu-s", under(springs=(JointSpring("leg2.q4", 30.0, 0.1, 2.0),))),
-        ("five-bar", under(motors=(Motor("tip", np.array([0.3, 0.2]), np.array([[4.0, 0.5, 0.1]])),))),
+        ("five-bar", under(motors=(Motor("tip", Course(np.array([0.3, 0.2]), np.array([[4.0, 0.5, 0.1]]))),))),
     ],
 )
 def test_programs_answer_to_rules_springs_and_motors(name, change):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.acting import Applied, JointSpring, Load, Motor, PointSpring
+from support.acting import Applied, Course, JointSpring, Load, Motor, PointSpring
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
@@ -42,7 +42,7 @@ def everything(lay):
             JointSpring(tree, 3.0, 0.2, 0.7),
             PointSpring("ground", np.array([2.0, 1.0, 3.0]), last, np.array([0.1, 0.0, 0.2]), 50.0, 1.0, 4.0),
         ),
-        motors=(Motor(tree, np.array([1.0, -2.0, 0.5]), np.array([[3.0, 0.4, -0.7]])),),
+        motors=(Motor(tree, Course(np.array([1.0, -2.0, 0.5]), np.array([[3.0, 0.4, -0.7]]))),),
     )
 
 

@@ -138,6 +138,13 @@ gravity = [1, -2, -9]
 """
 SPRING = '[[springs]]\ncoordinate = "j"\nstiffness = 40\nrest = 0.2\ndamping = 3\n'
 RESISTING = "rotor = 0.1\ndamping = 0.5\nfriction = 0.2"
+PUSH = '[[loads]]\non = "b"\nby = "environment"\npoint = [0.2, -0.1, 0.3]\n'
+#: Feature -> what a scene has it by.
+ACTING = {
+    "springs": SPRING,
+    "courses": f"{PUSH}force = [1, {{ polynomial = [2, 3] }}, {{ harmonics = [[4, 1, 2]] }}]\n",
+    "axes": f'{PUSH}axes = "body"\nforce = [3, -2, 1]\ntorque = [0.2, 0.5, -0.3]\n',
+}
 #: Quantities of a body on one joint.
 OF_ONE = (*OF_JOINTS, *OF_BODIES, "generalized_force")
 
@@ -156,14 +163,14 @@ def on_one_joint(feature: str, folder: Path) -> Scene:
     axes = np.eye(3)[: {"U": 2, "S": 3, "F": 3}.get(kind, 1)].tolist()
     entries = f"axes = {axes}\n{RESISTING if feature == 'resistance' else ''}"
     (folder / "alone.toml").write_text(ALONE.format(kind=kind, independent=independent, entries=entries), "utf-8")
-    text = MOVING.format(motion=motion) + (SPRING if feature == "springs" else "")
+    text = MOVING.format(motion=motion) + ACTING.get(feature, "")
     (folder / "scene.toml").write_text(text, "utf-8")
     return screwgauge.load_scene(folder / "scene.toml")
 
 
 @pytest.mark.parametrize("feature", [name for name in FEATURES if name != "fixed"])
 def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: Path) -> None:
-    """Joints of a kind, couplings, resistance, springs: `refuses` names those that an engine does not know."""
+    """Joints of a kind, couplings, resistance, springs, loads: `refuses` names those that an engine does not know."""
     results = of_engine(entry, on_one_joint(feature, tmp_path), OF_ONE, strict=True)
     assert results.exit_status == 0, verdict(results).text
 

@@ -19,6 +19,8 @@ FEATURES = {
     "couplings": "coupling",
     "resistance": "rotor, damping or dry friction",
     "springs": "spring or motor",
+    "courses": "load over time",
+    "axes": "load in axes of its body",
 }
 
 #: Task -> what it is. `Engine.refuses` may say why an engine does not take one.
@@ -40,6 +42,10 @@ def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
         found["resistance"] = f"coordinate {resistance.coordinate}"
     if applied.springs or applied.motors:
         found["springs"] = "the scene"
+    if any(load.courses for load in applied.loads):
+        found["courses"] = "the scene"
+    if any(load.axes == "body" for load in applied.loads):
+        found["axes"] = "the scene"
     return found
 
 

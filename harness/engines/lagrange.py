@@ -151,9 +151,10 @@ class Equations:
         for load, (force, torque) in zip(self.applied.loads, inputs["loads"].reshape(-1, 2, 3), strict=True):
             if load.body == kit.GROUND:
                 continue
-            point = self.mechanism.body(load.body).com if load.point is None else load.point
+            point, R = self.mechanism.body(load.body).com if load.point is None else load.point, self.pose[load.body][0]
+            force, torque = (R @ x if load.axes == "body" else x for x in (force, torque))
             yield from zip(at(pose[load.body], point), -force, strict=True)
-            yield from zip(pose[load.body][0].flat, (-0.5 * skew(torque) @ self.pose[load.body][0]).flat, strict=True)
+            yield from zip(pose[load.body][0].flat, (-0.5 * skew(torque) @ R).flat, strict=True)
         yield from zip((self._length(spring, pose) for spring in self.springs), inputs["pulls"], strict=True)
         yield from zip(self._gaps(pose), -inputs["multipliers"], strict=False)
 

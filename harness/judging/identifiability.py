@@ -27,7 +27,14 @@ from screwgauge.witness.dynamics import along, momentum, newton_euler
 from screwgauge.witness.joints import MechanismTree, mechanism_tree, open_tree
 from screwgauge.witness.kinematics import TreeMotion, move, unit_twists, velocity_products
 from screwgauge.witness.tree import TreeStates
-from screwgauge.witness.wrenches import UnitWrench, balancing, exerted_on_bodies, unit_wrenches, wrench_columns
+from screwgauge.witness.wrenches import (
+    UnitWrench,
+    balancing,
+    exerted_on_bodies,
+    load_in_world,
+    unit_wrenches,
+    wrench_columns,
+)
 
 _SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
 #: Terms of the Lie bracket: all of it, and each of its products.
@@ -254,7 +261,8 @@ def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:
         if not body.mass:
             continue
         # what acts at the centre of mass goes with it
-        carried = sum((load.force for load in applied.loads if load.body == body.name and load.point is None), 0.0 * w)
+        own = [load for load in applied.loads if load.body == body.name and load.point is None]
+        carried = sum((load_in_world(load, now.t, R)[0] for load in own), 0.0 * w)
         for axis, r in zip(_AXES, np.moveaxis(L * R, 2, 0), strict=True):
             force = body.mass * (cross(b, r) + cross(w, cross(w, r)))
             yield f"com {axis} of {body.name}", i, (force, cross(r, weight)), (0.0, -cross(r, carried))
@@ -272,7 +280,8 @@ def _of_loads(now: CoveredMotion) -> Iterator[_Column]:
     loads = now.problem.applied.loads
     for number, load in enumerate(loads, 1):
         i, which = now.mechanism.body_index[load.body] - 1, f" {number}" if len(loads) > 1 else ""
-        if np.any(load.force):
-            for axis, r in zip(_AXES, np.moveaxis(now.tree.length * now.motion.com.R[:, i], 2, 0), strict=True):
-                moment = -cross(r, np.broadcast_to(load.force, r.shape))
+        R = now.motion.com.R[:, i]
+        if np.any(force := load_in_world(load, now.t, R)[0]):
+            for axis, r in zip(_AXES, np.moveaxis(now.tree.length * R, 2, 0), strict=True):
+                moment = -cross(r, np.broadcast_to(force, r.shape))
                 yield f"point {axis} of load{which} on {load.body}", i, _NONE, (0.0, moment)

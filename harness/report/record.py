@@ -13,6 +13,7 @@ import pandas as pd
 from screwgauge.environment import plain
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.rotations import Array
 from screwgauge.report import reviewed
 from screwgauge.report.verdict import first_difference
@@ -232,9 +233,14 @@ def _inline(value: Any) -> str:
 
 def _load(load: Load) -> str:
     point = "its centre of mass" if load.point is None else f"{vector(load.point)} m in its frame"
+    axes = "world axes" if load.axes == "world" else "axes of the body"
     named = (("force", load.force, "N"), ("moment", load.torque, "N·m"))
     parts = [f"{name} {vector(values)} {unit}" for name, values, unit in named if np.any(values)]
-    return f"on {load.body} at {point}, world axes: {', '.join(parts) or 'none'}"
+    if load.courses:
+        units = ["N"] * 3 + ["N·m"] * 3
+        each = zip(("Fx", "Fy", "Fz", "Mx", "My", "Mz"), load.courses, units, strict=True)
+        parts = [f"{name} = {_over_time(course)} {unit}" for name, course, unit in each if not course.nothing]
+    return f"on {load.body} at {point}, {axes}: {', '.join(parts) or 'none'}"
 
 
 def _spring(spring: Spring) -> str:
@@ -246,8 +252,15 @@ def _spring(spring: Spring) -> str:
 
 
 def _motor(motor: Motor) -> str:
-    powers = ("", " t", *(f" t^{k}" for k in range(2, len(motor.polynomial))))
-    terms = [f"{number(c)}{power}" for c, power in zip(motor.polynomial.tolist(), powers, strict=False) if c]
-    for omega, cos, sin in motor.harmonics.tolist():
+    return f"along {motor.coordinate}: {_over_time(motor.course)}"
+
+
+def _over_time(course: Course | Samples) -> str:
+    """A number over time as a formula, or the file that it is from."""
+    if isinstance(course, Samples):
+        return f"samples of {PurePath(course.file).name}"
+    powers = ("", " t", *(f" t^{k}" for k in range(2, len(course.polynomial))))
+    terms = [f"{number(c)}{power}" for c, power in zip(course.polynomial.tolist(), powers, strict=False) if c]
+    for omega, cos, sin in course.harmonics.tolist():
         terms += (f"{number(c)} {name} {number(omega)} t" for c, name in ((cos, "cos"), (sin, "sin")) if c)
-    return f"along {motor.coordinate}: {' + '.join(terms) or '0'}"
+    return " + ".join(terms) or "0"

@@ -98,6 +98,9 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         raise DescriptionError(
             "tables are of the motion of the scene, which this replaces", scene.name, "run it as it is"
         )
+    if any(load.sampled for load in scene.applied.loads):
+        what = "columns of a load are of the times of their file, which this replaces"
+        raise DescriptionError(what, scene.name, "run it as it is")
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
     at = motion_at(lay, mechanism.home[None], np.zeros((1, len(columns))))
@@ -174,7 +177,7 @@ def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     inertia = float((heights**2 * np.diagonal(at.inertia_matrix[0])).sum())
     v, w = (np.linalg.norm(part[0], axis=2).T @ heights for part in at.partial_motion)
     acting = np.linalg.norm(applied.g) * mechanism.masses @ v
-    for load in applied.loads:
+    for load in (each.at(0.0) for each in applied.loads):
         i = index[load.body] - 1
         acting += np.linalg.norm(load.force) * v[i] + np.linalg.norm(load.torque) * w[i]
     return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))

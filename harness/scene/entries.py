@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from screwgauge.quantities import check_quantities
-from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
+from screwgauge.reference.applied import AXES, JointSpring, Load, Motor, PointSpring, Spring
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, positive, read_items, read_text, read_vector, required
-from screwgauge.scene.motion import read_terms
+from screwgauge.scene.motion import read_column, read_course
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +100,13 @@ _AMOUNTS = ("stiffness", "rest", "damping")
 _ENDS = ("first", "first_point", "second", "second_point")
 
 
-def read_load(mechanism: Mechanism, table: Any, where: str) -> Load:
-    """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment."""
-    check_keys(table, {"on", "by", "point", "force", "torque"}, where)
+def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path()) -> Load:
+    """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment.
+
+    Args:
+        folder: Where CSV files are looked for.
+    """
+    check_keys(table, {"on", "by", "point", "force", "torque", "axes"}, where)
     on, by = (read_text(table, key, where) for key in ("on", "by"))
     if (on == "environment") == (by == "environment"):
         raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
@@ -110,12 +115,33 @@ def read_load(mechanism: Mechanism, table: Any, where: str) -> Load:
     point = table.get("point", "com")
     if not {"force", "torque"} & table.keys():
         raise DescriptionError("the load exerts nothing", where, "give a force or a torque")
-    return Load(
-        body=body,
-        point=None if point == "com" else vector(point, f"{where}.point"),
-        force=sign * read_vector(table, "force", where),
-        torque=sign * read_vector(table, "torque", where),
-    )
+    at = None if point == "com" else vector(point, f"{where}.point")
+    axes = check_name("axes", read_text(table, "axes", where, AXES[0]), AXES, where)
+    if not any(isinstance(x, dict) for key in ("force", "torque") for x in _listed(table.get(key))):
+        force, torque = (sign * read_vector(table, key, where) for key in ("force", "torque"))
+        return Load(body, at, force, torque, axes)
+    courses = [one.times(sign) for key in ("force", "torque") for one in _components(table, key, where, folder)]
+    return Load.over_time(body, at, tuple(courses), axes)
+
+
+def _listed(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> Iterator[Course | Samples]:
+    """Three components of a load, each a number, a course over time, or a column of a CSV file."""
+    values, where = table.get(key, [0, 0, 0]), f"{where}.{key}"
+    if not isinstance(values, list) or len(values) != 3:
+        raise DescriptionError(f"{shown(values)} is no list of three components", where, "give three of them")
+    for axis, value in zip("xyz", values, strict=True):
+        if not isinstance(value, dict):
+            yield Course.of(number(value, where))
+        elif "csv" in value:
+            check_keys(value, {"csv", "column"}, where)
+            column = read_text(value, "column", where, f"{'m' if key == 'torque' else 'f'}{axis}")
+            yield read_column(named_file(folder, read_text(value, "csv", where)), column)
+        else:
+            yield read_course(value, where)
 
 
 def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
@@ -165,11 +191,10 @@ def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
         raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")
-    return Motor(coordinate, *read_terms(terms, where))
+    return Motor(coordinate, read_course(terms, where))
 
 
 _ACTING: dict[str, tuple[Callable[..., Any], Any]] = {
-    "loads": (read_load, Load),
     "springs": (read_spring, Spring),
     "motors": (read_motor, Motor),
 }
@@ -179,12 +204,17 @@ def _acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entry: An
     return entry if isinstance(entry, kind) else read(mechanism, entry, where)
 
 
-def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str) -> dict[str, Any]:
-    """Fields of `Applied` that are given by entries of a scene file; objects made of such are kept."""
+def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
+    """Fields of `Applied` that are given by entries of a scene file; objects made of such are kept.
+
+    Args:
+        folder: Where CSV files are looked for.
+    """
     given: dict[str, Any] = {}
     if "gravity" in data:
         given["gravity"] = vector(data["gravity"], f"{where}, gravity")
-    for key, (read, kind) in _ACTING.items():
+    acting: dict[str, tuple[Callable[..., Any], Any]] = {"loads": (partial(read_load, folder=folder), Load), **_ACTING}
+    for key, (read, kind) in acting.items():
         if key in data:
             given[key] = read_items(data, key, where, partial(_acting, mechanism, read, kind))
     return given

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from screwgauge.problem import GivenMotion, Rows
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import LARGEST, number, vector
 from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
@@ -121,23 +122,6 @@ def _no_parquet(path: Path, error: Exception) -> DescriptionError:
     return DescriptionError(f"cannot be read as Parquet ({error or type(error).__name__})", str(path), "check the file")
 
 
-def same_times(t: Array, others: Array) -> tuple[Rows, Rows]:
-    """Where two lists have the same times; those that differ only in how their decimals were rounded are the same.
-
-    Args:
-        t: In any order. Shape (n,).
-        others: Increasing. Shape (m,).
-
-    Returns:
-        Indices into both, for each of `t` that is there.
-    """
-    right = np.searchsorted(others, t).clip(max=len(others) - 1)
-    left = (right - 1).clip(min=0)
-    nearest = np.where(np.abs(others[left] - t) < np.abs(others[right] - t), left, right)
-    rows = np.flatnonzero(np.isclose(others[nearest], t, rtol=1e-12, atol=1e-15))
-    return rows, nearest[rows]
-
-
 _STILL = 1e-9  # what does not move as far as this rests [rad, m, or per s]
 
 
@@ -146,22 +130,23 @@ class Analytic:
     """A motion of polynomials and harmonics.
 
     Attributes:
-        terms: For each coordinate: coefficients, lowest first, shape (m,), and rows [omega, cos, sin], shape (k, 3).
+        terms: Of each coordinate.
         where: What to blame.
     """
 
-    terms: tuple[tuple[Array, Array], ...]
+    terms: tuple[Course, ...]
     where: str
 
     def __call__(self, t: Array) -> GivenMotion:
         """The motion at times [s]. Shape (n,)."""
         y, yd, ydd = (np.empty((len(t), len(self.terms))) for _ in range(3))
         with np.errstate(over="ignore", invalid="ignore"):
-            for k, (coefficients, harmonics) in enumerate(self.terms):
+            for k, course in enumerate(self.terms):
+                coefficients = course.polynomial
                 for x in (y, yd, ydd):
                     x[:, k] = _polynomial(coefficients, t)
                     coefficients = coefficients[1:] * np.arange(1.0, len(coefficients))
-                for omega, c, s in harmonics:
+                for omega, c, s in course.harmonics:
                     cos, sin = np.cos(omega * t), np.sin(omega * t)
                     y[:, k] += c * cos + s * sin
                     yd[:, k] += omega * (s * cos - c * sin)
@@ -243,12 +228,12 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
             raise DescriptionError(f"{shown(table['csv'])} is not a file name", f"{where}.csv", "write it in quotes")
         return _sampled(named_file(folder, table["csv"]), labels)
     check_keys(table, labels, where)
-    terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)
+    terms = (read_course(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
 
 
-def read_terms(table: Any, where: str) -> tuple[Array, Array]:
-    """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
+def read_course(table: Any, where: str) -> Course:
+    """Reads ``offset``, ``polynomial`` and ``harmonics``."""
     check_keys(table, {"offset", "harmonics", "polynomial"}, where)
     polynomial = read_coefficients(table.get("polynomial", [0]), f"{where}.polynomial")
     polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
@@ -257,7 +242,14 @@ def read_terms(table: Any, where: str) -> tuple[Array, Array]:
         raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
     check_count(len(harmonics), "harmonics", f"{where}.harmonics")
     rows = [vector(row, f"{where}.harmonics") for row in harmonics]
-    return polynomial, np.array(rows).reshape(-1, 3)
+    return Course(polynomial, np.array(rows).reshape(-1, 3))
+
+
+def read_column(path: Path, column: str) -> Samples:
+    """A column of a CSV file with times ``t``, known at these times only."""
+    columns = read_columns(path, ["t", column], "of a load")
+    check_times(columns["t"], str(path))
+    return Samples(columns["t"], columns[column], str(path))
 
 
 def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
+from screwgauge.reference.courses import same_times
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.files import named_file
@@ -18,7 +19,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, check_times, positive, read_text, read_vector
-from screwgauge.scene.motion import numbers, read_columns, same_times
+from screwgauge.scene.motion import numbers, read_columns
 from screwgauge.solution import Values
 
 #: Measures of a published accuracy.

@@ -13,6 +13,7 @@ from screwgauge.models.importing import MESHES, is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, OF_MOTION, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.courses import Samples
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number
 from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
@@ -103,7 +104,7 @@ _built_in = cache(_read)  # what comes with the package does not change
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
-    return Applied(**read_applied(mechanism, {"gravity": _GRAVITY, **data}, where))
+    return Applied(**read_applied(mechanism, {"gravity": _GRAVITY, **data}, where, Path(where).parent))
 
 
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
@@ -115,15 +116,19 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     motion = required(data, "motion", where)
     drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
     tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
-    if sampled is None and tables:
-        sampled = np.unique(np.concatenate([table.t for table in tables.values()]))
+    applied = _applied(data, mechanism, where)
+    files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
+    if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
+        sampled = np.unique(np.concatenate(known))
     rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
+    task = drive(read_grid(data.get("time"), sampled, f"{where}, time"))
+    applied.at(task.t)  # refuses times that a file of loads has not
     return {
-        "applied": _applied(data, mechanism, where),
-        "task": drive(read_grid(data.get("time"), sampled, f"{where}, time")),
+        "applied": applied,
+        "task": task,
         "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, OF_MOTION),
         "drive": drive,
@@ -150,6 +155,9 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     task = _read_start(data["forward"], mechanism, t, f"{where}, forward")
     check_order(t, task.since)
     applied = _applied(data, mechanism, where)
+    if any(load.sampled for load in applied.loads):
+        what = "a column of a CSV says nothing between its times, where a simulation asks"
+        raise DescriptionError(what, f"{where}, loads", "give polynomial and harmonics")
     if not (_acts(applied) or mechanism.resistances):
         remedy = "add gravity, [[loads]], [[springs]] or [[motors]]"
         raise DescriptionError("nothing exerts a force in this forward scene", where, remedy)
@@ -168,9 +176,9 @@ def _acts(applied: Applied) -> bool:
     """Whether anything acts at all; entries that are zero do not."""
     return (
         bool(applied.g.any())
-        or any(load.force.any() or load.torque.any() for load in applied.loads)
+        or not all(load.nothing for load in applied.loads)
         or any(spring.stiffness or spring.damping for spring in applied.springs)
-        or any(motor.polynomial.any() or motor.harmonics[:, 1:].any() for motor in applied.motors)
+        or not all(motor.course.nothing for motor in applied.motors)
     )
 
 

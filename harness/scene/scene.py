@@ -174,6 +174,7 @@ class Scene:
         """The given motion at times [s]. Shape (n,)."""
         if self.drive is None:
             raise DescriptionError("its motion is no function of time", self.name, "give it a motion")
+        self.applied.at(t)  # refuses times that a file of loads has not
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
@@ -188,7 +189,8 @@ class Scene:
         """
         for name in changes:
             check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
-        given = read_applied(self.mechanism, as_written(changes), "under")
+        folder = Path() if self.file is None else self.file.parent
+        given = read_applied(self.mechanism, as_written(changes), "under", folder)
         return replace(self, applied=replace(self.applied, **given))
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
@@ -216,8 +218,11 @@ class Scene:
         same_gravity = self.applied.gravity is not None and np.array_equal(
             vector(gravity, "gravity"), self.applied.gravity
         )
-        stated = [read_load(self.mechanism, table, "loads") for table in loads]
-        same_loads = [load.numbers() for load in stated] == [load.numbers() for load in self.applied.loads]
+        same_loads = not any(load.sampled for load in self.applied.loads)  # whose doubles are what is meant
+        if same_loads:
+            folder = Path() if self.file is None else self.file.parent
+            stated = [read_load(self.mechanism, table, "loads", folder) for table in loads]
+            same_loads = [load.numbers() for load in stated] == [load.numbers() for load in self.applied.loads]
         return Wording(
             motion=motion if self._moves_as(motion) else None,
             gravity=gravity if same_gravity else None,

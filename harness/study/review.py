@@ -14,9 +14,10 @@ from screwgauge.judging.compare import reference_scale
 from screwgauge.problem import Rows
 from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.applied import Load, Motor, PointSpring, Spring
+from screwgauge.reference.courses import same_times
 from screwgauge.reference.resistance import without_resistance
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.motion import Sampled, same_times
+from screwgauge.scene.motion import Sampled
 from screwgauge.scene.observables import read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values, common_rows, reference_first

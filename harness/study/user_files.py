@@ -31,6 +31,7 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.problem import ModelFiles, Problem, Rows
 from screwgauge.quantities import QUANTITIES, Names
 from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.courses import same_times
 from screwgauge.reference.errors import (
     DescriptionError,
     ModelFileError,
@@ -42,7 +43,6 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.rest import unique
 from screwgauge.scene.scene import Scene

@@ -6,7 +6,7 @@ velocity appears. Route 2 balances force and moment of each body and solves for 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from flint import arb, arb_mat
 
 from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.reference.resistance import REST
-from screwgauge.truth.exact import Vector, cross, difference, dot, normalized, solve, unit_vector
+from screwgauge.truth.exact import Vector, cross, difference, dot, drive, normalized, solve, unit_vector
 from screwgauge.truth.kinematics import NotCertified, State, floats, independent_rows, point, spin
 from screwgauge.truth.linkage import AXES, Linkage, split
 
@@ -31,6 +31,33 @@ class BallLoad:
     point: Vector | None
     force: Vector
     torque: Vector
+
+
+Component = tuple[Vector, list[Vector]] | Callable[[float], arb]
+"""A number over time: polynomial and harmonics as in `Terms`, or what it is at a sample."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VaryingLoad:
+    """A load over time.
+
+    Attributes:
+        body: Number of its body.
+        point: On it; None: centre of mass.
+        components: Fx, Fy, Fz, Mx, My, Mz.
+        turns: Whether they are in axes of the body.
+    """
+
+    body: int
+    point: Vector | None
+    components: Sequence[Component]
+    turns: bool
+
+    def at(self, t: float, T: arb_mat) -> BallLoad:
+        """The load at a time [s], its body being placed by T."""
+        now = [one(t) if callable(one) else drive([one], t)[0][0] for one in self.components]
+        force, torque = (point(T, each, 0) if self.turns else each for each in (now[:3], now[3:]))
+        return BallLoad(self.body, self.point, force, torque)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

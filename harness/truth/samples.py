@@ -15,11 +15,20 @@ from flint import arb, arb_mat, ctx
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import BODY_MOTION, OF_JOINTS, QUANTITIES
 from screwgauge.reference.applied import Load
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 from screwgauge.truth import cache
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
-from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler, taken
+from screwgauge.truth.forces import (
+    Component,
+    RoutesDisagree,
+    VaryingLoad,
+    generalized_force,
+    min_norm,
+    newton_euler,
+    taken,
+)
 from screwgauge.truth.kinematics import (
     Certifier,
     LoopsOpen,
@@ -74,14 +83,15 @@ class Sampler:
         """All quantities of one sample of the motion, see `sample`."""
         with ctx.workprec(self.bits):
             y = samples(motion, row) if self.terms is None else drive(self.terms, float(motion.t[row]))
-            return self.sample(y, start)
+            return self.sample(y, start, float(motion.t[row]))
 
-    def sample(self, y: Sequence[Jet], start: Sequence[float]) -> Balls:
+    def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0) -> Balls:
         """All quantities at one time.
 
         Args:
             y: Series of the independent coordinates.
             start: An unverified guess of the joint coordinates.
+            t: The time, which loads may go by [s].
 
         Raises:
             NotCertified: Something could not be enclosed.
@@ -99,17 +109,18 @@ class Sampler:
         if self.resistance:
             out["resistance"] = [force for _, force in taken(self.linkage, now)]
         if self.depth == "f":
-            out |= self._forces(now)
+            out |= self._forces(now, t)
         return out
 
     def _check_closed(self, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
         if self.redundant:
             check_closed(self.linkage, q, bodies)
 
-    def _forces(self, now: State) -> Balls:
+    def _forces(self, now: State, t: float) -> Balls:
         linkage, k = self.linkage, now.partial.ncols()
+        loads = [load.at(t, now.bodies[load.body][0]) for load in self.loads]
         with self.clock.stage("forces by virtual power"):
-            Q = generalized_force(linkage, now, self.gravity, self.loads)
+            Q = generalized_force(linkage, now, self.gravity, loads)
         if not self.ruled:
             return {"generalized_force": Q}
         rows = linkage.mechanism.actuated_columns
@@ -119,7 +130,7 @@ class Sampler:
         B = arb_mat([[now.partial[row, j] for j in range(k)] for row in rows])
         f = min_norm(B, Q)
         with self.clock.stage("forces by the balance of all bodies"):
-            reactions, f_second = newton_euler(linkage, now, B, self.gravity, self.loads, self.axial)
+            reactions, f_second = newton_euler(linkage, now, B, self.gravity, loads, self.axial)
         Q_second = (B.transpose() * f_second).entries()
         pairs = [*zip(Q, Q_second, strict=True)]
         if self.axial:
@@ -146,21 +157,33 @@ def _motion(linkage: Linkage, now: State) -> Balls:
     }
 
 
-def _doubles(load: Load, body: int) -> BallLoad:
+def _doubles(load: Load, body: int) -> VaryingLoad:
     """A load whose doubles are meant exactly."""
-    at = None if load.point is None else vector(load.point.tolist())
-    return BallLoad(body, at, vector(load.force.tolist()), vector(load.torque.tolist()))
+    at, turns = None if load.point is None else vector(load.point.tolist()), load.axes == "body"
+    if not load.courses:
+        each = [([arb(x)], list[Vector]()) for x in (*load.force.tolist(), *load.torque.tolist())]
+        return VaryingLoad(body, at, each, turns)
+    return VaryingLoad(body, at, [_exact(course) for course in load.courses], turns)
 
 
-def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
+def _exact(course: Course | Samples) -> Component:
+    if isinstance(course, Samples):
+        return lambda t: arb(float(course(t)))
+    return vector(course.polynomial.tolist()), [vector(row) for row in course.harmonics.tolist()]
+
+
+def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
     """A load from its text: what a body exerts on the environment acts on it with the other sign."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")
-
-    def signed(key: str) -> Vector:
-        return [x * sign for x in vector(table.get(key, [0, 0, 0]))]
-
-    return BallLoad(index[body], None if at == "com" else vector(at), signed("force"), signed("torque"))
+    components = [x for key in ("force", "torque") for x in table.get(key, [0, 0, 0])]
+    texts = {str(i): x if isinstance(x, Mapping) else {"offset": x} for i, x in enumerate(components)}
+    signed: list[Component] = [
+        ([x * sign for x in polynomial], [[omega, c * sign, s * sign] for omega, c, s in harmonics])
+        for polynomial, harmonics in read_terms(texts, [*texts])
+    ]
+    turns = table.get("axes") == "body"
+    return VaryingLoad(index[body], None if at == "com" else vector(at), signed, turns)
 
 
 def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from screwgauge.reference import linear
-from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring
 from screwgauge.reference.couplings import component_name
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.resistance import REST, Resistance
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
@@ -213,7 +214,7 @@ def exerted_wrenches(
     for load in applied.loads:
         i = index[load.body] - 1
         point = mechanism.bodies[i].com if load.point is None else load.point
-        yield i, load.force, load.torque, times(com.R[:, i], point - mechanism.bodies[i].com)
+        yield i, *load_in_world(load, t, com.R[:, i]), times(com.R[:, i], point - mechanism.bodies[i].com)
     resisting = ((one.coordinate, -taken(one, states)) for one in (mechanism.resistances if resist is None else resist))
     for each in (*_joint_forces(mechanism, states, t, applied), *resisting):
         act = along_coordinate(tree, motion, states.q, *each)
@@ -223,6 +224,31 @@ def exerted_wrenches(
     for spring in applied.springs:
         if isinstance(spring, PointSpring):
             yield from _pull(spring, tree, motion, t)
+
+
+def load_in_world(load: Load, t: Array, R: Array) -> tuple[Array, Array]:
+    """Force and torque of a load in world axes. Shape (n, 3) or (3,) each.
+
+    Args:
+        t: Times [s]. Shape (n,).
+        R: Orientation of its body. Shape (n, 3, 3).
+    """
+    force, torque = load.force, load.torque
+    if load.courses:
+        each = np.stack([_over_time(course, t) for course in load.courses], axis=1)
+        force, torque = each[:, :3], each[:, 3:]
+    if load.axes == "body":
+        force, torque = times(R, force), times(R, torque)
+    return force, torque
+
+
+def _over_time(course: Course | Samples, t: Array) -> Array:
+    """A number at times [s]. Shape (n,)."""
+    if isinstance(course, Samples):
+        return np.asarray(course(t))
+    omega, c, s = course.harmonics.T
+    waves = np.cos(np.outer(t, omega)) @ c + np.sin(np.outer(t, omega)) @ s
+    return np.asarray(polyval(t, course.polynomial) + waves)
 
 
 def exerted_on_bodies(
@@ -244,9 +270,7 @@ def exerted_on_bodies(
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
     """Forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
     for motor in applied.motors:
-        omega, c, s = motor.harmonics.T
-        waves = np.cos(np.outer(t, omega)) @ c + np.sin(np.outer(t, omega)) @ s
-        yield motor.coordinate, polyval(t, motor.polynomial) + waves
+        yield motor.coordinate, _over_time(motor.course, t)
     for spring in applied.springs:
         if isinstance(spring, JointSpring):
             i = mechanism.coordinates.index(spring.coordinate)

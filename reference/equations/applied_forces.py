@@ -37,7 +37,7 @@ def exerted(at: Dynamics) -> Exerted:
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
         if body := at.mechanism.body_index[load.body]:  # the ground needs no balance
-            f, m = np.asarray(load.force), np.asarray(load.torque)
+            f, m = load_vectors(at, load)
             W[..., body, :] = W[..., body, :] + wrench(at.pose, body, place(at, load), f, m)
     for spring in at.applied.springs:
         if isinstance(spring, PointSpring):
@@ -61,12 +61,22 @@ def place(at: Dynamics, load: Load) -> Array:
     return at.mechanism.body(load.body).com if load.point is None else load.point
 
 
+def load_vectors(at: Dynamics, load: Load) -> tuple[Array, Array]:
+    """Force and torque of a load at its time, world axes. Shape (..., 3) each."""
+    now = load.at(at.t, at.ops.cos, at.ops.sin)
+    f, m = np.asarray(now.force), np.asarray(now.torque)
+    if load.axes == "world":
+        return f, m
+    R = at.pose.R[..., at.mechanism.body_index[load.body], :, :]
+    return times(R, f), times(R, m)
+
+
 def load_power(at: Dynamics, load: Load) -> Any:
-    """Power of a load, whose force and torque keep their directions in the world. Shape (...)."""
-    body = at.mechanism.body_index[load.body]
+    """Power of a load. Shape (...)."""
+    body, (f, m) = at.mechanism.body_index[load.body], load_vectors(at, load)
     V = at.V[..., body, :]
     moved = velocity_at(V, point(at, body, place(at, load)))
-    return dot(np.asarray(load.force), moved) + dot(np.asarray(load.torque), V[..., :3])
+    return dot(f, moved) + dot(m, V[..., :3])
 
 
 def point(at: Dynamics, body: int, arm: Array) -> Array:

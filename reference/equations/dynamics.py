@@ -37,7 +37,7 @@ class Dynamics(Motion):
 
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
-        t: Time [s], which motors go by. Shape (...).
+        t: Time [s], which motors and loads go by. Shape (...).
         given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
     """

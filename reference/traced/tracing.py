@@ -132,7 +132,7 @@ def _traced(
         guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
         at = _closed(loops, y, guess, folds)
     near = {c: trace.input(samples[3][:, c]) for c in sprung_cuts(loops, applied)}
-    timed = not all(motor.constant for motor in applied.motors)
+    timed = not all(motor.course.constant for motor in applied.motors)
     t = trace.input(np.zeros(len(samples[0]))) if timed else 0.0
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
@@ -194,9 +194,10 @@ def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[fl
 def _given(trace: Trace, load: Load, n: int) -> Load:
     """A load whose force and torque are inputs."""
     force, torque = (
-        np.array([trace.input(np.full(n, x)) for x in vector], dtype=object) for vector in (load.force, load.torque)
+        np.array([trace.input(np.full(n, x)) for x in np.ravel(vector)], dtype=object)
+        for vector in (load.force, load.torque)
     )
-    return replace(load, force=force, torque=torque)
+    return replace(load, force=force, torque=torque, courses=())
 
 
 def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:

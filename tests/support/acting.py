@@ -3,3 +3,4 @@
 from __future__ import annotations
 
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
+from screwgauge.reference.courses import Course

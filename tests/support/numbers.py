@@ -15,6 +15,7 @@ from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.closed.loops import home_equations
+from screwgauge.reference.courses import Course
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward
@@ -137,7 +138,7 @@ def acting(mechanism: Mechanism) -> Applied:
             JointSpring(last, 5.0, -0.3, 0.4),
             PointSpring("ground", np.array([2.0, 1.0, 3.0]), body, np.array([0.1, 0.0, 0.2]), 50.0, 1.0, 4.0),
         ),
-        motors=tuple(Motor(q, np.array([1.0, -2.0]), np.array([[3.0, 0.4, -0.7]])) for q in (first, last)),
+        motors=tuple(Motor(q, Course(np.array([1.0, -2.0]), np.array([[3.0, 0.4, -0.7]]))) for q in (first, last)),
     )
 
 

@@ -83,11 +83,12 @@ def exert_on_bodies(
         t: Times [s]. Shape (...).
     """
     for load in applied.loads:
-        i = index[load.body]
+        i, now = index[load.body], load.at(t)
         R, _, V = body(i)
-        moment = load.torque + cross(times(R, load_point(load)), load.force)
-        out.wrenches.append((i, load.force, moment))
-        out.power = out.power + _dot(load.force, V[..., 3:]) + _dot(moment, V[..., :3])
+        force, torque = (times(R, x) if load.axes == "body" else x for x in (now.force, now.torque))
+        moment = torque + cross(times(R, load_point(load)), force)
+        out.wrenches.append((i, force, moment))
+        out.power = out.power + _dot(force, V[..., 3:]) + _dot(moment, V[..., :3])
     for spring in applied.springs:
         if isinstance(spring, PointSpring):
             rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)

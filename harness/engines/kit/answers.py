@@ -134,7 +134,8 @@ def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
     task = problem.task
     if not isinstance(task, GivenMotion):
         raise TypeError(f"{type(task).__name__} is no given motion")
-    return task.part(rows), at_samples(problem.applied, rows)
+    motion = task.part(rows)
+    return motion, at_samples(problem.applied, rows).at(motion.t)
 
 
 def at_samples(applied: Applied, rows: slice | Rows) -> Applied:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.engines.kit.answers import at_samples
-from screwgauge.problem import Problem
+from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import stages
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import GROUND, Mechanism
@@ -48,7 +48,8 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
     if depth in "af":
         _check_bias(engine, x, v, beside)
     if depth == "f" or "mass_matrix" in problem.wanted:
-        _check_dynamics(engine, x, v, at_samples(problem.applied, np.array([0])))
+        task, first = problem.task, at_samples(problem.applied, np.array([0]))
+        _check_dynamics(engine, x, v, first.at(task.t[:1]) if isinstance(task, GivenMotion) else first)
 
 
 def _pair(found: object, method: str, names: str) -> tuple[Array, Array]:

@@ -85,6 +85,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
         "a fixed joint": any(joint.fixed for joint in mechanism.joints),
         "a rotor, damping or friction": bool(resistances(mechanism.joints)),
         "a motor": bool(applied.motors),
+        "a load over time": any(load.courses for load in applied.loads),
         "a spring along a joint": any(isinstance(one, JointSpring) for one in applied.springs),
     }
     for what, there in found.items():

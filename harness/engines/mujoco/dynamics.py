@@ -30,7 +30,7 @@ from screwgauge.engines.mujoco.equality_constraints import (
 from screwgauge.engines.mujoco.fixed import editable
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring
 from screwgauge.reference.errors import DescriptionError, SingularPoseError, UnknownNameError, check_choice
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.resistance import Resistance
@@ -210,10 +210,10 @@ def sprung_model(
     for name, spring in tendons.items():
         k = model.tendon(name).id
         model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping
-    loads = tuple(load for load in applied.loads if load.point is not None and load.force.any())
+    loads = tuple(one for one in applied.loads if one.courses or one.axes == "body" or _off_centre(one))
     joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
     springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
-    motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
+    motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.course.constant))
     left = list[Resistance]()
     for one in resist:
         if one.what == "damping" and one.coordinate in tree.coordinates:
@@ -221,6 +221,11 @@ def sprung_model(
         else:
             left.append(one)
     return model, Applied(applied.gravity, loads, springs, motors), left
+
+
+def _off_centre(load: Load) -> bool:
+    """Whether the moment of a load about the centre of mass turns with the body."""
+    return load.point is not None and bool(load.force.any())
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:

@@ -195,8 +195,10 @@ class Solver:
         if t is not None:
             check_array(t, (n,), "t")
             check_finite(t[:, None], "t")
-        elif not all(motor.constant for motor in self.scene.applied.motors):
+        elif not all(motor.course.constant for motor in self.scene.applied.motors):
             raise DescriptionError("a motor changes over time, which samples do not say", "compile", "give t")
+        elif len(given) == 3 and any(load.courses for load in self.scene.applied.loads):
+            raise DescriptionError("a load changes over time, which samples do not say", "compile", "give t or load")
         inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
         if any(np.may_share_memory(x, array) for x in inputs for array in arrays.values()):
             inputs = [x.copy() for x in inputs]  # parts would be answered over those to come

@@ -83,7 +83,7 @@ class Work:
             return self
         each = np.split(loads.T, len(loads) // 3, axis=1)
         some = tuple(
-            replace(load, force=force, torque=torque)
+            replace(load, force=force, torque=torque, courses=())
             for load, force, torque in zip(self.problem.applied.loads, each[::2], each[1::2], strict=True)
         )
         other = copy(self)

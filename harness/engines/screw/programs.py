@@ -15,7 +15,7 @@ from numpy import ndarray
 from numpy.typing import NDArray
 
 from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
-from screwgauge.problem import Problem, Rows
+from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import RULED, arm
 from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
@@ -57,8 +57,8 @@ class Bounds:
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
         self.stretch = extent(lay).stretch
-        loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
-        self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
+        # all weights and loads [N]
+        self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + _largest(problem, length)
         # each of several spherical joints adds one at least
         self.spare_charts = max(sum(joint.angles == 3 for joint in lay.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
@@ -127,6 +127,14 @@ class Bounds:
             counts[reason] += len(np.setdiff1d(rows, left))
             left = np.union1d(left, rows)
         return left
+
+
+def _largest(problem: Problem, length: float) -> float:
+    """Sum of the largest forces of all loads, torques over a length [N]."""
+    applied = problem.applied
+    loads = applied.at(problem.task.t).loads if isinstance(problem.task, GivenMotion) else applied.loads
+    sizes = (np.linalg.norm(x.force, axis=-1) + np.linalg.norm(x.torque, axis=-1) / length for x in loads)
+    return sum(float(np.max(size)) for size in sizes)
 
 
 def rows_not_finite(values: Mapping[str, Array]) -> Rows:

@@ -18,6 +18,7 @@ from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_trac
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import FLOAT64, OF_MOTION, NumberType
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -58,7 +59,8 @@ class TracedWork:
         """Traces the program; pivots are chosen at samples of the motion.
 
         Args:
-            loaded: Whether every sample has its own loads, in place of those of the problem.
+            loaded: Whether every sample has its own loads, in place of those of the problem. Where these change over
+                time it has in any case.
             estimates: Whether errors are estimated, see `Bounds.estimated`.
             kind: What the program computes in. Another one than float64 answers all samples itself, doubtful ones too.
 
@@ -73,9 +75,10 @@ class TracedWork:
         self.bound: Bound | None = None
         self.traced: Traced | None = None
         self.kind = kind
+        self.varying = problem.applied if any(load.courses for load in problem.applied.loads) else None
         try:
             check_traceable(lay, problem)
-            self._trace(motion, backend, loaded=loaded)
+            self._trace(motion, backend, loaded=loaded or self.varying is not None)
         except NotTraceableError as error:
             if kind is not FLOAT64:
                 raise
@@ -89,7 +92,8 @@ class TracedWork:
             shares, tree = open_tree(self.lay)
             wanted = TracedQuantities(self.wanted, self.problem.rule == "spherical_axial", shares, tree, loaded)
             samples = (some.y, some.yd, some.ydd, q)
-            self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
+            applied = self.problem.applied if self.varying is None else self.varying.at(some.t[:1])
+            self.traced = traced(self.work.loops, applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
             self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.
@@ -251,6 +255,8 @@ class TracedWork:
             into: Where the values are written, see `arrays`.
             thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
         """
+        if loads is None and self.varying is not None:
+            loads = _loads(self.varying, motion.t)
         arrays = self.arrays(len(motion)) if into is None or not flat(into) else into
         values = {name: arrays[name] for name in self.wanted}
         if self.traced is None:
@@ -339,6 +345,12 @@ class TracedWork:
         rest = f", {left} by the array solver ({', '.join(reasons)})" if reasons else ""
         note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
         return (note, *filter(None, [self.note]))
+
+
+def _loads(applied: Applied, t: Array) -> Array:
+    """Force and torque of each load at times [s]. Shape (6 n_load, n)."""
+    each = [vector for load in applied.at(t).loads for vector in (load.force, load.torque)]
+    return np.concatenate([np.broadcast_to(vector, (len(t), 3)).T for vector in each])
 
 
 def solve_traced(

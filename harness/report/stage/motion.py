@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,7 @@ from screwgauge.reference.equations.kinematics import TreePose, pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, times
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values
 
@@ -96,9 +96,10 @@ def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
     n = len(rows)
 
     def at_rows(v: Array) -> Array:
-        return v[rows] if v.ndim == 2 else np.tile(v, (n, 1))
+        return v[rows] if v.ndim == 2 and len(v) == len(scene.t) else np.broadcast_to(v, (n, 3))
 
-    return tuple(Load(one.body, one.point, at_rows(one.force), at_rows(one.torque)) for one in scene.applied.loads)
+    loads = [load.at(scene.t[rows]) for load in scene.applied.loads]
+    return tuple(replace(one, force=at_rows(one.force), torque=at_rows(one.torque)) for one in loads)
 
 
 def arrows(motion: DrawnMotion) -> list[Arrow]:
@@ -108,8 +109,10 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
     for load in motion.loads:
         i = index[load.body]
         point = mechanism.body(load.body).com if load.point is None else load.point
-        drawn += [Arrow("loads", f"load on {load.body}", i, point, load.force)]
-        drawn += [Arrow("loads", f"load on {load.body}", i, point, load.torque, True)]
+        R = motion.at.R[:, i]
+        force, torque = (times(R, x) if load.axes == "body" else x for x in (load.force, load.torque))
+        drawn += [Arrow("loads", f"load on {load.body}", i, point, force)]
+        drawn += [Arrow("loads", f"load on {load.body}", i, point, torque, True)]
     if (forces := motion.values.get("actuator_force")) is not None:
         columns = dict(zip(forces.components, forces.array.T, strict=True))
         for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):

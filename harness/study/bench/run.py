@@ -155,6 +155,9 @@ def bench(
         raise DescriptionError(
             "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
         )
+    if any(load.courses or load.axes == "body" for load in scene.applied.loads):
+        what = "the bench of a given motion knows loads that are constant in world axes only"
+        raise DescriptionError(what, scene.name, "remove the others, or add [forward]")
     chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
     kept = Journal(place, address_of(scene, plan), fits)

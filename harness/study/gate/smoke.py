@@ -10,10 +10,10 @@ import numpy as np
 from screwgauge.engines.registry import ENGINES
 from screwgauge.judging.allowance import Allowance
 from screwgauge.judging.compare import compare
+from screwgauge.reference.courses import same_times
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mobility import Mobility
 from screwgauge.scene.default import exciting
-from screwgauge.scene.motion import same_times
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison, built_in

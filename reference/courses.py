@@ -1,0 +1,127 @@
+"""Numbers over time: polynomials with harmonics, and samples of a file. Motions, motors and loads are made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.rotations import Array
+
+Wave = Callable[[Any], Any]
+"""Sine or cosine of numbers of any kind."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """A polynomial and harmonics of time.
+
+    Attributes:
+        polynomial: Coefficients, lowest first [unit of the number, per s^k]. Shape (m,).
+        harmonics: Rows [omega, cos, sin] [rad/s, unit of the number]. Shape (k, 3).
+    """
+
+    polynomial: Array
+    harmonics: Array
+
+    @classmethod
+    def of(cls, value: float) -> Course:
+        """A number that time does not change."""
+        return cls(np.array([float(value)]), np.zeros((0, 3)))
+
+    @property
+    def constant(self) -> bool:
+        """Whether time changes nothing."""
+        return not self.polynomial[1:].any() and not len(self.harmonics)
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it is zero at all times."""
+        return not (self.polynomial.any() or self.harmonics[:, 1:].any())
+
+    def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
+        """The number at times [s], of numbers of any kind."""
+        total: Any = 0.0
+        for coefficient in self.polynomial[::-1].tolist():
+            total = total * t + coefficient
+        for omega, c, s in self.harmonics.tolist():
+            total = total + c * cos(omega * t) + s * sin(omega * t)
+        return total
+
+    def times(self, factor: float) -> Course:
+        """The course of a multiple of the number."""
+        return Course(factor * self.polynomial, self.harmonics * [1.0, factor, factor])
+
+    def plain(self) -> list[Any]:
+        """Plain values, which can be compared and written down."""
+        return [self.polynomial.tolist(), self.harmonics.tolist()]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """A number that is known at certain times only.
+
+    Attributes:
+        t: Increasing times [s]. Shape (n,).
+        values: The number at these times. Shape (n,).
+        file: Where it was read from.
+    """
+
+    t: Array
+    values: Array
+    file: str
+
+    #: Time changes it, as far as anybody knows.
+    constant = False
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it is zero at all times."""
+        return not self.values.any()
+
+    def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
+        """The number at times of the file [s], which may be rounded differently. Shape (...).
+
+        Raises:
+            DescriptionError: The file has no sample at one of them.
+        """
+        asked = np.atleast_1d(np.asarray(t, dtype=float))
+        known, rows = same_times(asked, self.t)
+        if len(known) < len(asked):
+            missing = asked[np.setdiff1d(np.arange(len(asked)), known)[0]]
+            what, remedy = f"has no sample at t = {missing:g} s", "ask for times of the file; none are interpolated"
+            raise DescriptionError(what, self.file, remedy)
+        return self.values[rows].reshape(np.shape(t))
+
+    def times(self, factor: float) -> Samples:
+        """Samples of a multiple of the number."""
+        return Samples(self.t, factor * self.values, self.file)
+
+    def plain(self) -> list[Any]:
+        """Plain values, which can be compared and written down."""
+        return [self.t.tolist(), self.values.tolist()]
+
+
+Places = NDArray[np.intp]
+"""Indices into an array."""
+
+
+def same_times(t: Array, others: Array) -> tuple[Places, Places]:
+    """Where two lists have the same times; those that differ only in how their decimals were rounded are the same.
+
+    Args:
+        t: In any order. Shape (n,).
+        others: Increasing. Shape (m,).
+
+    Returns:
+        Indices into both, for each of `t` that is there.
+    """
+    right = np.searchsorted(others, t).clip(max=len(others) - 1)
+    left = (right - 1).clip(min=0)
+    nearest = np.where(np.abs(others[left] - t) < np.abs(others[right] - t), left, right)
+    rows = np.flatnonzero(np.isclose(others[nearest], t, rtol=1e-12, atol=1e-15))
+    return rows, nearest[rows]
