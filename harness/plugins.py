@@ -108,6 +108,7 @@ from screwgauge.quantities import GIVEN, OF_MOTION, Names, length, stages
 from screwgauge.quantities import described as names
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
+from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import (
     ClosureError,
     DescriptionError,
@@ -152,6 +153,7 @@ __all__ = [
     "ClosureError",
     "Constrained",
     "Coupling",
+    "Course",
     "DescriptionError",
     "Engine",
     "EngineModel",
@@ -185,6 +187,7 @@ __all__ = [
     "Program",
     "Progress",
     "Resistance",
+    "Samples",
     "ScrewgaugeError",
     "SingularPoseError",
     "Solution",

@@ -70,12 +70,10 @@ class System(kit.Stepped):
             made = self.mbs.CreateRigidBody(inertia=inertia, **place, gravity=[*applied.g], returnDict=True)
             self.numbers.append(made["bodyNumber"])
         joints = [self._join(joint) for joint in mechanism.joints]
-        markers = [(self._mark(one.body, kit.load_point(mechanism, one)), one.axes == "body") for one in applied.loads]
-        self.loads = [
-            self.mbs.AddLoad(kind(markerNumber=at, bodyFixed=turns))
-            for at, turns in markers
-            for kind in (Force, Torque)
-        ]
+        self.loads = list[int]()
+        for load in applied.loads:
+            at, turns = self._mark(load.body, kit.load_point(mechanism, load)), load.axes == "body"
+            self.loads += [self.mbs.AddLoad(kind(markerNumber=at, bodyFixed=turns)) for kind in (Force, Torque)]
         for spring in (one for one in applied.springs if isinstance(one, kit.PointSpring)):
             markers = [self._mark(*end) for end in spring.ends]
             self.mbs.AddObject(SpringDamper("", markers, spring.rest, spring.stiffness, spring.damping))
