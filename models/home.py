@@ -40,6 +40,19 @@ SAME = 1e-6
 NAMED = 3
 
 
+def check_home(mechanism: Mechanism) -> Layout:
+    """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
+
+    Raises:
+        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
+        DescriptionError: The independent coordinates do not determine the motion.
+    """
+    lay = layout(mechanism)
+    check_closed(lay)
+    check_independent(lay, mechanism.home[None])
+    return lay
+
+
 def check_closed(lay: Layout) -> None:
     """Refuses a mechanism that does not close at home.
 

@@ -85,7 +85,10 @@ class ClosedMotion(Forward):
                 spring has no direction.
         """
         self._check_poses()
-        self._check_inertia()
+        if self.idle:
+            self._check_idle()
+        else:
+            self._check_inertia()
         self.check_springs()
 
     def _check_poses(self) -> None:
@@ -108,6 +111,15 @@ class ClosedMotion(Forward):
         if not (self._masses.condition < linear.SINGULAR).all():
             what = "some combination of the independent coordinates moves no mass"
             raise SingularPoseError(what, mechanism.name, "give the bodies inertia")
+
+    def _check_idle(self) -> None:
+        """What actuators drive, and forces along what they do not, have to determine the motion."""
+        steered, moved = self.steering.condition, self.idle_masses.condition
+        for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, "no force moves it")):
+            if (bad := np.flatnonzero(~(condition < linear.SINGULAR))).size:
+                where = self.mechanism.described(self.q[bad[0], self.mechanism.independent_columns], 9)
+                remedy = "keep the motion away from that pose"
+                raise SingularPoseError(f"{what} (condition number {condition[bad[0]]:.2g})", where, remedy)
 
     def check_springs(self) -> None:
         """Refuses poses where the two points of a spring meet."""

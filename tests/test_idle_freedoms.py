@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
 
 import screwgauge
+from screwgauge import Scene, ScrewgaugeError
+from support.errors import DescriptionError
+from support.geometry import Array
 from support.judging import judge
 from support.scene import GivenMotion, sampled
+from support.tolerances import IDLE_MOTION
 
 SCENE = "3ups-upu-s"
 
@@ -39,3 +47,138 @@ def test_judge_does_not_ask_for_accelerations_of_idle_coordinates():
 
     assert faults(()) == {f"{[*scene.mechanism.independent][1]} as asked"}
     assert not faults((1,))
+
+
+CART = """
+name = "cart"
+[independent]
+cart = "rail"
+angle = "hinge"
+[bodies.cart]
+mass = 2
+inertia = { xx = 1e-2, yy = 2e-2, zz = 2e-2 }
+[bodies.pole]
+mass = 1
+com = [0, 0, -0.7]
+inertia = { xx = 1e-2, yy = 2e-2, zz = 1.5e-2 }
+[joints.rail]
+kind = "P"
+parent = "ground"
+child = "cart"
+axes = [[1, 0, 0]]
+actuated = true
+[joints.hinge]
+kind = "R"
+parent = "cart"
+child = "pole"
+axes = [[0, -1, 0]]
+home = [0.5]
+"""
+MOVED = """
+mechanism = "cart.toml"
+motion.cart.harmonics = [[3, 0, 0.4]]
+idle.angle = { rate = 0 }
+time = { duration = 3, step = 0.05 }
+"""
+
+
+@pytest.fixture
+def cart(tmp_path) -> Callable[..., Scene]:
+    """A cart that is driven, with a pole that is not; changes of the scene's text."""
+    (tmp_path / "cart.toml").write_text(CART)
+
+    def scene(*changes: tuple[str, str]) -> Scene:
+        text = MOVED
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / "scene.toml").write_text(text)
+        return screwgauge.load_scene(tmp_path / "scene.toml")
+
+    return scene
+
+
+def pole(t: Array, start: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
+    """Angle of the pole, two derivatives, and force on the cart, by Lagrange's equations of the cart-pole."""
+    m, l, g, inertia = 1.0, 0.7, 9.81, 2e-2 + 0.49
+    push = lambda t: -3.6 * np.sin(3 * t)  # noqa: E731
+
+    def bend(t: Array, q: Array) -> Array:
+        return -(m * l * push(t) * np.cos(q) + m * g * l * np.sin(q)) / inertia
+
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14, "t_eval": t}
+    q, qd = solve_ivp(lambda t, z: [z[1], bend(t, z[0])], (t[0], t[-1]), start, **options).y
+    qdd = bend(t, q)
+    return q, qd, qdd, 3.0 * push(t) + m * l * (qdd * np.cos(q) - qd**2 * np.sin(q))
+
+
+def test_pole_on_a_driven_cart_follows_the_closed_form(cart):
+    scene = cart()
+    q, qd, qdd, force = pole(scene.t, (0.5, 0.0))
+    motion = scene.motion
+    for ours, closed in ((motion.y, q), (motion.yd, qd), (motion.ydd, qdd)):
+        assert np.abs(ours[:, 1] - closed).max() < IDLE_MOTION
+    results = screwgauge.run(scene)
+    assert results.ok
+    for engine in results.solutions:
+        assert np.abs(results.values("actuator_force", engine)[:, 0] - force).max() < IDLE_MOTION * np.abs(force).max()
+
+
+def test_samples_are_followed_between(cart, tmp_path):
+    exact = cart()
+    t, y, yd, ydd = (
+        x[:, 0] if x.ndim == 2 else x for x in (exact.t, exact.motion.y, exact.motion.yd, exact.motion.ydd)
+    )
+    rows = zip(t.tolist(), y.tolist(), yd.tolist(), ydd.tolist(), strict=True)
+    lines = ["t,cart,cartd,cartdd", *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "cart.csv").write_text("\n".join(lines))
+    sampled = cart(("motion.cart.harmonics = [[3, 0, 0.4]]", 'motion.csv = "cart.csv"'))
+    np.testing.assert_array_equal(sampled.motion.y[:, 0], y)
+    # splines of the fourth order over a twentieth of a second
+    assert 0.0 < np.abs(sampled.motion.y - exact.motion.y).max() < 1e-5
+    assert screwgauge.run(sampled).ok
+
+
+def test_start_without_a_word_is_home_without_momentum(cart):
+    scene = cart(("idle.angle = { rate = 0 }\n", ""))
+    (freedom,) = scene.undriven
+    # momentum along the pole: I q' + m l x' cos q
+    assert freedom.start == 0.5
+    assert freedom.rate == pytest.approx(-0.7 * 1.2 * np.cos(0.5) / 0.51, rel=1e-14, abs=0)
+
+
+def test_motion_is_that_under_the_forces_that_act(cart):
+    scene = cart()
+    light = scene.under(gravity=[0, 0, -1.62])
+    moved = replace(scene, applied=light.applied)
+    assert np.abs(light.motion.y - scene.motion.y)[:, 1].max() > 0.1
+    np.testing.assert_array_equal(moved.motion.y, light.motion.y)
+    again = pickle.loads(pickle.dumps(light))
+    np.testing.assert_array_equal(again.at([1.0, 2.0]).motion.y, light.motion.y[[20, 40]])
+
+
+def test_other_times_leave_the_start_where_it_was(cart):
+    scene = cart()
+    np.testing.assert_allclose(scene.at([1.0, 1.5]).motion.y, scene.motion.y[[20, 30]], rtol=1e-14)
+    with pytest.raises(DescriptionError, match="starts at t = 0 s"):
+        scene.at([-0.5, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ("idle.angle = { rate = 0 }", "idle.cart = { rate = 0 }", "'cart' has a motion"),
+        ("idle.angle = { rate = 0 }", "idle.pole = { rate = 0 }", "pole"),
+        ("idle.angle = { rate = 0 }", "idle.angle = { speed = 0 }", "speed"),
+        ("motion.cart", "motion.angle", "'cart' is missing"),
+    ],
+)
+def test_what_does_not_fit_is_refused(cart, old, new, match):
+    with pytest.raises(ScrewgaugeError, match=match):
+        cart((old, new))
+
+
+def test_forces_of_a_motion_that_nothing_drives_are_refused_with_a_way_out(cart):
+    scene = cart(("idle.angle = { rate = 0 }", "motion.angle.offset = 0.5"))
+    with pytest.raises(DescriptionError, match=r"leave 'angle' out of \[motion\]"):
+        screwgauge.run(scene, quantities=["actuator_force"])

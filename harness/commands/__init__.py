@@ -35,11 +35,11 @@ def models(options: argparse.Namespace) -> int:
     """Writes the model files of a mechanism, and with --check compares what the libraries read."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import keep_models
+    from screwgauge.models.home import check_home
     from screwgauge.models.mjcf import left_out
     from screwgauge.models.readings.loops import loops_beside
     from screwgauge.reference.lint import implausible
     from screwgauge.scene.default import gravity_of
-    from screwgauge.scene.preflight import check_home
     from screwgauge.scene.read import is_scene, load_scene
 
     imported(options.mechanism)

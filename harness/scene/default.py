@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.formats import key, lines
+from screwgauge.models.home import check_home
 from screwgauge.models.importing import is_model
 from screwgauge.models.importing.model import Imported, Wanted, description, notes
 from screwgauge.problem import GivenMotion
@@ -36,7 +37,7 @@ from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import read_toml
 from screwgauge.scene.motion import Drive, read_drive
-from screwgauge.scene.preflight import check_home, limits_left
+from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
 WORSE = 4.0  # times the condition number at home is still well inside

@@ -18,7 +18,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import LARGEST, number, vector
-from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
+from screwgauge.reference.files import check_count, is_file, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_times, read_coefficients, required
 
@@ -187,6 +187,16 @@ class Sampled:
             )
         return self.samples.part(rows)
 
+    def between(self, t: Array) -> GivenMotion:
+        """The motion between its samples, by cubic splines through values and rates. Shape (n,)."""
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+        one = self.samples
+        if len(one) == 1:
+            return one.part(np.zeros(len(t), dtype=np.intp))
+        y, yd = CubicHermiteSpline(one.t, one.y, one.yd), CubicHermiteSpline(one.t, one.yd, one.ydd)
+        return GivenMotion(t, y(t), yd(t), CubicSpline(one.t, one.ydd)(t))
+
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
         """A sentence on every column that is half of what it or its integral (trapezoidal rule) moves away from being
         the derivative of another one, as in other units, with another sign, or sampled too coarsely to tell.
@@ -230,6 +240,23 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     check_keys(table, labels, where)
     terms = (read_course(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
+
+
+def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> list[str]:
+    """Those of the independent coordinates that ``[motion]``, or its file, has a motion of."""
+    if not isinstance(table, dict) or "csv" not in table:
+        check_keys(table, labels, where)
+        return [label for label in labels if label in table]
+    if not isinstance(table["csv"], str) or not is_file(path := named_file(folder, table["csv"])):
+        return labels
+    names = read_parquet(path).columns if path.suffix == ".parquet" else _head(path)
+    return [label for label in labels if {label, f"{label}d", f"{label}dd"} & {*names}]
+
+
+def _head(path: Path) -> list[str]:
+    """Names of the columns of a CSV file."""
+    head = re.search(r"^[^#\r\n].*", read_file(path, "MB of CSV"), re.MULTILINE)
+    return [name.strip(' "') for name in head[0].split(",")] if head else []
 
 
 def read_course(table: Any, where: str) -> Course:

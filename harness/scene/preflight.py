@@ -8,38 +8,26 @@ from functools import lru_cache
 
 import numpy as np
 
-from screwgauge.models.home import check_closed
+from screwgauge.models.home import check_home
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, RULED
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations, read
-from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
+from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError, first_few
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import Mobility, check_independent, mobility, near_singularity
+from screwgauge.reference.mobility import Mobility, mobility, near_singularity
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.idle import undriven_labels
 from screwgauge.scene.scene import Scene
 
 PART = 2048
 FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: worth a word
 FARTHEST = 1000.0  # [rad or m]: takes thousands of steps, seconds
 NEAR = 1e-9  # where a way ends at a singular pose as near to a sample as this, that sample is singular [rad or lengths]
-
-
-def check_home(mechanism: Mechanism) -> Layout:
-    """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
-
-    Raises:
-        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
-        DescriptionError: The independent coordinates do not determine the motion.
-    """
-    lay = layout(mechanism)
-    check_closed(lay)
-    check_independent(lay, mechanism.home[None])
-    return lay
 
 
 def check_scene(scene: Scene) -> Mobility:
@@ -101,13 +89,16 @@ def check_actuation(
     rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
     driven = len(mechanism.actuators) - freedoms.actuation_redundancy
-    short = f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms"
-    if driven < len(mechanism.independent) and {*quantities} == {*GIVEN}:
-        return rest, (f"{' and '.join(ruled)} are left out: {short} (actuate more joints to compare them)",)
+    moved = len(mechanism.independent) - len(scene.undriven)
+    if driven < moved:
+        short = f"the actuated joints drive {driven} of {moved} freedoms"
+        remedy = _left_to_forces(mechanism, driven)
+        if {*quantities} == {*GIVEN}:
+            return rest, (f"{' and '.join(ruled)} are left out: {short} ({remedy} to compare them)",)
+        if ruled:
+            raise DescriptionError(short, mechanism.where, f"{remedy} or ask for no {' and '.join(ruled)}")
     if len(rest) == len(quantities):
         return rest, ()
-    if driven < len(mechanism.independent):
-        raise DescriptionError(short, mechanism.where, f"actuate more joints, or ask for no {' and '.join(ruled)}")
     if scene.rule == "spherical_axial" and freedoms.actuation_redundancy != 2:
         raise DescriptionError(
             f"rule spherical_axial needs 2 redundant actuators, not {freedoms.actuation_redundancy}",
@@ -115,6 +106,14 @@ def check_actuation(
             "use the rule min_norm",
         )
     return tuple(quantities), ()
+
+
+def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
+    """A remedy where actuators do not drive all that moves."""
+    if not driven:
+        return "actuate more joints"
+    names = first_few((f"'{label}'" for label in undriven_labels(mechanism)), 4)
+    return f"leave {names} out of [motion], so that the motion follows from the forces,"
 
 
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -32,7 +32,7 @@ from screwgauge.reference.tables import (
 )
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models
-from screwgauge.scene.motion import read_drive
+from screwgauge.scene.idle import Followed, read_given, read_undriven
 from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
@@ -42,7 +42,7 @@ _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
     *("engines", "quantities", "tolerances", "models", "figures", "allow"),
-    *("springs", "motors", "forward", "observables", "reference", "published", "tables"),
+    *("idle", "springs", "motors", "forward", "observables", "reference", "published", "tables"),
 }
 
 
@@ -114,7 +114,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         if key in data:
             raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
-    drive, sampled = read_drive(motion, list(mechanism.independent), path.parent, f"{where}, motion")
+    given, sampled, labels = read_given(motion, mechanism, path.parent, f"{where}, motion")
     tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
     applied = _applied(data, mechanism, where)
     files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
@@ -124,11 +124,14 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
-    task = drive(read_grid(data.get("time"), sampled, f"{where}, time"))
-    applied.at(task.t)  # refuses times that a file of loads has not
+    t = read_grid(data.get("time"), sampled, f"{where}, time")
+    applied.at(t)  # refuses times that a file of loads has not
+    stated = read_undriven(data.get("idle", {}), labels, mechanism, f"{where}, idle")
+    whole = len(labels) == len(mechanism.independent)
+    drive = given if whole else Followed(given, labels, stated, float(t[0]), mechanism, applied)
     return {
         "applied": applied,
-        "task": task,
+        "task": drive(t),
         "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, OF_MOTION),
         "drive": drive,
@@ -140,7 +143,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """Fields of a scene with a simulated motion."""
     where = str(path)
-    for key in ("motion", "rule", "tables"):
+    for key in ("motion", "rule", "tables", "idle"):
         if key in data:
             remedy = "give observables of your own as [reference]" if key == "tables" else f"remove [forward] or {key}"
             raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)

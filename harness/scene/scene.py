@@ -20,6 +20,7 @@ from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
 from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
+from screwgauge.scene.idle import Followed, Freedom
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
@@ -67,12 +68,19 @@ class Scene:
     figures: tuple[Figure, ...]
     allow: tuple[str, ...] = ()
     file: Path | None = None
-    drive: Drive | None = field(default=None, repr=False)
+    drive: Drive | Followed | None = field(default=None, repr=False)
     text: Mapping[str, Any] = field(default_factory=dict, repr=False)
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
     published: tuple[Published, ...] = ()
     tables: Mapping[str, Recorded] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        """Motion that follows from forces is that under the forces that act, on the mechanism as it is."""
+        drive = self.drive
+        if isinstance(drive, Followed) and (drive.mechanism, drive.applied) != (self.mechanism, self.applied):
+            object.__setattr__(self, "drive", replace(drive, mechanism=self.mechanism, applied=self.applied))
+            object.__setattr__(self, "task", self.moved(self.t))
 
     def __repr__(self) -> str:
         facts = self._facts
@@ -129,6 +137,11 @@ class Scene:
         if isinstance(self.task, InitialValue):
             return self.task
         raise DescriptionError("its motion is given, not integrated", self.name, "add [forward]")
+
+    @property
+    def undriven(self) -> tuple[Freedom, ...]:
+        """Independent coordinates that no actuator drives and that the motion leaves to the forces."""
+        return self.drive.freedoms if isinstance(self.drive, Followed) else ()
 
     @property
     def simulated(self) -> bool:
@@ -230,8 +243,9 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """Whether the scene moves as in the table; False for samples, whose doubles are what is meant."""
-        if "csv" in table:
+        """Whether the scene moves as in the table; False for samples, and for what follows from forces, whose doubles
+        are what is meant."""
+        if "csv" in table or isinstance(self.drive, Followed):
             return False
         stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
         pairs = ((motion.y, stated.y), (motion.yd, stated.yd), (motion.ydd, stated.ydd))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.models.home import check_home
 from screwgauge.problem import InitialValue
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import Branch, positions
@@ -12,7 +13,7 @@ from screwgauge.reference.errors import DescriptionError, JointLimitError, Screw
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.resistance import without_resistance
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
+from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_regular
 from screwgauge.scene.scene import Scene
 
 EXPLICIT = ("DOP853",)

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.engines.registry import check_engines
+from screwgauge.models.home import check_home
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import SampleWalk, check_home, delivered
+from screwgauge.scene.preflight import SampleWalk, delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.solving import solve

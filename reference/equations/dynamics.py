@@ -40,9 +40,13 @@ class Dynamics(Motion):
         t: Time [s], which motors and loads go by. Shape (...).
         given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
+        idle: Numbers of independent coordinates that no actuator drives, so that their second derivatives follow.
+        resting: Numbers of those that no actuator drives and that have no inertia: they are given.
     """
 
     t: Any = 0.0
+    idle: tuple[int, ...] = ()
+    resting: tuple[int, ...] = ()
     given_forces: Array | None = None
     axial = False
 
@@ -134,18 +138,30 @@ class Dynamics(Motion):
             return zeros(self.q, 0, len(self.loops.y_columns))
         return np.stack(np.broadcast_arrays(*rows), axis=-2)
 
+    @property
+    def driven(self) -> list[int]:
+        """Numbers of the independent coordinates that actuators drive."""
+        undriven = {*self.idle, *self.resting}
+        return [k for k in range(len(self.loops.y_columns)) if k not in undriven]
+
+    @cached_property
+    def _B(self) -> Array:
+        """Columns of B of the coordinates that actuators drive. Shape (..., n_act, n_driven)."""
+        return self.B[..., self.driven]
+
     @cached_property
     def drive(self) -> System:
         """Matrix of the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
-        BT = transpose(self.B)
+        BT = transpose(self._B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
-        return self.ops.square(BT if not self.surplus else BT @ self.B if self.surplus > 0 else self.B @ BT)
+        return self.ops.square(BT if not self.surplus else BT @ self._B if self.surplus > 0 else self._B @ BT)
 
     @property
     def surplus(self) -> int:
-        """Actuators beyond the freedoms, of which the smallest forces are wanted; none under the rule of eq. (56)."""
-        return 0 if self.line is not None else len(self.mechanism.actuators) - len(self.mechanism.independent)
+        """Actuators beyond the freedoms that they drive, of which the smallest forces are wanted; none under the rule
+        of eq. (56)."""
+        return 0 if self.line is not None else len(self.mechanism.actuators) - len(self.driven)
 
     @cached_property
     def actuator_force(self) -> Array:
@@ -153,12 +169,12 @@ class Dynamics(Motion):
 
         Too few of them come as near to Q as they can.
         """
-        Q = self.generalized_force
+        Q = self.generalized_force[..., self.driven]
         if self.line is not None:
             return self.drive.solve(join(Q, self.line[1]))
         if self.surplus > 0:
-            return times(self.B, self.drive.solve(Q))
-        return self.drive.solve(times(self.B, Q) if self.surplus else Q)
+            return times(self._B, self.drive.solve(Q))
+        return self.drive.solve(times(self._B, Q) if self.surplus else Q)
 
     def along_joints(self, f: Array) -> Array:
         """Forces of the actuators among those along all coordinates. Shape (..., n_act) -> (..., n_q)."""

@@ -64,7 +64,76 @@ class Forward(Dynamics):
     @property
     def ydd(self) -> Array:
         """Second derivatives of the independent coordinates: given, or the answer to the forces. Shape (..., k)."""
-        return self.response if self._ydd is None else self._ydd
+        if self._ydd is None:
+            return self.response
+        return self.followed if self.idle else self._ydd
+
+    @cached_property
+    def neutral(self) -> Array:
+        """Motions of y that move no actuator, one for each idle coordinate, whose rate is one. Shape (..., k, m)."""
+        unit, idle, driven = self.loops.sizes[self.loops.y_columns], [*self.idle], self.driven
+        N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self._rates[..., idle]
+        if self._redundant_rates:
+            moved = transpose(self._rates[..., driven]) @ moved
+        for j, i in enumerate(idle):
+            N[..., driven, j] = self.steering.solve(moved[..., j]) * unit[driven] / unit[i]
+            N[..., i, j] = 1.0
+        return N
+
+    @cached_property
+    def steering(self) -> System:
+        """Rates of actuators per rate of the coordinates that they drive, or their square, without dimension."""
+        B = self._rates[..., self.driven]
+        return self.ops.square(transpose(B) @ B if self._redundant_rates else B)
+
+    @cached_property
+    def _rates(self) -> Array:
+        """B without dimension. Shape (..., n_act, k)."""
+        sizes = self.loops.sizes
+        return self.B * sizes[self.loops.y_columns] / sizes[self.mechanism.actuated_columns, None]
+
+    @property
+    def _redundant_rates(self) -> bool:
+        return len(self.mechanism.actuators) > len(self.driven)
+
+    @cached_property
+    def followed(self) -> Array:
+        """The given second derivatives, those of idle coordinates as forces have them: ``N^T (Q + M x) = 0``. (..., k).
+
+        Q are the forces along y at x = 0, M the columns of the inertia matrix: no actuator can exert either along N.
+        """
+        idle, ydd = [*self.idle], super().ydd + 0.0
+        ydd[..., idle] = 0.0
+        still = self.accelerations(ydd)
+        moved = outward(self.pose, self.w, still)
+        tau = self.demand(moved.needs(self.applied.g), self.acting(still, moved))
+        Q = times(transpose(self.neutral), self.virtual_power(tau))
+        ydd[..., idle] = self.idle_masses.solve(-Q / self._idle_sizes) / self._idle_sizes
+        return ydd
+
+    @cached_property
+    def idle_masses(self) -> System:
+        """``N^T M`` over the idle coordinates, each in the root of its own inertia."""
+        d, N, idle = self._idle_sizes, transpose(self.neutral), [*self.idle]
+        total = sum(N @ part @ transpose(momenta[..., idle, :]) for part, momenta in self.momenta)
+        return self.ops.square(total / (d[..., :, None] * d[..., None, :]))
+
+    @cached_property
+    def _idle_sizes(self) -> Array:
+        """Roots of the inertia of each idle coordinate alone. Shape (..., m)."""
+        own = sum((part * momenta).sum(-1)[..., [*self.idle]] for part, momenta in self.momenta)
+        return np.stack([self.ops.sqrt(own[..., j]) for j in range(len(self.idle))], axis=-1)
+
+    @cached_property
+    def momenta(self) -> list[tuple[Array, Array]]:
+        """Velocities per rate of each y with their momenta: linear, angular, and of rotors. Shape (..., k, n) each."""
+        (v, w), mechanism = self.partial_motion, self.mechanism
+        pairs = [(v, mechanism.masses[:, None] * v), (w, times(mechanism.inertias, w))]
+        flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
+        if (turning := np.flatnonzero(mechanism.rotors)).size:
+            rows = transpose(self.joint_map[..., turning, :])
+            flat.append((rows, mechanism.rotors[turning] * rows))
+        return flat
 
     @cached_property
     def response(self) -> Array:
@@ -127,6 +196,11 @@ class Forward(Dynamics):
         for one in resistances(self.mechanism.joints, LOSSES):
             total = total - resisting_force(self, one) * self.joint_rate(one.coordinate)
         return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)
+
+
+def _flat(x: Array) -> Array:
+    """Vectors of all bodies, one after the other. Shape (..., b, 3) -> (..., 3 b)."""
+    return x.reshape(*x.shape[:-2], 3 * x.shape[-2])
 
 
 def balances(com: Array, W: Array) -> Array:

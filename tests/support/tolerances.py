@@ -22,6 +22,8 @@ ROUNDING = 1e-13
 CLOSED = 1e-14
 #: Two routes through the same linear equations of conditions below a hundred, relative.
 LINEAR = 1e-12
+#: Motion that follows from forces for some seconds, against an integration by another method at its tightest.
+IDLE_MOTION = 2e-12
 #: Accelerations from the forces that made them, relative: two dense solutions of conditions of a few hundred.
 #: 1e-13 is seen.
 ROUND_TRIP = 1e-11

@@ -111,7 +111,7 @@ class Work:
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
-            at.axial = problem.rule == "spherical_axial"
+            at.axial, at.idle = problem.rule == "spherical_axial", motion.idle
         out, conditions = dict[str, Array](), dict[str, Array]()
         moving = loops.unknown
         speed: Array | float = 0.0
@@ -157,6 +157,7 @@ class Work:
         if not wanted & RULED:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
+        driven = driven[..., at.driven]
         # rounding of rates is that of the fastest coordinates, however slow the actuators are
         slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
         conditions["actuator_force"] = linear.condition(driven) / slow

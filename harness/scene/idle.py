@@ -1,0 +1,272 @@
+"""Coordinates that the motion of a scene leaves out because no actuator drives them: their motion follows."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.home import check_home
+from screwgauge.problem import GivenMotion
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch
+from screwgauge.reference.closed.loops import home_equations
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.screws import transpose
+from screwgauge.reference.errors import ClosureError, DescriptionError, first_few
+from screwgauge.reference.expressions import number
+from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.idle_motion import IdleMotion, State
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, required
+from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
+
+#: Inertia below this share of that of the whole machine is rounding.
+NO_INERTIA = 1e-13
+#: How far the poses beside home are at which inertia is looked for [rad or lengths of the mechanism].
+ASIDE = 0.05
+#: What interpolation between samples may miss, of how far a coordinate moves.
+COARSE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Undriven:
+    """What a scene says of a coordinate that no actuator drives.
+
+    Attributes:
+        start: Where it starts; home if nothing is said.
+        rate: Its rate there; None is that of no momentum along it.
+    """
+
+    start: float | None = None
+    rate: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Freedom:
+    """A coordinate that no actuator drives, as it was found.
+
+    Attributes:
+        label, number: Of the independent coordinate.
+        start, rate: At the first time [rad or m, per s].
+        chosen: Whether the scene gives that rate.
+        rests: Whether it has no inertia, so that it rests.
+    """
+
+    label: str
+    number: int
+    start: float
+    rate: float
+    chosen: bool
+    rests: bool
+
+
+def read_given(
+    table: Any, mechanism: Mechanism, folder: Path, where: str
+) -> tuple[Analytic | Sampled, Array | None, tuple[str, ...]]:
+    """Reads ``[motion]``: the motion as a function of time, times of a CSV file, and the coordinates that have one.
+
+    Raises:
+        DescriptionError: It cannot be read, or leaves out coordinates that actuators drive.
+    """
+    every = [*mechanism.independent]
+    labels = moved_labels(table, every, folder, where)
+    if not labels:
+        labels = every  # nothing is asked of actuators
+    if labels != every:
+        left_to_forces(mechanism, labels, where)
+    return *read_drive(table, labels, folder, where), tuple(labels)
+
+
+def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, where: str) -> dict[str, Undriven]:
+    """Reads ``[idle]``: label -> start and rate."""
+    check_keys(table, mechanism.independent, where)
+    for label, entry in table.items():
+        if label in motion:
+            raise DescriptionError(f"'{label}' has a motion, too", where, f"remove motion.{label} or idle.{label}")
+        check_keys(entry, {"start", "rate"}, f"{where}.{label}")
+    return {
+        label: Undriven(**{key: number(value, f"{where}.{label}.{key}") for key, value in entry.items()})
+        for label, entry in table.items()
+    }
+
+
+def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
+    """Refuses a motion of some independent coordinates if actuators do not drive just these.
+
+    Raises:
+        DescriptionError: A coordinate without a motion is driven, or one with a motion is not.
+    """
+    every, rows = [*mechanism.independent], _rates(mechanism)
+    given, rank = [every.index(label) for label in labels], linear.rank(rows)
+    for k, label in enumerate(every):
+        if label not in labels and linear.rank(rows[:, [*given, k]]) > linear.rank(rows[:, given]):
+            required({}, label, where)
+    undriven = [label for label in labels if label in undriven_labels(mechanism)]
+    if len(given) > rank:
+        names = first_few((f"'{label}'" for label in undriven), 4)
+        raise DescriptionError(
+            f"no actuator drives {names}", where, "leave it out of [motion]: its motion follows from the forces"
+        )
+
+
+def undriven_labels(mechanism: Mechanism) -> list[str]:
+    """Independent coordinates that actuators do not drive at home, those that are no actuators' own first."""
+    rows, labels, driven = _rates(mechanism), [*mechanism.independent], list[int]()
+    own = [column in mechanism.actuated_columns for column in mechanism.independent_columns]
+    for k in sorted(range(len(labels)), key=lambda k: not own[k]):
+        if linear.rank(rows[:, [*driven, k]]) > len(driven):
+            driven.append(k)
+    return [label for k, label in enumerate(labels) if k not in driven]
+
+
+def _rates(mechanism: Mechanism) -> Array:
+    """Rates of the actuators per rate of each independent coordinate at home, without dimension. (n_act, k)."""
+    lay = check_home(mechanism)
+    at = motion_at(lay, mechanism.home[None], np.zeros((1, len(mechanism.independent))))
+    sizes = at.loops.sizes
+    return np.asarray(at.B[0] * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A given motion of some coordinates as a function of time; that of all others follows from the forces.
+
+    Attributes:
+        given: Motion of the others.
+        labels: Which these are.
+        stated: What the scene says of coordinates that no actuator drives, by label.
+        since: When they start [s].
+    """
+
+    given: Analytic | Sampled
+    labels: tuple[str, ...]
+    stated: Mapping[str, Undriven]
+    since: float
+    mechanism: Mechanism
+    applied: Applied
+
+    def __call__(self, t: Array) -> GivenMotion:
+        """The motion at times [s]. Shape (n,).
+
+        Raises:
+            ScrewgaugeError: It breaks off before, or samples have none there.
+        """
+        motion = self.between(t)
+        if not isinstance(self.given, Sampled):
+            return motion
+        exact, places = self.given(t), self._places
+        y, yd, ydd = (x.copy() for x in (motion.y, motion.yd, motion.ydd))
+        for whole, part in ((y, exact.y), (yd, exact.yd), (ydd, exact.ydd)):
+            whole[:, places] = part
+        return replace(motion, y=y, yd=yd, ydd=self._motion.accelerations(t, y, yd, ydd))
+
+    def between(self, t: Array) -> GivenMotion:
+        """The same, between samples of a file, too."""
+        if (early := np.flatnonzero(t < self.since)).size:
+            what = f"starts at t = {self.since:g} s, with what no actuator drives"
+            raise DescriptionError(what, "motion", f"ask for no times before, such as {t[early[0]]:g} s")
+        return GivenMotion(t, *self._motion(t), self.between, self._motion.idle)
+
+    @property
+    def _places(self) -> list[int]:
+        labels = [*self.mechanism.independent]
+        return [labels.index(label) for label in self.labels]
+
+    def _given(self, t: Array) -> State:
+        """Motion of the given coordinates, others at their start. Shape (n, k) each."""
+        some = self.given.between(t) if isinstance(self.given, Sampled) else self.given(t)
+        home = self.mechanism.home[self.mechanism.independent_columns]
+        y, yd, ydd = np.tile(home, (len(t), 1)), *np.zeros((2, len(t), len(home)))
+        for label, one in self.stated.items():
+            if one.start is not None:
+                y[:, [*self.mechanism.independent].index(label)] = one.start
+        for whole, part in ((y, some.y), (yd, some.yd), (ydd, some.ydd)):
+            whole[:, self._places] = part
+        return y, yd, ydd
+
+    @cached_property
+    def freedoms(self) -> tuple[Freedom, ...]:
+        """The coordinates that no actuator drives."""
+        labels = [*self.mechanism.independent]
+        every = [k for k in range(len(labels)) if k not in self._places]
+        idle = self._inert(every)
+        y, yd, _ = self._given(np.array([self.since]))
+        said = {label: self.stated.get(label, Undriven()) for label in labels}
+        chosen = [k for k in idle if said[labels[k]].rate is not None]
+        for k in chosen:
+            yd[0, k] = said[labels[k]].rate
+        yd[0] = self._unmoved(y, yd, idle, [k for k in idle if k not in chosen])
+        for k in every:
+            if k not in idle and said[labels[k]].rate:
+                what = f"'{labels[k]}' has no inertia, so that it has no rate of its own"
+                raise DescriptionError(what, f"idle.{labels[k]}", "leave the rate out: it rests")
+        return tuple(Freedom(labels[k], k, float(y[0, k]), float(yd[0, k]), k in chosen, k not in idle) for k in every)
+
+    @cached_property
+    def _motion(self) -> IdleMotion:
+        if sampled := [load.body for load in self.applied.loads if load.sampled]:
+            what = f"what no actuator drives is followed between the samples of the load on '{sampled[0]}'"
+            raise DescriptionError(what, "loads", "give the load as a course over time, or all coordinates a motion")
+        idle = [one for one in self.freedoms if not one.rests]
+        return IdleMotion(
+            mechanism=self.mechanism,
+            applied=self.applied,
+            given=self._given,
+            idle=tuple(one.number for one in idle),
+            resting=tuple(one.number for one in self.freedoms if one.rests),
+            since=self.since,
+            start=np.array([one.start for one in idle]),
+            rates=np.array([one.rate for one in idle]),
+            breaks=self.given.samples.t if isinstance(self.given, Sampled) else None,
+        )
+
+    def _inert(self, undriven: list[int]) -> list[int]:
+        """Those of the coordinates that have inertia, each beside those before: the others rest."""
+        lay = layout(self.mechanism)
+        unit = home_equations(lay).sizes[self.mechanism.independent_columns]
+        total: Array | float = 0.0
+        for q in _about_home(lay):
+            at = motion_at(lay, q[None], np.zeros((1, len(unit))))
+            at.idle = tuple(undriven)
+            N = transpose(at.neutral)[0]
+            total = total + sum(N @ v[0] @ p[0].T @ N.T for v, p in at.momenta) * np.outer(*[unit[undriven]] * 2)
+        left, kept = np.array(total), list[int]()
+        least = NO_INERTIA * self.mechanism.mass * at.loops.length**2
+        while len(kept) < len(undriven) and (j := int(np.argmax(np.diagonal(left)))) >= 0 and left[j, j] > least:
+            kept.append(j)
+            left = left - np.outer(left[:, j], left[j]) / left[j, j]
+        return sorted(undriven[j] for j in kept)
+
+    def _unmoved(self, y: Array, yd: Array, idle: list[int], free: list[int]) -> Array:
+        """Rates at the start, some of which are such that there is no momentum along these coordinates. (k,)."""
+        if not free:
+            return np.asarray(yd[0])
+        q = AssemblyMode(layout(self.mechanism)).motion(y, np.array([self.since]))
+        at = motion_at(layout(self.mechanism), q, yd)
+        at.idle, at.resting = tuple(idle), tuple(k for k in range(yd.shape[1]) if k not in {*idle, *self._places})
+        N = transpose(at.neutral)[0][[idle.index(k) for k in free]]
+        M: Array = np.sum([N @ velocity[0] @ momentum[0].T for velocity, momentum in at.momenta], axis=0)
+        rates: Array = yd[0].copy()
+        rates[free] = 0.0
+        rates[free] = np.linalg.solve(M[:, free], -M @ rates)
+        return rates
+
+
+def _about_home(lay: Layout) -> list[Array]:
+    """Closed poses at and beside home, as far as there are any. Shape (n_q,) each."""
+    branch, columns = Branch(lay, lay.mechanism.home), lay.mechanism.independent_columns
+    unit, poses = branch.system.sizes[columns], [lay.mechanism.home]
+    for i in range(2):
+        try:
+            branch.move(lay.mechanism.home[columns] + ASIDE * unit * np.cos(1.0 + 2.3 * i + 1.7 * np.arange(len(unit))))
+        except ClosureError:
+            continue
+        poses.append(branch.q.copy())
+    return poses

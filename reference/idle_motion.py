@@ -1,0 +1,343 @@
+"""Motion of idle coordinates beside a given motion of the others: integrated once, and then given to every engine.
+
+Collocation at Radau's points (Radau IIA), all points of a stretch at once: accelerations of many poses cost little more
+than those of one. Newton's method with the Jacobian of the start of a stretch finds them, so that stiff springs and
+dampers ask for no short ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import legint, legroots, legvander
+
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.newton import OPEN, newton
+from screwgauge.reference.closed_motion import ClosedMotion
+from screwgauge.reference.errors import ScrewgaugeError, SingularPoseError
+from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+
+State = tuple[Array, Array, Array]
+"""Coordinates and two derivatives. Shape (n, k) each."""
+
+#: Points of a piece, and of one between samples, of which many make a stretch.
+POINTS, BETWEEN, MANY = 16, 12, 8
+#: What the last terms of a piece may be of the largest acceleration.
+TOLERANCE = 1e-13
+#: Newton's method: steps at the most; changes that count as rounding, alone and where the next are no smaller; how much
+#: smaller each has to be.
+STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
+#: Stretches: the first [s], how much longer the next may be, and the share of the time that is too short.
+FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
+#: A stretch ends where something does that is nearly as far.
+ROUNDED = 0.1
+#: How far a pose may be from the same in the step before [rad or lengths of the mechanism].
+NEAR = 0.3
+#: Relative step of differences: the root of the rounding error.
+DIFFERENCE = 2.0**-26
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rule:
+    """Points of a piece of duration 1, and matrices that take accelerations there to what follows.
+
+    Attributes:
+        points: Shape (s,).
+        terms: Accelerations at the points -> Legendre coefficients. Shape (s, s).
+        once, twice: Integrals at the points. Shape (s, s).
+    """
+
+    points: Array
+    terms: Array
+    once: Array
+    twice: Array
+
+
+@cache
+def rule(s: int) -> Rule:
+    """Radau's points; the last is the end."""
+    x = legroots([0.0] * (s - 1) + [-1.0, 1.0])
+    x[-1] = 1.0
+    terms = np.asarray(np.linalg.inv(legvander(x, s - 1)), dtype=float)
+    once, twice = (np.asarray(basis @ terms, dtype=float) for basis in _integrals(x, s))
+    return Rule(0.5 * (x + 1.0), terms, once, twice)
+
+
+def _integrals(x: Array, s: int) -> tuple[Array, Array]:
+    """First and second integrals of s Legendre polynomials on [0, 1], at 2 c - 1. Shape (n,) -> (n, s)."""
+    first = legint(np.eye(s), lbnd=-1) / 2.0
+    second = legint(first, lbnd=-1) / 2.0
+    return legvander(x, s) @ first, legvander(x, s + 1) @ second
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """The motion over some time: accelerations are a polynomial.
+
+    Attributes:
+        since, until: [s].
+        y, yd: At its start. Shape (m,).
+        terms: Legendre coefficients of the accelerations. Shape (s, m).
+    """
+
+    since: float
+    until: float
+    y: Array
+    yd: Array
+    terms: Array
+
+    def __call__(self, t: Array) -> State:
+        """The motion at times [s]. Shape (n,)."""
+        h = self.until - self.since
+        share = ((t - self.since) / (h or 1.0))[:, None]
+        x = 2.0 * share[:, 0] - 1.0
+        once, twice = (basis @ self.terms for basis in _integrals(x, len(self.terms)))
+        yd = self.yd + h * once
+        return self.y + h * share * self.yd + h * h * twice, yd, legvander(x, len(self.terms) - 1) @ self.terms
+
+
+@dataclass(eq=False)
+class IdleMotion:
+    """The idle coordinates as a function of time, integrated as far as it was asked for.
+
+    Attributes:
+        given: Times (n,) -> y, yd, ydd of all independent coordinates; those of idle ones are of no account.
+        idle, resting: Numbers of the coordinates that no actuator drives, see `Dynamics`.
+        since: Time of the start [s].
+        start, rates: Of the idle coordinates, at that time. Shape (m,).
+        breaks: Times between which the given motion is smooth, if there are any. Shape (b,).
+    """
+
+    mechanism: Mechanism
+    applied: Applied
+    given: Callable[[Array], State]
+    idle: tuple[int, ...]
+    resting: tuple[int, ...]
+    since: float
+    start: Array
+    rates: Array
+    breaks: Array | None = None
+    pieces: list[Piece] = field(default_factory=list)
+
+    def __call__(self, t: Array) -> State:
+        """All independent coordinates at times from the start on [s]. Shape (n,).
+
+        Raises:
+            ScrewgaugeError: The motion breaks off before.
+        """
+        if self.idle:
+            self._reach(float(t.max(initial=self.since)))
+        y, yd, ydd = (np.array(x) for x in self.given(t))
+        if not self.idle:
+            return y, yd, ydd
+        ends = [piece.since for piece in self.pieces[1:]]
+        where = np.searchsorted(ends, t, side="right")
+        for i in np.unique(where) if self.pieces else ():
+            rows = np.flatnonzero(where == i)
+            for out, part in zip((y, yd, ydd), self.pieces[i](t[rows]), strict=True):
+                out[rows[:, None], [*self.idle]] = part
+        return y, yd, ydd
+
+    def accelerations(self, t: Array, y: Array, yd: Array, ydd: Array) -> Array:
+        """Second derivatives of all independent coordinates in some states of them all. Shape (n, k) each."""
+        mode = AssemblyMode(layout(self.mechanism))
+        at = ClosedMotion(mode.system, mode.motion(y, t, (yd, ydd)), yd, ydd, self.applied, t)
+        at.idle, at.resting = self.idle, self.resting
+        return np.array(at.ydd)
+
+    @property
+    def until(self) -> float:
+        """How far it was integrated [s]."""
+        return self.pieces[-1].until if self.pieces else self.since
+
+    def _reach(self, end: float) -> None:
+        """Integrates up to a time [s]."""
+        if self.pieces and end <= self.until:
+            return
+        integration = _Integration(self)
+        if not self.pieces:
+            start = integration.start.ydd[0, self.idle]
+            self.pieces.append(Piece(self.since, self.since, self.start, self.rates, start[None]))
+        while self.until < end:
+            self.pieces += integration.stretch(end)
+
+
+class _Rejected(Exception):
+    """A stretch that is too long."""
+
+
+class _Integration:
+    """Goes on from the end of a motion.
+
+    Attributes:
+        start: Where it goes on, and its Jacobian there by y and by yd, shape (m, m) each.
+    """
+
+    def __init__(self, motion: IdleMotion) -> None:
+        self.motion, self.mode, self.idle = motion, AssemblyMode(layout(motion.mechanism)), [*motion.idle]
+        self.loops, mechanism = self.mode.system, motion.mechanism
+        self.unit = self.loops.sizes[mechanism.independent_columns]
+        self.floor = float(np.linalg.norm(motion.applied.g)) / self.loops.length
+        self.duration, self.begin = FIRST, motion.until
+        last = motion.pieces[-1] if motion.pieces else None
+        self.y, self.yd = (motion.start, motion.rates) if last is None else _end(last)
+        self.start = self._at(np.array([self.begin]), self.y[None], self.yd[None])
+        self.start.check()
+
+    def stretch(self, end: float) -> list[Piece]:
+        """The next pieces, at most up to a time [s].
+
+        Raises:
+            ScrewgaugeError: It leads no further.
+        """
+        jacobian, reason = self._jacobian(), ""
+        while True:
+            ends, points = self._ends(end)
+            if ends[-1] - self.begin < SHORTEST * max(end - self.motion.since, FIRST):
+                raise self._broken_off(reason)
+            try:
+                with np.errstate(all="ignore"):
+                    pieces = self._solved(ends, rule(points), jacobian)
+            except (_Rejected, ScrewgaugeError, np.linalg.LinAlgError) as error:
+                reason, self.duration = f"{error}", 0.5 * (ends[-1] - self.begin)
+                continue
+            self.begin, (self.y, self.yd) = ends[-1], _end(pieces[-1])
+            return pieces
+
+    def _ends(self, end: float) -> tuple[list[float], int]:
+        """Where the next pieces end [s], and how many points each has."""
+        until, breaks = self.begin + self.duration, self.motion.breaks
+        goals = np.array([end]) if breaks is None else breaks[breaks > self.begin]
+        inside = goals[goals <= until + ROUNDED * self.duration][:MANY].tolist()
+        return inside or [until], POINTS if breaks is None else BETWEEN
+
+    def _solved(self, ends: list[float], by: Rule, jacobian: tuple[Array, Array]) -> list[Piece]:
+        """The motion up to some ends.
+
+        Raises:
+            _Rejected: Newton's method does not converge, or accelerations are no such polynomials.
+        """
+        h, m = np.diff([self.begin, *ends]), len(self.idle)
+        sums = _sums(h, by)
+        back = np.linalg.inv(np.eye(m * len(sums[2])) - np.kron(sums[1], jacobian[0]) - np.kron(sums[0], jacobian[1]))
+        at, a, change, scale = self._found(sums, back)
+        pieces = self._pieces([self.begin, *ends], by, a.reshape(len(h), -1, m))
+        tail = max(float(np.abs(piece.terms[-2:] / self.unit[self.idle]).max()) for piece in pieces)
+        if tail > max(TOLERANCE * scale, 8.0 * change):
+            raise _Rejected("accelerations change too fast")
+        at.check()
+        y, yd = _end(pieces[-1])
+        self.start = self._at(np.array(ends[-1:]), y[None], yd[None], at.q[-1:])
+        self.duration = (ends[-1] - self.begin) * (LONGER if tail < 1e-3 * TOLERANCE * scale else 1.0)
+        return pieces
+
+    def _found(self, sums: tuple[Array, Array, Array], back: Array) -> tuple[ClosedMotion, Array, float, float]:
+        """Accelerations at all points of a stretch by Newton's method.
+
+        Args:
+            sums: See `_sums`.
+            back: Inverse of the derivative of what is missing.
+
+        Returns:
+            Poses, accelerations, shape (n, m), their last change, and the largest acceleration of anything, the last
+            two in rad or lengths of the mechanism.
+
+        Raises:
+            _Rejected: It does not converge.
+        """
+        (once, twice, after), unit = sums, self.unit[self.idle]
+        a, change, scale = np.tile(self.start.ydd[:, self.idle], (len(after), 1)), np.inf, self.floor
+        near: Array | None = None
+        for step in range(STEPS):
+            y, yd = self.y + after[:, None] * self.yd + twice @ a, self.yd + once @ a
+            at = self._at(self.begin + after, y, yd, near)
+            near, correction = at.q, (back @ (at.ydd[:, self.idle] - a).ravel()).reshape(a.shape)
+            a = a + correction
+            before, change = change, float(np.abs(correction / unit).max())
+            speed = float(np.abs(at.yd / self.unit).max())
+            scale = max(scale, speed**2, float(np.abs(at.ydd / self.unit).max()))
+            stalls = step > 1 and change > SLOW * before
+            if not np.isfinite(change) or (stalls and change > FOUND * scale):
+                break
+            if change <= SETTLED * scale or stalls:
+                return at, a, change, scale
+        raise _Rejected("accelerations are not found by iteration")
+
+    def _pieces(self, ends: list[float], by: Rule, a: Array) -> list[Piece]:
+        pieces, y, yd = list[Piece](), self.y, self.yd
+        for (since, until), each in zip(pairwise(ends), a, strict=True):
+            pieces.append(Piece(since, until, y, yd, by.terms @ each))
+            y, yd = _end(pieces[-1])
+        return pieces
+
+    def _at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
+        """Closed poses and accelerations at states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
+        whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
+        whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
+        q = self._closed(whole, near) if near is not None else self.mode.motion(whole, t, (rates, ydd))
+        at = ClosedMotion(self.loops, q, rates, ydd, self.motion.applied, t)
+        at.idle, at.resting = self.motion.idle, self.motion.resting
+        return at
+
+    def _closed(self, y: Array, near: Array) -> Array:
+        """Joint coordinates of closed poses next to others. Shape (n, n_q)."""
+        if (poses := self.mode.in_closed_form(y)) is not None:
+            return self.mode.close(poses)
+        begun = self.loops.unknowns(near)
+        z, _, error = newton(self.loops.evaluate, begun, y / self.unit)[:3]
+        if not (error < OPEN).all() or np.abs(z - begun).max() > NEAR:
+            raise _Rejected("loops do not close near the pose before")
+        return self.loops.coordinates(z, near)
+
+    def _jacobian(self) -> tuple[Array, Array]:
+        """Derivatives of the accelerations at the start by y and yd. Shape (m, m) each."""
+        m, state = len(self.idle), np.concatenate([self.y, self.yd])
+        size = DIFFERENCE * np.maximum(np.abs(state), np.tile(self.unit[self.idle], 2))
+        states = state + np.diag(size)
+        with np.errstate(all="ignore"):
+            at = self._at(np.full(2 * m, self.begin), states[:, :m], states[:, m:], self.start.q.repeat(2 * m, axis=0))
+            J = ((at.ydd - self.start.ydd)[:, self.idle] / size[:, None]).T
+        return J[:, :m], J[:, m:]
+
+    def _broken_off(self, reason: str) -> ScrewgaugeError:
+        mechanism = self.motion.mechanism
+        labels = [*mechanism.independent]
+        names = ", ".join(f"'{labels[i]}'" for i in self.idle)
+        where = mechanism.described(self.start.q[0, mechanism.independent_columns])
+        return SingularPoseError(
+            f"the motion of {names}, which no actuator drives, breaks off at {where}: {reason}",
+            f"t = {self.begin:g} s",
+            "shorten the motion, or give what breaks off a motion of its own",
+        )
+
+
+def _end(piece: Piece) -> tuple[Array, Array]:
+    """Coordinates and rates at the end of a piece. Shape (m,) each."""
+    y, yd, _ = piece(np.array([piece.until]))
+    return y[0], yd[0]
+
+
+def _sums(h: Array, by: Rule) -> tuple[Array, Array, Array]:
+    """Integrals over pieces of some durations.
+
+    Returns:
+        Matrices that take accelerations at all points to rates and to coordinates there, shape (n, n) each, and the
+        time of each point since the start [s], shape (n,).
+    """
+    s, ends = len(by.points), np.cumsum(h)
+    after = (ends - h)[:, None] + h[:, None] * by.points
+    once, twice = (np.zeros((len(h), s, len(h), s)) for _ in range(2))
+    for p, duration in enumerate(h):
+        once[p, :, p], twice[p, :, p] = duration * by.once, duration**2 * by.twice
+        once[p + 1 :, :, p] = duration * by.once[-1]
+        later = (after[p + 1 :] - ends[p])[..., None]
+        twice[p + 1 :, :, p] = duration**2 * by.twice[-1] + later * duration * by.once[-1]
+    n = len(h) * s
+    return once.reshape(n, n), twice.reshape(n, n), after.ravel()
