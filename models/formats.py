@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.reference.couplings import Fixing, PolynomialSum
+from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, skew
@@ -76,6 +77,29 @@ def quaternion(R: Array) -> Array:
     row = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
     q = row / np.linalg.norm(row, axis=-1, keepdims=True)
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
+
+
+def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: bool = False) -> Array:
+    """So many numbers of a model file. Shape (n,).
+
+    Args:
+        words: Texts or numbers.
+        what: The attribute or element that states them, and of what.
+        infinite: Whether they may be.
+
+    Raises:
+        ModelFileError: There are others than finite numbers, or more, or fewer.
+    """
+    words = [*words]
+    try:
+        values = np.array([float(word) for word in words])
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    bad = np.isnan(values) if infinite else ~np.isfinite(values)
+    if len(values) != n or bad.any():
+        due, stated = f"{n} finite numbers" if n > 1 else "a finite number", " ".join(map(str, words))
+        raise ModelFileError(f"{what} is '{stated[:60]}', not {due}", where, "write that")
+    return values
 
 
 def adjoint(T: Array) -> Array:

@@ -330,6 +330,18 @@ BAD = {
     "6 finite numbers": model(arm().replace("0 0 1.5 0 0 0", "0 0 1.5")),
     "not a finite number": model(arm().replace("<mass>2</mass>", "<mass>two</mass>")),
     "is 0": model(arm(axes=axis("0 0 0"))),
+    "pitch of screw s": model(
+        LINK.format("a", "", 1) + joint("s", "screw", "world", "a", "<thread_pitch>0</thread_pitch>")
+    ),
+    "mimic of j": model(arm(axes=axis("0 1 0", '<mimic joint="j"/>'))),
+    "rotation_format 'deg'": model(arm().replace("<pose>0 0 1.5", '<pose rotation_format="deg">0 0 1.5')),
+    "missing shape": model(arm('<link name="c"><inertial auto="1"/><collision name="s"/></link>')),
+    "two coordinates are called 'u.1'": model(
+        LINK.format("a", "", 1)
+        + joint("u", "universal", "world", "a")
+        + LINK.format("b", "", 1)
+        + joint("u.1", "revolute", "a", "b")
+    ),
     "a link has no name": model(arm("<link><pose/></link>")),
     "'m::nowhere'": model(arm('<frame name="f"><pose relative_to="nowhere"/></frame>')),
     "'m::b'": model(arm(LINK.format("b", "0 0 0 0 0 0", 1))),
@@ -346,6 +358,21 @@ BAD = {
 @pytest.mark.parametrize("word", BAD)
 def test_what_cannot_be_read_is_refused_by_name(word, tmp_path):
     assert word in refusal(tmp_path, BAD[word])
+
+
+def test_names_that_are_made_here_are_not_those_of_the_file(tmp_path):
+    links = LINK.format("a", "0 0 1 0 0 0", 1) + LINK.format("b.q", "0 0 1 0 0 0", 1) + LINK.format("b", "", 1)
+    loop = joint("q", "prismatic", "b.q", "b") + joint("r", "revolute", "a", "b.q") + joint("a_free", "ball", "a", "b")
+    found = reading(tmp_path, model(links + loop))
+    assert len(found.bodies) == 4
+    assert sorted(one.kind for one in found.joints.values()) == ["ball", "free", "hinge", "slide"]
+
+
+def test_what_stands_beside_the_world_is_left_out_by_name(tmp_path):
+    text = model(arm()).replace("</sdf>", f'<world name="v"/><model name="n">{arm()}</model></sdf>')
+    said = " ".join(each.sentence for each in reading(tmp_path, text).content)
+    assert "world v" in said
+    assert "model n" in said
 
 
 def test_an_added_mass_is_refused_by_import(tmp_path):

@@ -330,6 +330,68 @@ def test_what_cannot_be_read_is_refused_by_name(parts, word, tmp_path):
     assert word in refusal(tmp_path, stage(parts))
 
 
+#: What a body, a joint or the stage says wrongly -> what is named.
+WRONG = {
+    "physics:mass of /w/a": body("a", more="float physics:mass = nan") + HINGE,
+    "physics:diagonalInertia of /w/a": body("a", more="float3 physics:diagonalInertia = (inf, 1, 1)") + HINGE,
+    "newton:inertia of /w/a": body("a", more="float physics:mass = 2\nfloat[] newton:inertia = [1, 2]") + HINGE,
+    "newton:armature of /w/j": body("a") + HINGE.replace("uniform", 'string newton:armature = "x"\nuniform'),
+    "physics:lowerLimit of /w/j": body("a") + HINGE.replace("uniform", "float physics:lowerLimit = nan\nuniform"),
+    "physics:localPos0 of /w/j": body("a") + HINGE.replace("uniform", "point3f physics:localPos0 = (inf,0,0)\nuniform"),
+    "physics:axis of /w/j": body("a") + HINGE.replace('"Y"', '"W"'),
+    "axis of /w/a": body("a", more='token axis = "Q"', kind="Cylinder") + HINGE,
+    "corners that are not there": body("a", more=CUBE.replace("0,3,2,1", "0,3,2,9"), kind="Mesh") + HINGE,
+    "faces of too few corners: corners that are not there": body(
+        "a", more=CUBE.replace("[4,", "[99999999,"), kind="Mesh"
+    ),
+    "shears /w/a": body("a")
+    .replace("(0, 0, 0)", "(0, 0, 0)\ndouble3 xformOp:scale = (0,1,1)", 1)
+    .replace('["xformOp:translate"]', '["xformOp:translate", "xformOp:scale"]')
+    + HINGE,
+    "/w/a, which is not there": body("a").replace("(prepend", "(active = false\nprepend", 1) + HINGE,
+    "follows None": body("a") + HINGE.replace("uniform", "float physxMimicJoint:rotY:gearing = 2\nuniform"),
+    "mimic of j": body("a") + HINGE.replace("uniform", "rel newton:mimicJoint = </w/j>\nuniform"),
+}
+
+
+@pytest.mark.parametrize("word", WRONG)
+def test_what_a_file_says_wrongly_is_refused_by_attribute_and_prim(word, tmp_path):
+    assert word.rpartition(": ")[2] in refusal(tmp_path, stage(WRONG[word]))
+
+
+@pytest.mark.parametrize(
+    ("unit", "kilo", "up", "word"), [(0, 1, "Z", "units"), (1, 0, "Z", "units"), (1, 1, "W", "upAxis")]
+)
+def test_units_and_axes_that_are_none_are_refused(unit, kilo, up, word, tmp_path):
+    assert word in refusal(tmp_path, stage(body("a") + HINGE, unit, kilo, up))
+
+
+def test_a_kinematic_body_stands_where_no_joint_moves_it(tmp_path):
+    base = body("a", more=f"{MASS.format(2)}\nbool physics:kinematicEnabled = 1")
+    found = reading(tmp_path, stage(base + body("b") + joint("k", "Revolute", "a", "b")))
+    assert ([*found.bodies], [*found.joints], [*found.fixed]) == (["b"], ["k"], ["a"])
+    assert any("kinematic" in each.what for each in found.content)
+
+
+def test_a_centre_of_mass_that_is_not_stated_is_the_origin_and_nothing_is_said(tmp_path):
+    stated = "float physics:mass = 2\nfloat3 physics:diagonalInertia = (0.1, 0.2, 0.25)"
+    found = reading(tmp_path, stage(body("a", more=stated) + HINGE))
+    assert found.bodies["a"].com == pytest.approx([0.0, 0.0, 0.0])
+    assert not found.content
+
+
+def test_what_changes_with_time_is_read_as_it_is_at_first(tmp_path):
+    moving = body("a").replace("translate = (0, 0, 0)", "translate.timeSamples = {3: (0, 0, 2), 4: (0, 0, 5)}")
+    at = joint("j", "Revolute", "", "a", "point3f physics:localPos0 = (0, 0, 2)")
+    assert reading(tmp_path, stage(moving + at)).bodies["a"].pose[2, 3] == pytest.approx(2.0)
+
+
+def test_limits_beyond_all_bounds_are_none(tmp_path):
+    more = 'uniform token physics:axis = "Y"\nfloat physics:lowerLimit = -3e38\nfloat physics:upperLimit = 90'
+    found = reading(tmp_path, stage(body("a") + joint("j", "Revolute", "", "a", more)))
+    assert found.joints["j"].limits == pytest.approx((-math.inf, math.pi / 2))
+
+
 def test_what_is_left_out_is_named(tmp_path):
     hinge = joint("j", "Revolute", "", "a", 'uniform token physics:axis = "Y"\nfloat physxJoint:jointFriction = 0.3')
     off = HINGE.replace('"j"', '"off"').replace("rel", "bool physics:jointEnabled = 0\nrel")

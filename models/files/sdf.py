@@ -13,6 +13,7 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import inside
 from screwgauge.models.files.xml import parse
+from screwgauge.models.formats import floats
 from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.graph import WORLD
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
@@ -25,6 +26,7 @@ _VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
 OF = "::"
 #: Parts of models that are frames; children of an include that say which model is meant, and where it is placed.
 _FRAMES, _OF_INCLUDES = ("link", "joint", "frame", "model"), ("uri", "name", "placement_frame")
+_ROTATIONS = ("euler_rpy", "quat_xyzw")
 
 
 def is_true(text: str | None) -> bool:
@@ -200,17 +202,9 @@ class Frames:
 
     def vector(self, element: ET.Element, tag: str, default: str, n: int) -> Array:
         """So many numbers in an element. Shape (n,)."""
-        text = (element.findtext(tag) or "").strip() or default
-        try:
-            values = np.array([float(word) for word in text.split()])
-        except ValueError:
-            values = np.zeros(0)
-        bad = np.isnan(values) if tag.startswith("limit/") else ~np.isfinite(values)
-        if len(values) != n or bad.any():
-            what = f"{tag} of {element.tag} {element.get('name', '')}".rstrip()
-            due = f"{n} finite numbers" if n > 1 else "a finite number"
-            raise ModelFileError(f"{what} is '{text[:60]}', not {due}", self.where, "write that")
-        return values
+        words = ((element.findtext(tag) or "").strip() or default).split()
+        what = f"{tag} of {element.tag} {element.get('name', '')}".rstrip()
+        return floats(words, n, what, self.where, infinite=tag.startswith("limit/"))
 
     def number(self, element: ET.Element, tag: str, default: float) -> float:
         """A number in an element."""
@@ -219,7 +213,10 @@ class Frames:
     def pose(self, element: ET.Element) -> Array:
         """Placement by the ``<pose>`` in an element. Shape (4, 4)."""
         pose = element.find("pose")
-        if pose is not None and pose.get("rotation_format") == "quat_xyzw":
+        form = "euler_rpy" if pose is None else pose.get("rotation_format", "euler_rpy")
+        if form not in _ROTATIONS:
+            raise UnknownNameError("rotation_format", form, _ROTATIONS, self.where)
+        if form == "quat_xyzw":
             x = self.vector(element, "pose", "0 0 0 0 0 0 1", 7)
             return matrix(x[:3], quaternion_rotation(x[[6, 3, 4, 5]] / (float(np.linalg.norm(x[3:])) or 1.0)))
         x = self.vector(element, "pose", "0 0 0 0 0 0", 6)

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
 from screwgauge.models.files.parts import inside
+from screwgauge.models.formats import floats
 from screwgauge.models.importing import USD
-from screwgauge.reference.errors import ModelFileError, remedy_of_import
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, remedy_of_import
 from screwgauge.reference.files import check_count, digest, is_file
+from screwgauge.reference.rotations import Array
 
 #: Ending of files that hold others.
 PACKAGE = ".usdz"
+AXES = "XYZ"
 #: Signs of a complaint of usd-core that are passed on.
 _SAID = 160
 #: What names of attributes begin with that are no matter of looks; after some stands which freedom is meant.
@@ -62,11 +67,11 @@ def stage_of(path: Path) -> Any:
         quiet.TakeUncoalescedDiagnostics()
 
 
-def prims(stage: Any) -> Iterator[Any]:
-    """All prims that are active, those of instances among them."""
+def prims(top: Any) -> Iterator[Any]:
+    """A prim and all below it that are active, those of instances among them."""
     from pxr import Usd
 
-    return iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
+    return iter(Usd.PrimRange(top, Usd.TraverseInstanceProxies()))
 
 
 def is_joint(prim: Any) -> bool:
@@ -84,37 +89,68 @@ def names_of(some: list[Any]) -> list[str]:
     ]
 
 
-def value(prim: Any, *names: str, default: Any = None) -> Any:
-    """Value of the first of some attributes that has one; floats of 32 bits by their shortest decimals."""
+def value(prim: Any, name: str, default: Any = None) -> Any:
+    """Value of an attribute, at the earliest time if it changes."""
+    from pxr import Usd
+
+    attribute = prim.GetAttribute(name)
+    found = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    return default if found is None else found
+
+
+def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
+    """Numbers of the first of some attributes that has a value; those of 32 bits by their shortest decimals.
+
+    Args:
+        default: As many numbers; where one is infinite, so may be those of the file. Shape (n,).
+
+    Raises:
+        ModelFileError: The value is something else.
+    """
     for name in names:
-        attribute = prim.GetAttribute(name)
-        found = attribute.Get() if attribute else None
-        if found is not None:
-            kind = str(attribute.GetTypeName().cppTypeName)
-            return _decimal(found) if kind == "float" or kind.endswith("f") else found
-    return default
+        if (found := value(prim, name)) is not None:
+            words = [found.GetReal(), *found.GetImaginary()] if hasattr(found, "GetReal") else np.atleast_1d(found)
+            where, infinite = prim.GetStage().GetRootLayer().realPath, bool(np.isinf(default).any())
+            kind = str(prim.GetAttribute(name).GetTypeName().cppTypeName)
+            x = floats(words, len(default), f"{name} of {prim.GetPath()}", where, infinite=infinite)
+            return np.array([float(str(np.float32(e))) for e in x]) if kind == "float" or kind.endswith("f") else x
+    return np.array(default)
 
 
-def triangles_of(prim: Any) -> Any:
-    """Corners of the triangles of a mesh, its faces being fans of them. Shape (m, 3)."""
-    import numpy as np
-
-    corners, at = np.array(prim.GetAttribute("faceVertexIndices").Get() or (), dtype=int), 0
-    fans = []
-    for count in prim.GetAttribute("faceVertexCounts").Get() or ():
-        fans += [(at, at + k, at + k + 1) for k in range(1, count - 1)]
-        at += count
-    return corners[np.array(fans, dtype=int).reshape(-1, 3)]
+def number(prim: Any, *names: str, default: float = 0.0) -> float:
+    """A number, as `numbers`."""
+    return float(numbers(prim, *names, default=(default,))[0])
 
 
-def _decimal(found: Any) -> Any:
-    """Floats of 32 bits as what was written, up to nine digits: a scalar, vector or quaternion (w, x, y, z)."""
-    import numpy as np
+def axis_of(prim: Any, name: str, default: str) -> str:
+    """``X``, ``Y`` or ``Z`` as an attribute says.
 
-    if hasattr(found, "GetReal"):
-        found = [found.GetReal(), *found.GetImaginary()]
-    numbers = [float(str(np.float32(x))) for x in np.atleast_1d(found)]
-    return numbers if np.ndim(found) else numbers[0]
+    Raises:
+        UnknownNameError: It says something else.
+    """
+    found = str(value(prim, name, default))
+    if found not in AXES:
+        raise UnknownNameError(f"{name} of {prim.GetPath()}", found, AXES, prim.GetStage().GetRootLayer().realPath)
+    return found
+
+
+def triangles_of(prim: Any, n: int) -> Array:
+    """Corners of the triangles of a mesh, its faces being fans of them. Shape (m, 3).
+
+    Args:
+        n: Points that there are.
+
+    Raises:
+        ModelFileError: Faces have corners that are not there.
+    """
+    corners, counts = (np.array(value(prim, f"faceVertex{what}", ()), dtype=int) for what in ("Indices", "Counts"))
+    if counts.sum() != len(corners) or counts.min(initial=0) < 0 or not ((corners >= 0) & (corners < n)).all():
+        where = prim.GetStage().GetRootLayer().realPath
+        raise ModelFileError(f"mesh {prim.GetPath()} has corners that are not there", where, "mend its faces")
+    starts = (np.cumsum(counts) - counts).tolist()
+    pairs = zip(starts, counts.tolist(), strict=True)
+    fans = [(at, at + k, at + k + 1) for at, count in pairs for k in range(1, count - 1)]
+    return np.asarray(corners[np.array(fans, dtype=int).reshape(-1, 3)])
 
 
 def elements(stage: Any) -> ET.Element:
@@ -123,7 +159,7 @@ def elements(stage: Any) -> ET.Element:
 
     default = stage.GetDefaultPrim()
     root = ET.Element("usd", {"name": default.GetName()} if default else {})
-    for prim in prims(stage):
+    for prim in prims(stage.GetPseudoRoot()):
         said = {a.GetName(): str(a.Get()) for a in prim.GetAuthoredAttributes() if a.GetName().startswith(_PHYSICS)}
         if not said:
             continue
@@ -143,4 +179,5 @@ def elements(stage: Any) -> ET.Element:
 def _without_instance(name: str) -> str:
     """``drive:*:physics:stiffness`` of ``drive:angular:physics:stiffness``."""
     first, *rest = name.split(":")
-    return ":".join([first, "*", *rest[1:]]) if first in _INSTANCES and len(rest) > 1 else name
+    known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # whose limits are not read
+    return ":".join([first, "*", *rest[1:]]) if known else name

@@ -5,8 +5,9 @@ A joint of any kind closes a loop: it carries a copy of its child without mass, 
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from typing import Any, NamedTuple
@@ -26,18 +27,26 @@ from screwgauge.models.readings.reading import (
     Reading,
 )
 from screwgauge.reference.couplings import PolynomialSum
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
 #: The world, where a joint names it in place of a link.
 WORLD = ""
+#: Limits that mean none [rad or m].
+_BOUNDLESS = 1e16
 
 
 def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
     """Return a link that is not in a tree yet. pose: in the world, shape (4, 4)."""
     return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), pose, gravcomp=float(weightless))
+
+
+def bounds(low: float, high: float) -> tuple[float, float]:
+    """Return limits; those far beyond what moves are none."""
+    low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in (low, high))
+    return low, high
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +87,7 @@ class Mimic(NamedTuple):
 
     def coupling(self, joints: Mapping[str, GraphJoint], where: str) -> CouplingReading:
         """Return it as a coupling; what follows a fixed joint, which stays at 0, is held."""
-        freedoms = {name for joint in joints.values() for name in joint.freedoms}
+        freedoms = {name for joint in joints.values() for name in joint.freedoms} - {self.coordinate}
         name = next((each for each in (f"{self.leader}.{self.nth}", self.leader) if each in freedoms), "")
         if not name and (self.leader not in joints or joints[self.leader].freedoms):
             raise UnknownNameError("joint", self.leader, freedoms, f"{where}, mimic of {self.coordinate}")
@@ -93,6 +102,7 @@ def read_graph(
     *,
     mimics: Iterable[Mimic] = (),
     rounding: float = 0.0,
+    still: Collection[str] = (),
     **rest: Any,
 ) -> Reading:
     """Chooses a tree, in the order of the file and without joints that are to close loops as far as that can be.
@@ -101,6 +111,7 @@ def read_graph(
         links: Their matter and poses; whatever no joint keeps to the world floats.
         where: The file, to blame.
         rounding: Gaps of loops and angles between axes up to this are none [m or rad].
+        still: Links that stand where no joint keeps them to the world, and do not float.
         rest: What else the `Reading` has.
 
     Raises:
@@ -108,11 +119,13 @@ def read_graph(
     """
     check_count(len(links), "links", where)
     shift, tree, moving = {WORLD: np.eye(4)}, dict[str, BodyReading](), dict[str, JointReading]()
-    loops = dict(joints)
+    loops, names = dict(joints), Counter(name for joint in joints.values() for name in joint.freedoms)
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ModelFileError(f"two coordinates are called '{twice[0]}'", where, "give joints other names")
     for name, by, back in _reached(links, joints):
         if not by:
-            freedoms = {f"{name}_free": JointReading("free", np.zeros(6), links[name].pose[:3, 3])}
-            near, shift[name] = WORLD, np.eye(4)
+            free = {_unused(f"{name}_free", names): JointReading("free", np.zeros(6), links[name].pose[:3, 3])}
+            near, shift[name], freedoms = WORLD, np.eye(4), {} if name in still else free
         else:
             joint = loops.pop(by)
             near, step = (joint.child, np.linalg.inv(joint.step)) if back else (joint.parent, joint.step)
@@ -129,7 +142,7 @@ def read_graph(
         pose = closed if np.abs(pose - closed).max() <= rounding else pose
         end, freedoms = joint.parent, joint.placed(shift[joint.parent])
         if freedoms:
-            end = f"{joint.child or GROUND}.{name}"
+            end = _unused(f"{joint.child or GROUND}.{name}", links)
             copy = replace(link(NOTHING, pose), near=joint.parent, joints=tuple(freedoms))
             tree[end], moving = replace(copy, copy_of=joint.child or GROUND), moving | freedoms
         welds[f"{name}.loop"] = joint.child, end, pose
@@ -144,6 +157,13 @@ def read_graph(
         frames={n: joint.child for n, joint in joints.items() if not (joint.freedoms or n in links)},
         **rest,
     )
+
+
+def _unused(name: str, names: Collection[str]) -> str:
+    """The name, or one like it where that is taken."""
+    while name in names:
+        name += "_"
+    return name
 
 
 def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:

@@ -9,12 +9,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.content import force_limits
+from screwgauge.models.content import OTHER, Content, force_limits
 from screwgauge.models.files.sdf import OF, Frame, Frames, base_of, is_true
 from screwgauge.models.formats import TENSOR, tensor
 from screwgauge.models.matter import NOTHING, SHAPES, Matter, displaced, joined, uniform
 from screwgauge.models.poses import relative, screw
-from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, link, read_graph
+from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, link, read_graph
 from screwgauge.models.readings.reading import FREE, BodyReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.rotations import Array
@@ -30,8 +30,8 @@ _KINDS = {
     "ball": ("ball",),
     "screw": ("hinge", "slide"),
 }
-#: Density of shapes whose file says none [kg/m^3], gravity of a world that says none, limits that mean none.
-_WATER, _GRAVITY, _BOUNDLESS = 1000.0, "0 0 -9.8", 1e16
+#: Density of shapes whose file says none [kg/m^3], gravity of a world that says none.
+_WATER, _GRAVITY = 1000.0, "0 0 -9.8"
 #: What a joint's reading has -> element of its dynamics.
 _DYNAMICS = {
     "damping": "damping",
@@ -77,7 +77,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         mimics=[mimic for one in joints.values() for mimic in one.mimics(joints)],
         name=frames.alone.removesuffix(OF) or name,
         gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
-        content=tuple(force_limits(n, most) for one in joints.values() for n, most in one.efforts()),
+        content=(*_beside(root, world), *(force_limits(*each) for one in joints.values() for each in one.efforts())),
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
     )
     for n, body in reading.bodies.items():
@@ -85,6 +85,12 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
             remedy = "give <gravity> to all links that are fixed to each other, or to none"
             raise ModelFileError(f"switches off the weight of a part of body {n}", where, remedy)
     return reading
+
+
+def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
+    """Worlds and models that stand beside the first world."""
+    others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
+    return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
@@ -119,7 +125,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
 
 def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frames: Frames) -> Matter:
     """Matter of a shape in the frame of its link; none of a plane."""
-    shape = next(iter(collision.find("geometry") or ()), ET.Element("nothing"))
+    shape = next(iter(collision.find("geometry") or ()), ET.Element("missing shape"))
     if shape.tag == "plane":
         return NOTHING
     if shape.tag not in SHAPES:
@@ -199,15 +205,15 @@ class _Joint:
         if self.kind == "screw" and i:
             return joint
         axis, number = self.axis(i), self.frames.number
-        bounds = number(axis, "limit/lower", -_BOUNDLESS), number(axis, "limit/upper", _BOUNDLESS)
-        low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in bounds)
+        limits = bounds(number(axis, "limit/lower", -math.inf), number(axis, "limit/upper", math.inf))
         dynamics = {what: number(axis, f"dynamics/{tag}", 0.0) for what, tag in _DYNAMICS.items()}
-        return replace(joint, limits=FREE if self.kind == "continuous" else (low, high), **dynamics)  # type: ignore[arg-type]
+        return replace(joint, limits=FREE if self.kind == "continuous" else limits, **dynamics)  # type: ignore[arg-type]
 
     def efforts(self) -> Iterator[tuple[str, float]]:
         """Coordinates whose force has a bound, and that."""
         for i, name in enumerate(self.coordinates):
-            if 0.0 <= (most := self.frames.number(self.axis(i), "limit/effort", -1.0)) < _BOUNDLESS:
+            _, most = bounds(0.0, self.frames.number(self.axis(i), "limit/effort", -1.0))
+            if 0.0 <= most < math.inf:
                 yield name, most
 
     def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
@@ -218,7 +224,10 @@ class _Joint:
             yield Mimic(two, one, "", 0.0, -number(e, "gearbox_ratio", 1.0) * s * t)
         if self.kind == "screw":
             old = e.find("screw_thread_pitch") is None and e.find("thread_pitch") is not None
-            pitch = -math.tau / number(e, "thread_pitch", 1.0) if old else number(e, "screw_thread_pitch", 1.0)
+            pitch = number(e, "thread_pitch" if old else "screw_thread_pitch", 1.0)
+            if not pitch:
+                raise ModelFileError(f"pitch of screw {self.name} is 0", self.frames.where, "give it a pitch")
+            pitch = -math.tau / pitch if old else pitch
             yield Mimic(self.coordinates[1], self.name, "1", 0.0, pitch / math.tau)
         for i, name in enumerate(self.coordinates[: 1 if self.kind == "screw" else None]):
             if (mimic := self.axis(i).find("mimic")) is not None:

@@ -12,19 +12,31 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content, force_limits
-from screwgauge.models.files.usd import is_joint, names_of, prims, stage_of, triangles_of, value
+from screwgauge.models.files.usd import (
+    AXES,
+    axis_of,
+    is_joint,
+    names_of,
+    number,
+    numbers,
+    prims,
+    stage_of,
+    triangles_of,
+    value,
+)
 from screwgauge.models.formats import tensor
 from screwgauge.models.matter import NOTHING, Matter, displaced, joined, polyhedron, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
-from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, link, read_graph
+from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, link, read_graph
 from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReading, JointReading, Reading
-from screwgauge.reference.errors import ModelFileError, first_few
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array, quaternion_rotation
 
 #: Gaps and turns that are the rounding of 32 bits [m or rad]; density that a file leaves open [kg/m^3]; gravity.
 ROUNDING, _WATER, _GRAVITY = 1e-6, 1000.0, 9.81
-_AXES = "XYZ"
-_SLIDES, _TURNS = ([f"{kind}{axis}" for axis in _AXES] for kind in ("trans", "rot"))
+_SLIDES, _TURNS = ([f"{kind}{axis}" for axis in AXES] for kind in ("trans", "rot"))
+#: What UsdPhysics has for a vector that is not stated.
+_UNSTATED = (-math.inf,) * 3
 #: Type of a joint -> its freedoms in the axes of its frames, in the order in which they follow each other.
 _KINDS = {
     "Revolute": ("rot{}",),
@@ -42,7 +54,9 @@ _PASSIVE = {
 }
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
 #: Shapes of which mass may come -> as `uniform` calls them.
-_SHAPES = {"cube": "box", "sphere": "ellipsoid", "cylinder": "cylinder", "capsule": "capsule", "cone": "cone"}
+_SHAPES = {name: name for name in ("cylinder", "capsule", "cone", "mesh")} | {"cube": "box", "sphere": "ellipsoid"}
+#: How far a rotation may be from one.
+_SQUARE = 1e-4
 
 
 def read_usd(path: Path, name: str) -> Reading:
@@ -54,13 +68,15 @@ def read_usd(path: Path, name: str) -> Reading:
     from pxr import Usd, UsdGeom, UsdPhysics
 
     stage = stage_of(path)
-    every = [*prims(stage)]
+    every = [*prims(stage.GetPseudoRoot())]
     bodies = [
         each for each in every if each.HasAPI(UsdPhysics.RigidBodyAPI) and value(each, "physics:rigidBodyEnabled")
     ]
     names = dict(zip((prim.GetPath() for prim in bodies), names_of(bodies), strict=True))
     units = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
-    read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.Default()), names)
+    if not all(0.0 < unit < math.inf for unit in units):
+        raise ModelFileError("has units of no size", str(path), "state metersPerUnit and kilogramsPerUnit above 0")
+    read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), names)
     found = [prim for prim in every if is_joint(prim)]
     joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
     placed = {one.name: one.placed() for one in joints}
@@ -72,6 +88,7 @@ def read_usd(path: Path, name: str) -> Reading:
         str(path),
         mimics=[mimic for one in joints for mimic in one.mimics(paths)],
         rounding=ROUNDING,
+        still={names[prim.GetPath()] for prim in bodies if value(prim, "physics:kinematicEnabled")},
         name=name,
         actuators={n: ActuatorReading(n) for one in joints for n, _ in one.drives()},
         gravity=read.gravity(next((prim for prim in every if prim.IsA(UsdPhysics.Scene)), None)),
@@ -122,7 +139,7 @@ class _Stage:
     def joint(self, prim: Any, name: str) -> _Joint | None:
         """A joint that constrains something."""
         kind = str(prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
-        off = not value(prim, "physics:jointEnabled", default=True)
+        off = not value(prim, "physics:jointEnabled", True)
         if off or kind == "Distance":
             what = (
                 ("put in place", f"joint {name}, switched off")
@@ -134,7 +151,7 @@ class _Stage:
         if kind not in _KINDS:
             types = ", ".join(f"Physics{each}Joint" for each in _KINDS)
             raise ModelFileError(f"joint {name} is a {prim.GetTypeName()}", self.where, f"make it one of {types}")
-        tokens = [token.format(value(prim, "physics:axis", default="X")) for token in _KINDS[kind]]
+        tokens = [token.format(axis_of(prim, "physics:axis", "X")) for token in _KINDS[kind]]
         limits = {token: self.limits(prim, kind, token) for token in tokens}
         free = {token: (low, high) for token, (low, high) in limits.items() if not low >= high}
         same = self.side(prim, 0)[0] == self.side(prim, 1)[0]
@@ -145,8 +162,8 @@ class _Stage:
         ends = ("physics:lowerLimit", "physics:upperLimit")
         if kind not in ("Revolute", "Prismatic"):
             ends = (f"limit:{token}:physics:low", f"limit:{token}:physics:high")
-        low, high = (self.scaled(token, value(prim, n, default=d)) for n, d in zip(ends, FREE, strict=True))
-        return low, high
+        low, high = (self.scaled(token, number(prim, n, default=d)) for n, d in zip(ends, FREE, strict=True))
+        return bounds(low, high)
 
     def scaled(self, token: str, x: float) -> float:
         """A coordinate in SI."""
@@ -157,9 +174,10 @@ class _Stage:
         M = np.array(self.cache.GetLocalToWorldTransform(prim), dtype=float).T
         scale = np.linalg.norm(M[:3, :3], axis=0)
         scale[0] *= math.copysign(1.0, np.linalg.det(M[:3, :3]))
-        if not scale.all():
-            raise ModelFileError(f"scales {prim.GetPath()} to nothing", self.where, "give it a size")
-        return matrix(self.unit * M[:3, 3], M[:3, :3] / scale), scale
+        R = M[:3, :3] / np.where(scale == 0.0, 1.0, scale)
+        if not (np.abs(R.T @ R - np.eye(3)) < _SQUARE).all():
+            raise ModelFileError(f"shears {prim.GetPath()} or scales it to nothing", self.where, "scale it otherwise")
+        return matrix(self.unit * M[:3, 3], R), scale
 
     def body_of(self, prim: Any) -> str:
         """The body that a prim is part of; `WORLD` of what does not move."""
@@ -171,47 +189,45 @@ class _Stage:
         """The body on one side of a joint, and the joint's frame there in the world. Shape (4, 4)."""
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
-        if targets and not prim:
+        if targets and not (prim and prim.IsActive()):
             what = f"joint {joint.GetName()} joins {targets[0]}, which is not there"
             raise ModelFileError(what, self.where, "mend it")
         T, scale = self.placed(prim) if prim else (np.eye(4), np.ones(3))
-        p, R = value(joint, f"physics:localPos{k}"), _turn(value(joint, f"physics:localRot{k}"))
-        return self.body_of(prim), T @ matrix(self.unit * scale * np.array(p), np.eye(3) if R is None else R)
+        p, q = numbers(joint, f"physics:localPos{k}", default=(0.0,) * 3), f"physics:localRot{k}"
+        return self.body_of(prim), T @ matrix(self.unit * scale * p, _turn(numbers(joint, q, default=(0.0,) * 4)))
 
     def body(self, prim: Any) -> BodyReading:
         """Matter and pose of a body."""
         (T, scale), name = self.placed(prim), self.bodies[prim.GetPath()]
-        said = [self.stated(prim, scale, Matter(0.0, np.full(3, np.nan), np.full((3, 3), np.nan)))]
-        if not said[0].mass or np.isnan(said[0].com).any() or np.isnan(said[0].inertia).any():
-            density = value(prim, "physics:density", default=0.0)
-            inside = (each for each in prims(self.stage) if each.GetPath().HasPrefix(prim.GetPath()))
-            shapes = [each for each in inside if self.body_of(each) == name and value(each, "physics:collisionEnabled")]
+        matter = self.stated(prim, scale, Matter(0.0, np.full(3, np.nan), np.full((3, 3), np.nan)))
+        weighs = matter.mass and not np.isnan(matter.inertia).any()
+        if not weighs or np.isnan(matter.com).any():
+            density = number(prim, "physics:density")
+            inside = (each for each in prims(prim) if self.body_of(each) == name)
+            shapes = [each for each in inside if value(each, "physics:collisionEnabled")]
             whole = joined(self.shape(each, T, name, density) for each in shapes)
             if not whole.mass:  # what OpenUSD takes then
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
                 what = f"mass or inertia of body {name}, which states none: of a ball of {r:g} m, 1 kg unless stated"
-                self.content.append(Content("read otherwise by the library", what))
-            said[0] = self.stated(prim, scale, whole)
-        matter = said[0]
+                self.content.extend([] if weighs else [Content("read otherwise by the library", what)])
+            matter = self.stated(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):
             self.content.append(Content("bodies moved from outside", "kinematic body", f" {name}"))
-        weightless = value(prim, "physxRigidBody:disableGravity", default=False)
-        return link(matter, T, weightless=weightless)
+        return link(matter, T, weightless=value(prim, "physxRigidBody:disableGravity", False))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
         """Matter of a body or collider: as the file states it, and the rest as shapes have it."""
-        mass = self.kilo * value(prim, "physics:mass", default=0.0)
+        mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
-        moments, axes = value(prim, "physics:diagonalInertia"), _turn(value(prim, "physics:principalAxes"))
-        if entries := value(prim, "newton:inertia"):
-            inertia = self.kilo * self.unit**2 * tensor(entries)
-        elif moments is not None and any(moments):
-            A = np.eye(3) if axes is None else axes
-            inertia = self.kilo * self.unit**2 * A @ np.diag(moments) @ A.T
-        com = value(prim, "physics:centerOfMass")
-        stated = com is not None and np.isfinite(com).all()
-        return Matter(mass or shapes.mass, self.unit * scale * np.array(com) if stated else shapes.com, inertia)
+        moments = numbers(prim, "physics:diagonalInertia", default=(0.0,) * 3)
+        A = _turn(numbers(prim, "physics:principalAxes", default=(0.0,) * 4))
+        if (entries := numbers(prim, "newton:inertia", default=(0.0,) * 6)).any():
+            inertia = size * tensor(entries)
+        elif moments.any():
+            inertia = size * A @ np.diag(moments) @ A.T
+        com = numbers(prim, "physics:centerOfMass", default=_UNSTATED)
+        return Matter(mass or shapes.mass, self.unit * scale * com if np.isfinite(com).all() else shapes.com, inertia)
 
     def shape(self, prim: Any, body: Array, name: str, density: float) -> Matter:
         """Matter of a collider in the frame of its body. body: its pose, shape (4, 4)."""
@@ -221,22 +237,24 @@ class _Stage:
             return NOTHING
         kind, (T, scale) = str(prim.GetTypeName()).lower(), self.placed(prim)
         size = self.unit * np.abs(scale)
-        axis = _AXES.index(str(value(prim, "axis", default="Z")))
+        axis = AXES.index(axis_of(prim, "axis", "Z"))
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
-        if kind not in ("cube", "sphere", "cylinder", "capsule", "cone", "mesh"):
+        if kind not in _SHAPES:
             what = f"mass of body {name} is to come from a {kind or 'shape'}, which is not computed"
             raise ModelFileError(what, self.where, "state mass, diagonalInertia and centerOfMass of the body (MassAPI)")
-        lengths = [across * value(prim, "radius", default=1.0), along * value(prim, "height", default=1.0)]
+        lengths = [across * number(prim, "radius", default=1.0), along * number(prim, "height", default=1.0)]
         if kind in ("cube", "sphere"):
-            lengths, turn = (size * value(prim, "size", "radius", default=1.0)).tolist(), np.eye(3)
+            lengths, turn = (size * number(prim, "size", "radius", default=1.0)).tolist(), np.eye(3)
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")[0].GetPrim()
-        densities = value(prim, "physics:density"), density, material and value(material, "physics:density")
-        stated = next((x for x in densities if x), 0.0)
+        densities = number(prim, "physics:density"), density, number(material, "physics:density") if material else 0.0
+        stated = next(filter(None, densities), 0.0)
         rho = self.kilo / self.unit**3 * stated if stated else _WATER
-        points = self.unit * scale * np.array(value(prim, "points", default=()), dtype=float).reshape(-1, 3)
-        solid = {"cube": "box", "sphere": "ellipsoid"}.get(kind, kind)
-        own = uniform(solid, lengths, rho) if kind != "mesh" else polyhedron(points @ turn, triangles_of(prim), rho)
+        points = self.unit * scale * np.array(value(prim, "points", ()), dtype=float).reshape(-1, 3)
+        if kind == "mesh":
+            own = polyhedron(points @ turn, triangles_of(prim, len(points)), rho)
+        else:
+            own = uniform(_SHAPES[kind], lengths, rho)
         return displaced(self.stated(prim, scale, displaced(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
@@ -244,19 +262,21 @@ class _Stage:
         from pxr import UsdGeom
 
         axis = str(UsdGeom.GetStageUpAxis(self.stage))
-        down = -np.eye(3)[_AXES.index(axis)]
+        if axis not in AXES:
+            raise UnknownNameError("upAxis", axis, AXES, self.where)
+        down = -np.eye(3)[AXES.index(axis)]
         if scene is None:
             return None if axis == "Z" else _GRAVITY * down
-        way, size = np.array(value(scene, "physics:gravityDirection")), value(scene, "physics:gravityMagnitude")
-        on = value(scene, "newton:gravityEnabled", default=True)
-        amount = (self.unit * size if size >= 0.0 and math.isfinite(size) else _GRAVITY) * bool(on)
+        way = numbers(scene, "physics:gravityDirection", default=(0.0,) * 3)
+        size = number(scene, "physics:gravityMagnitude", default=-math.inf)
+        on = value(scene, "newton:gravityEnabled", True)
+        amount = (self.unit * size if 0.0 <= size < math.inf else _GRAVITY) * bool(on)
         return np.asarray(amount * (way / np.linalg.norm(way) if way.any() else down))
 
 
-def _turn(quaternion: Any) -> Array | None:
-    """Rotation by a quaternion (w, x, y, z); None by none. Shape (3, 3)."""
-    q = np.zeros(4) if quaternion is None else np.array(quaternion, dtype=float)
-    return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else None
+def _turn(q: Array) -> Array:
+    """Rotation by a quaternion (w, x, y, z); none by one that is zero. Shape (3, 3)."""
+    return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,7 +312,7 @@ class _Joint:
         home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
         for token, name in self.coordinates.items():
             kind, centre, q = "hinge" if token in _TURNS else "slide", X[:3, 3], home[token]
-            way = X[:3, _AXES.index(token[-1])]
+            way = X[:3, AXES.index(token[-1])]
             if self.is_ball:
                 freedoms[name], X = JointReading("ball", np.zeros(6), centre), matrix(centre, F[:3, :3])
                 continue
@@ -317,11 +337,11 @@ class _Joint:
         """What a freedom exerts by itself: in SI, per radian."""
         turns, unit = token in _TURNS, self.stage.unit
         size = self.stage.kilo * unit ** (2 if turns else 0)
-        found = {what: size * value(self.prim, *names, default=0.0) for what, names in _PASSIVE.items()}
+        found = {what: size * number(self.prim, *names) for what, names in _PASSIVE.items()}
         if turns and value(self.prim, "newton:damping") is not None:
             found["damping"] = math.degrees(found["damping"])
         found["friction"] *= 1.0 if turns else unit
-        return {**found, "rest": self.stage.scaled(token, value(self.prim, "mjc:springref", default=0.0))}
+        return {**found, "rest": self.stage.scaled(token, number(self.prim, "mjc:springref"))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
         """Coordinates that are driven, and the instance of the drive."""
@@ -333,10 +353,11 @@ class _Joint:
     def content(self) -> Iterator[Content]:
         """Gains and limits of its drives."""
         for name, instance in self.drives():
-            said = {n: value(self.prim, f"drive:{instance}:physics:{n}") for n in _DRIVE}
-            of, values = (("joints", name, 1.0),), tuple((n, x) for n, x in said.items() if x is not None)
+            of, names = (("joints", name, 1.0),), {n: f"drive:{instance}:physics:{n}" for n in _DRIVE}
+            said = {n: a for n, a in names.items() if value(self.prim, a) is not None}
+            values = tuple((n, value(self.prim, a) if n == "type" else number(self.prim, a)) for n, a in said.items())
             yield Content("drives", "drive", f" of joint {name}", of, values)
-            if math.isfinite(most := value(self.prim, f"drive:{instance}:physics:maxForce", default=math.inf)):
+            if math.isfinite(most := number(self.prim, f"drive:{instance}:physics:maxForce", default=math.inf)):
                 per = self.stage.unit ** (2 if instance.startswith(("angular", "rot")) else 1)
                 yield force_limits(name, self.stage.kilo * per * most)
 
@@ -349,16 +370,15 @@ class _Joint:
 
         Those of PhysX count only if there is none of Newton's.
         """
-        read = partial(value, self.prim)
-        if (to := self.target("newton:mimicJoint")) and read("newton:mimicEnabled", default=True):
-            constant, slope = read("newton:mimicCoef0", default=0.0), read("newton:mimicCoef1", default=1.0)
-            yield to, "", "", constant, slope, False
+        read = partial(number, self.prim)
+        if (to := self.target("newton:mimicJoint")) and value(self.prim, "newton:mimicEnabled", True):
+            yield to, "", "", read("newton:mimicCoef0"), read("newton:mimicCoef1", default=1.0), False
             return
-        names = (each.GetName().split(":") for each in self.prim.GetAuthoredRelationships())
-        for token in (parts[1] for parts in names if parts[0] == "physxMimicJoint" and parts[-1] == "referenceJoint"):
+        names = (name.split(":") for name in self.prim.GetAuthoredPropertyNames())
+        for token in dict.fromkeys(parts[1] for parts in names if parts[0] == "physxMimicJoint"):
             of = f"physxMimicJoint:{token}"
-            constant, slope = -read(f"{of}:offset", default=0.0), -read(f"{of}:gearing", default=1.0)
-            axis = str(read(f"{of}:referenceJointAxis", default=""))
+            constant, slope = -read(f"{of}:offset"), -read(f"{of}:gearing", default=1.0)
+            axis = str(value(self.prim, f"{of}:referenceJointAxis", ""))
             yield self.target(f"{of}:referenceJoint"), token, axis, constant, slope, True
 
     def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
