@@ -47,10 +47,12 @@ that name. `required_wrenches` is what a motion needs of each body (Newton, Eule
 one with an integrator is a `Stepped`, for `solve_stepwise`. `temporary` changes settings of a library for a while.
 Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion`
 has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of
-redundant actuators, `axial_line` the line of the second; `unit_wrenches` and `joint_wrenches` are what joints exert
+redundant actuators, `axial_line` the line of the second; `idle_accelerations` are those of coordinates that no actuator
+drives, which a `GivenMotion` names; `unit_wrenches` and `joint_wrenches` are what joints exert
 by their multipliers, `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and
 `inertia_values` are the quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses
-that begins at home, which estimates its errors.
+that begins at home, which estimates its errors; of conditions that it finds for the same quantity (`ACCELERATED` are
+those that rest on accelerations) `worst_of` takes the larger.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
@@ -73,6 +75,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from screwgauge.engines.error_estimate import ACCELERATED, worst_of
 from screwgauge.engines.kit.acting import acting, along_joints, load_point, resistance
 from screwgauge.engines.kit.answers import Answered, answer, force_values, inertia_values, motion_values, temporary
 from screwgauge.engines.kit.branch import Branch
@@ -88,7 +91,7 @@ from screwgauge.engines.kit.poses import (
     read_joints,
     shifted,
 )
-from screwgauge.engines.kit.projection import along_line, min_norm
+from screwgauge.engines.kit.projection import along_line, idle_accelerations, min_norm
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions, unit_wrenches
 from screwgauge.engines.kit.stepping import Stepped, solve_stepwise
 from screwgauge.engines.registry import Engine, EngineModel
@@ -135,6 +138,7 @@ if TYPE_CHECKING:
     from screwgauge.models.files.urdf import tree_urdf
 
 __all__ = [
+    "ACCELERATED",
     "GIVEN",
     "GRAVITY",
     "GROUND",
@@ -212,6 +216,7 @@ __all__ = [
     "com_accelerations",
     "follow_joints",
     "force_values",
+    "idle_accelerations",
     "inertia_values",
     "joint_wrenches",
     "length",
@@ -239,6 +244,7 @@ __all__ = [
     "temporary",
     "tree_urdf",
     "unit_wrenches",
+    "worst_of",
 ]
 
 _TREE = "screwgauge.engines.tree"

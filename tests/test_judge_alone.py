@@ -120,8 +120,8 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     """A newton of preload: it balances, gives the right power, and is not what the rule says."""
     right = closed_forces.min_norm
 
-    def preloaded(B, Q):
-        forces, condition = right(B, Q)
+    def preloaded(B, Q, idle=()):
+        forces, condition = right(B, Q, idle)
         return forces + preload_space(B)[..., 0], condition
 
     smallest = Dynamics.actuator_force.func

@@ -36,6 +36,8 @@ Units = Mapping[str, Sequence[str]]
 """Quantity -> unit of each component."""
 
 _POWER = {"q": 1, "v": 2, "a": 3, "f": 3}  # of g, by what a quantity needs
+#: Quantities that rest on accelerations.
+ACCELERATED = tuple(name for name, quantity in QUANTITIES.items() if quantity.needs in "af")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +102,11 @@ class Trust:
         """Condition number of all that a quantity was solved from."""
         condition = np.maximum(self.condition, self.forces.get(quantity, 0.0))
         return np.maximum(condition, self.charts) if quantity in OF_JOINTS else condition
+
+
+def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str, Array]:
+    """Condition numbers of quantities, the larger where both have one. Shape (n,) each."""
+    return {**some, **{name: np.maximum(number, some.get(name, 1.0)) for name, number in others.items()}}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

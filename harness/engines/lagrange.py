@@ -9,6 +9,8 @@ of joints that close loops.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import cached_property, partial
 from importlib.metadata import version
 from typing import Any
@@ -257,7 +259,20 @@ class Motion:
     @cached_property
     def a(self) -> kit.Array:
         bends = self.equations.motion(self.n, q=self.q, v=self.v)["bends"]
-        return times(self.K, self.motion.ydd) - times(self.back, bends)
+        return times(self.K, self.ydd) - times(self.back, bends)
+
+    @cached_property
+    def ydd(self) -> kit.Array:
+        """Second derivatives of the independent coordinates; those that no actuator drives follow. Shape (n, k)."""
+        ydd, idle = self.motion.ydd, [*self.motion.idle]
+        if idle:
+            given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
+            still, M = copy(self), self.inertia[..., idle]  # nothing that needs accelerations is known yet
+            still.motion, B = replace(self.motion, ydd=given, idle=()), self.K[:, self.mechanism.actuated_columns]
+            x, condition = kit.idle_accelerations(B, M, still.generalized_force, idle)
+            ydd = given + x @ np.eye(ydd.shape[1])[idle]
+            self.conditions |= dict.fromkeys(kit.ACCELERATED, condition)
+        return ydd
 
     @cached_property
     def moved(self) -> Mapping[str, kit.Array]:
@@ -318,7 +333,9 @@ class Motion:
     @cached_property
     def actuator_force(self) -> kit.Array:
         """Of the smallest norm, or by the rule of a joint's line."""
-        A, b = self.K[:, self.mechanism.actuated_columns].swapaxes(1, 2), self.generalized_force
+        given = [i for i in range(self.K.shape[2]) if i not in self.motion.idle]
+        A = self.K[:, self.mechanism.actuated_columns][..., given].swapaxes(1, 2)
+        b = self.generalized_force[:, given]
         if self.rule == "spherical_axial" and self.mechanism.axial:
             name, direction = self.mechanism.axial
             joint = next(i for i, one in enumerate(self.mechanism.joints) if one.name == name)
@@ -330,7 +347,8 @@ class Motion:
             A = np.concatenate([A, np.stack([times(across, x) for x in each], axis=2)], axis=1)
             b = np.concatenate([b, -times(across, idle)], axis=1)
         if A.size:
-            self.conditions = dict.fromkeys(("actuator_force", "axis_moment", "reaction"), np.linalg.cond(A))
+            found = dict.fromkeys(("actuator_force", "axis_moment", "reaction"), np.linalg.cond(A))
+            self.conditions = kit.worst_of(self.conditions, found)
         return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
     def driven(self, f: kit.Array) -> kit.Array:
@@ -358,12 +376,12 @@ class Motion:
         couplings = self.multipliers(self.needs, self.actuator_force)[:, 6 * len(self.equations.cuts) :]
         return kit.reactions(self.mechanism, self.matrices("pose"), p, wrenches, couplings)
 
-    @property
-    def mass_matrix(self) -> kit.Array:
+    @cached_property
+    def inertia(self) -> kit.Array:
+        """Mass matrix in the independent coordinates. Shape (n, k, k)."""
         columns, rotors = np.moveaxis(self.K, 2, 0), self.mechanism.rotors
         each = [self.equations.balance(self.n, q=self.q, a=a)["needs"] + rotors * a for a in columns]
-        M = self.K.swapaxes(1, 2) @ np.stack(each, axis=2)
-        return np.asarray(M[(..., *np.triu_indices(M.shape[1]))])
+        return np.asarray(self.K.swapaxes(1, 2) @ np.stack(each, axis=2))
 
 
 QUANTITIES: Mapping[str, Callable[[Motion], kit.Array]] = {
@@ -378,5 +396,5 @@ QUANTITIES: Mapping[str, Callable[[Motion], kit.Array]] = {
     "reaction": lambda at: at.reaction,
     "axis_moment": lambda at: at.along + at.driven(at.actuator_force),
     "resistance": lambda at: at.resistance,
-    "mass_matrix": lambda at: at.mass_matrix,
+    "mass_matrix": lambda at: at.inertia[(..., *np.triu_indices(at.K.shape[2]))],
 }

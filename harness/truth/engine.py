@@ -106,9 +106,11 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
     """Hash of all input: text where there is any, else the bytes of the doubles."""
     wording, motion, applied = problem.wording, whole.part(rows), problem.applied
     gravity = None if applied.gravity is None else applied.gravity.tolist()
+    idle = [*motion.idle]
     return cache.digest(
         mechanism_tables(file),
         wording.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
+        [idle, motion.y[:, idle].tolist(), motion.yd[:, idle].tolist()],
         [wording.gravity, gravity],
         [wording.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),

@@ -195,8 +195,9 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 Jet = list[arb]
 MatrixJet = list[arb_mat]
-Terms = Sequence[tuple[list[arb], list[list[arb]]]]
-"""For each coordinate the polynomial, lowest coefficient first, and the harmonics [omega, cos, sin]."""
+Terms = Sequence[tuple[list[arb], list[list[arb]]] | None]
+"""For each coordinate the polynomial, lowest coefficient first, and the harmonics [omega, cos, sin]; None where the
+motion is none of time alone."""
 
 
 def mul(a: list[Any], b: list[Any]) -> list[Any]:
@@ -232,9 +233,11 @@ def inverse_jet(T: MatrixJet) -> MatrixJet:
 
 def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
     """Reads ``[motion.LABEL]`` tables, already checked, without rounding their numbers."""
-    terms = []
+    terms = list[tuple[list[arb], list[list[arb]]] | None]()
     for label in labels:
-        table = tables[label]
+        if (table := tables.get(label)) is None:
+            terms.append(None)
+            continue
         polynomial = vector(table.get("polynomial", [0]))
         polynomial[0] += number(table.get("offset", 0))
         terms.append((polynomial, [vector(row) for row in table.get("harmonics", [])]))
@@ -242,8 +245,8 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Series ``[y, y', y''/2]`` of each coordinate at a time, a double taken exactly."""
-    return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
+    """Series ``[y, y', y''/2]`` of each coordinate that has terms at a time, a double taken exactly."""
+    return [_one(*term, arb(t)) for term in terms if term is not None]
 
 
 def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:

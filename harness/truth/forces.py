@@ -121,6 +121,43 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
         raise NotCertified("the actuators may not move every coordinate", "", "keep away from this pose") from None
 
 
+def columns_of(A: arb_mat, some: Sequence[int]) -> arb_mat:
+    """Some columns of a matrix. Shape (m, n) -> (m, n_some)."""
+    return arb_mat(A.nrows(), len(some), [A[i, j] for i in range(A.nrows()) for j in some])
+
+
+def idle_accelerations(
+    B: arb_mat, columns: Sequence[Sequence[arb]], Q: Sequence[arb], idle: Sequence[int]
+) -> list[arb]:
+    """Second derivatives of coordinates that no actuator drives, by ``N^T (Q + M x) = 0``.
+
+    N has the motions in which the actuators stand still: one idle coordinate each, and what of the others goes with it.
+
+    Args:
+        B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
+        columns: Those of the mass matrix that belong to the idle coordinates. Shape (m, k).
+        Q: Forces along the coordinates where x is zero. Shape (k,).
+        idle: Numbers of the idle coordinates.
+
+    Raises:
+        NotCertified: They may have no inertia, or the actuators may not move all others.
+    """
+    given, m = [j for j in range(len(Q)) if j not in idle], len(idle)
+    N = arb_mat(len(Q), m, [int(j == i) for j in range(len(Q)) for i in idle])
+    driving, freely = columns_of(B, given), columns_of(B, idle)
+    try:
+        if given:
+            back = (driving.transpose() * driving).solve(driving.transpose() * freely)
+            for row, j in enumerate(given):
+                for i in range(m):
+                    N[j, i] = -back[row, i]
+        power = arb_mat([[*column] for column in columns]) * N
+        return power.transpose().solve(-(N.transpose() * arb_mat([[x] for x in Q]))).entries()
+    except ZeroDivisionError:
+        what = "what no actuator drives may have no inertia"
+        raise NotCertified(what, "", "keep away from this pose") from None
+
+
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
     """The reaction components of all joints, in the order of the results."""
     return [unknown for joint in by_role(linkage.mechanism.joints) for unknown in _components(linkage, now, joint)]
@@ -199,11 +236,15 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
         for at, share in tie.shares(q):
-            joint, turns, direction, spot = linkage.along(at, now.q, now.bodies)
-            (one,) = balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])
-            column = [a + share * b for a, b in zip(column, one, strict=True)]
+            column = [a + share * b for a, b in zip(column, along_coordinate(linkage, now, at), strict=True)]
         columns.append(column)
     return columns
+
+
+def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
+    """What a unit force along a joint coordinate exerts on the bodies, as in `balances`. Shape (6 n_body,)."""
+    joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
+    return balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 
 
 def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
@@ -224,26 +265,39 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
                     M = difference(M, cross(arm, load.force))
         right += [*F, *M]
     for column, force in taken(linkage, now):
-        joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
-        (one,) = balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])
-        right = [a + force * b for a, b in zip(right, one, strict=True)]
+        right = [a + force * b for a, b in zip(right, along_coordinate(linkage, now, column), strict=True)]
     return right
 
 
-def newton_euler(
-    linkage: Linkage, now: State, B: arb_mat, gravity: Vector, loads: Sequence[BallLoad], axial: bool
-) -> tuple[list[arb], arb_mat]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Acting:
+    """What acts besides actuators and joints, and what decides between forces that balance.
+
+    Attributes:
+        axial: Whether redundant actuators obey the rule of eq. (56).
+        idle: Joint coordinates that nothing drives.
+    """
+
+    gravity: Vector
+    loads: Sequence[BallLoad]
+    axial: bool
+    idle: Sequence[int]
+
+
+def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tuple[list[arb], arb_mat, list[arb]]:
     """Route 2: all reaction components, couplings last, and the actuator forces, from the balance of all bodies.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
     nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant
-    constraints leave reactions open, one choice that balances is returned.
+    constraints leave reactions open, one choice that balances is returned. Along what nothing drives, forces are
+    unknowns that have to come out as zero.
 
     Args:
-        B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
+        B: Velocities of the actuators per velocity of the independent coordinates that they drive.
+            Shape (n_actuator, k).
 
     Returns:
-        Reaction components, and f of shape (n_actuator, 1).
+        Reaction components, f of shape (n_actuator, 1), and the forces along what nothing drives.
 
     Raises:
         NotCertified: The system may be singular.
@@ -251,16 +305,17 @@ def newton_euler(
     parts = unknowns(linkage, now)
     reactions = [*balances(linkage, now, parts), *coupling_balances(linkage, now)]
     drives = arb_mat(balances(linkage, now, driving(linkage, now)))
-    driven = drives if axial else B.transpose() * drives
-    columns = [*reactions, *driven.tolist()]
-    right = required(linkage, now, gravity, loads)
-    if axial:
+    driven = drives if acting.axial else B.transpose() * drives
+    columns = [*reactions, *driven.tolist(), *(along_coordinate(linkage, now, column) for column in acting.idle)]
+    right = required(linkage, now, acting.gravity, acting.loads)
+    if acting.axial:
         for row in _axial_rows(linkage, now, [part.name for part in parts]):
             columns = [[*column, row.get(i, arb(0))] for i, column in enumerate(columns)]
             right = [*right, arb(0)]
     solution = _solve(columns, right, linkage.length)
-    forces = arb_mat([[x] for x in solution[len(reactions) :]])
-    return solution[: len(reactions)], forces if axial else B * forces
+    end = len(columns) - len(acting.idle)
+    forces = arb_mat([[x] for x in solution[len(reactions) : end]])
+    return solution[: len(reactions)], forces if acting.axial else B * forces, solution[end:]
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:

@@ -21,10 +21,14 @@ from screwgauge.solution import Clock
 from screwgauge.truth import cache
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
 from screwgauge.truth.forces import (
+    Acting,
+    BallLoad,
     Component,
     RoutesDisagree,
     VaryingLoad,
+    columns_of,
     generalized_force,
+    idle_accelerations,
     min_norm,
     newton_euler,
     taken,
@@ -82,16 +86,20 @@ class Sampler:
     def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
         """All quantities of one sample of the motion, see `sample`."""
         with ctx.workprec(self.bits):
-            y = samples(motion, row) if self.terms is None else drive(self.terms, float(motion.t[row]))
-            return self.sample(y, start, float(motion.t[row]))
+            y = samples(motion, row)
+            if self.terms is not None:
+                said = iter(drive(self.terms, float(motion.t[row])))
+                y = [known if term is None else next(said) for term, known in zip(self.terms, y, strict=True)]
+            return self.sample(y, start, float(motion.t[row]), motion.idle)
 
-    def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0) -> Balls:
+    def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0, idle: Sequence[int] = ()) -> Balls:
         """All quantities at one time.
 
         Args:
             y: Series of the independent coordinates.
             start: An unverified guess of the joint coordinates.
             t: The time, which loads may go by [s].
+            idle: Numbers of coordinates that no actuator drives: their second derivatives follow.
 
         Raises:
             NotCertified: Something could not be enclosed.
@@ -103,36 +111,59 @@ class Sampler:
                 self._check_closed(jets, self.linkage.place(jets))
             return {"joint_position": q}
         with self.clock.stage("positions, rates and accelerations"):
-            now = state(self.certifier, y, start)
+            now = state(self.certifier, self._followed(y, start, t, idle) if idle else y, start)
             self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
         if self.resistance:
             out["resistance"] = [force for _, force in taken(self.linkage, now)]
         if self.depth == "f":
-            out |= self._forces(now, t)
+            out |= self._forces(now, t, idle)
         return out
+
+    def _loads(self, now: State, t: float) -> list[BallLoad]:
+        return [load.at(t, now.bodies[load.body][0]) for load in self.loads]
+
+    def _followed(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
+        """The series, with those second derivatives of idle coordinates for which the actuators alone do."""
+
+        def forces(moved: int | None) -> tuple[State, list[arb]]:
+            """Where of the second derivatives of idle coordinates none is, or one."""
+            some = [[a, b, arb(i == moved) / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
+            now = state(self.certifier, some, start)
+            return now, generalized_force(self.linkage, now, self.gravity, self._loads(now, t))
+
+        now, Q = forces(None)
+        columns = [[a - b for a, b in zip(forces(i)[1], Q, strict=True)] for i in idle]
+        x = idle_accelerations(self._drive(now), columns, Q, idle)
+        return [[a, b, x[idle.index(i)] / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
+
+    def _drive(self, now: State) -> arb_mat:
+        """Rates of the actuators per rate of each independent coordinate. Shape (n_actuator, k)."""
+        rows, k = self.linkage.mechanism.actuated_columns, now.partial.ncols()
+        return arb_mat(len(rows), k, [now.partial[row, j] for row in rows for j in range(k)])
 
     def _check_closed(self, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
         if self.redundant:
             check_closed(self.linkage, q, bodies)
 
-    def _forces(self, now: State, t: float) -> Balls:
-        linkage, k = self.linkage, now.partial.ncols()
-        loads = [load.at(t, now.bodies[load.body][0]) for load in self.loads]
+    def _forces(self, now: State, t: float, idle: Sequence[int]) -> Balls:
+        linkage, given = self.linkage, [j for j in range(now.partial.ncols()) if j not in idle]
+        loads = self._loads(now, t)
         with self.clock.stage("forces by virtual power"):
             Q = generalized_force(linkage, now, self.gravity, loads)
         if not self.ruled:
             return {"generalized_force": Q}
-        rows = linkage.mechanism.actuated_columns
-        if len(rows) < k:
-            what = f"the actuated joints drive {len(rows)} of {k} freedoms"
+        if (driven := len(linkage.mechanism.actuated_columns)) < len(given):
+            what = f"the actuated joints drive {driven} of {now.partial.ncols()} freedoms"
             raise NotCertified(what, "", "ask for no actuator_force and reaction")
-        B = arb_mat([[now.partial[row, j] for j in range(k)] for row in rows])
-        f = min_norm(B, Q)
+        B = self._drive(now)
+        driving, freely = columns_of(B, given), [linkage.mechanism.independent_columns[i] for i in idle]
+        f = min_norm(driving, [Q[j] for j in given])
+        acting = Acting(self.gravity, loads, self.axial, freely)
         with self.clock.stage("forces by the balance of all bodies"):
-            reactions, f_second = newton_euler(linkage, now, B, self.gravity, loads, self.axial)
-        Q_second = (B.transpose() * f_second).entries()
-        pairs = [*zip(Q, Q_second, strict=True)]
+            reactions, f_second, nothing = newton_euler(linkage, now, driving, acting)
+        Q_second = (B.transpose() * f_second).entries() if driven else [arb(0)] * len(Q)
+        pairs = [*zip(Q, Q_second, strict=True), *((force, arb(0)) for force in nothing)]
         if self.axial:
             f = f_second
         else:

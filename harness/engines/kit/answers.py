@@ -84,10 +84,18 @@ def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, a
 
 
 def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
-    """The mass matrix in the independent coordinates, from that in an engine's, without rotors. Shape (n, n_x, n_x)."""
-    K, turned = closed.K, closed.J @ closed.K
-    whole = K.swapaxes(1, 2) @ M @ K + (turned * closed.mechanism.rotors[:, None]).swapaxes(1, 2) @ turned
+    """The quantity ``mass_matrix``, see `inertia`."""
+    whole = inertia(closed, M)
     return {"mass_matrix": whole[(..., *np.triu_indices(whole.shape[1]))]}
+
+
+def inertia(closed: ClosedMotion, M: Array) -> Array:
+    """The mass matrix in the independent coordinates, from that in an engine's, without rotors.
+
+    Shape (n, n_x, n_x) -> (n, k, k).
+    """
+    K, turned = closed.K, closed.J @ closed.K
+    return np.asarray(K.swapaxes(1, 2) @ M @ K + (turned * closed.mechanism.rotors[:, None]).swapaxes(1, 2) @ turned)
 
 
 def answer(

@@ -157,16 +157,18 @@ class ClosedMotion:
     def _moved(self, rates: Array) -> Array:
         return np.asarray((self.at.T @ rates[:, None, :, None])[..., 0])
 
-    def accelerated(self, bias: Array, rest: Array) -> Accelerated:
+    def accelerated(self, bias: Array, rest: Array, ydd: Array | None = None) -> Accelerated:
         """Second derivatives of x, of the bodies and of the joint coordinates.
 
         Args:
             bias: Second derivative of the gaps where x has none, ``dG/dt xd``. Shape (n, m).
             rest: Accelerations of the bodies where x has none, ``dT/dt xd``. Shape (n, n_body + 1, 6).
+            ydd: Second derivatives of the independent coordinates, those of the motion by default. Shape (n, k).
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
-        right = np.concatenate([-bias, -tied[:, s], -coupled, self.task.ydd], axis=1)
+        given = self.task.ydd if ydd is None else ydd
+        right = np.concatenate([-bias, -tied[:, s], -coupled, given], axis=1)
         xdd = (self.inverse[:, : self.x.shape[1]] @ right[..., None])[..., 0]
         A = rest + self._moved(xdd)
         return Accelerated(xdd, A, self.joints.accelerations(self.V, A))
@@ -183,7 +185,7 @@ class ClosedMotion:
         drive = self.J[:, self.mechanism.actuated_columns]
         Q = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0]
         if line is None:
-            f, condition = min_norm(drive @ self.K, Q)
+            f, condition = min_norm(drive @ self.K, Q, self.task.idle)
         else:
             wide = ((0, 0), (0, 0), (0, s))
             across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))

@@ -9,17 +9,19 @@ from typing import Protocol
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import Trust, examined
+from screwgauge.engines.error_estimate import ACCELERATED, Trust, examined, worst_of
 from screwgauge.engines.kit.acting import along_joints
 from screwgauge.engines.kit.answers import (
     Answered,
     answer,
     at_samples,
     force_values,
+    inertia,
     inertia_values,
     motion_values,
 )
 from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
+from screwgauge.engines.kit.projection import idle_accelerations
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
 from screwgauge.engines.kit.statement import check_statement
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
@@ -127,7 +129,7 @@ class _Parts:
                 sizes["speed"] = np.abs(closed.xd / x_units).max(axis=1)
         if depth in "af":
             with self.clock.stage("accelerations"):
-                moved = closed.accelerated(*self.engine.bias(closed.x, closed.xd))
+                moved = self._accelerated(closed, applied, conditions)
                 values |= motion_values(wanted, closed, moved)
                 sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved.x / x_units).max(axis=1))
         if depth == "f" or "mass_matrix" in wanted:
@@ -142,6 +144,27 @@ class _Parts:
         trust = Trust(closed.condition, gain, closed.joints.condition, conditions, **sizes)
         return {name: array for name, array in values.items() if name in wanted}, trust
 
+    def _accelerated(self, closed: ClosedMotion, applied: Applied, conditions: dict[str, Array]) -> Accelerated:
+        """Second derivatives; of coordinates that no actuator drives, those that their forces make."""
+        bias, idle, rotors = self.engine.bias(closed.x, closed.xd), [*closed.task.idle], self.engine.mechanism.rotors
+        if not idle:
+            return closed.accelerated(*bias)
+        ydd = closed.task.ydd.copy()
+        ydd[:, idle] = 0.0
+        still, K = closed.accelerated(*bias, ydd), closed.K
+        M, acting = self.engine.dynamics(closed.x, closed.xd, applied)
+        along = along_joints(self.problem.applied, closed.task.t, closed.joints, closed.V) - rotors * still.q
+        need = (M @ still.x[..., None])[..., 0] - acting - self._along(closed, along)
+        Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
+        B = closed.J[:, self.engine.mechanism.actuated_columns] @ K
+        ydd[:, idle], condition = idle_accelerations(B, inertia(closed, M)[..., idle], Q, idle)
+        conditions |= dict.fromkeys(ACCELERATED, condition)
+        return closed.accelerated(*bias, ydd)
+
+    def _along(self, closed: ClosedMotion, along: Array) -> Array:
+        """Forces along joint coordinates as forces along x. Shape (n, n_q) -> (n, n_x)."""
+        return np.asarray((along[:, None] @ closed.J)[:, 0])
+
     def _forces(
         self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
     ) -> dict[str, Array]:
@@ -154,11 +177,12 @@ class _Parts:
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
         with self.clock.stage("forces"):
             along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
-            need = need - ((along - mechanism.rotors * moved.q)[:, None] @ closed.J)[:, 0]
+            need = need - self._along(closed, along - mechanism.rotors * moved.q)
             balanced = closed.balanced(need, axial_line(mechanism, at, rows) if ruled else None)
             values = force_values(closed, moved, balanced, along)
         if problem.wanted & RULED:
-            conditions |= dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), balanced.condition)
+            solved = dict.fromkeys(RULED if ruled else ("actuator_force", "axis_moment"), balanced.condition)
+            conditions |= worst_of(conditions, solved)
         if "reaction" in problem.wanted:
             with self.clock.stage("reactions"):
                 wrenches = joint_wrenches(mechanism, at, rows, balanced.gaps)

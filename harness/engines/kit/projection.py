@@ -1,6 +1,8 @@
-"""Actuator forces from what a motion needs, by either rule of redundancy."""
+"""Actuator forces from what a motion needs, by either rule of redundancy, and the motion of what nobody drives."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,18 +10,51 @@ from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
 
-def min_norm(B: Array, Q: Array) -> tuple[Array, Array]:
+def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array]:
     """The actuator forces of smallest norm with ``B^T f = Q``.
 
     Args:
         B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
         Q: Generalised forces. Shape (n, k).
+        idle: Coordinates that no actuator drives: along them the equations hold by themselves.
 
     Returns:
-        Shape (n, n_actuator), and the condition number of B, (n,).
+        Shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
     """
-    back, condition = linear.inverted(B)
-    return (Q[:, None] @ back)[:, 0], condition
+    given = _others(B.shape[2], idle)
+    back, condition = linear.inverted(B[..., given])
+    return (Q[:, None, given] @ back)[:, 0], condition
+
+
+def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tuple[Array, Array]:
+    """Second derivatives x of coordinates that no actuator drives, so that the actuators deliver the rest.
+
+    ``N^T (Q + M x) = 0``: N, motions of y in which no actuator moves, leaves the forces of the actuators out.
+
+    Args:
+        B: Actuator rates per rate of y. Shape (n, n_actuator, k).
+        M: Columns of the mass matrix that belong to the idle coordinates. Shape (n, k, m).
+        Q: Generalised forces where x is zero. Shape (n, k).
+        idle: Numbers of the idle coordinates among the k.
+
+    Returns:
+        Shape (n, m), and the condition number of these equations, (n,).
+    """
+    given, m = _others(B.shape[2], idle), len(idle)
+    N = np.zeros((*B.shape[:1], B.shape[2], m))
+    N[:, idle] = np.eye(m)
+    N[:, given] = -linear.inverted(B[..., given])[0] @ B[..., idle]
+    back = N.swapaxes(1, 2)
+    A = back @ M
+    size = np.sqrt(np.abs(np.diagonal(A, axis1=1, axis2=2)))  # coordinates may be in rad and m
+    inverse, condition = linear.inverted(A / (size[:, :, None] * size[:, None, :]))
+    forces = (back @ Q[..., None]) / size[..., None]
+    return -(inverse @ forces)[..., 0] / size, condition
+
+
+def _others(k: int, idle: Sequence[int]) -> list[int]:
+    """Numbers below k that are not among some."""
+    return [i for i in range(k) if i not in idle]
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ Reactions of all joints come from the wrenches that the engine transmits through
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +43,7 @@ class ClosedForces:
 
 def closed_forces(
     closed: ClosedTree,
-    problem: Problem,
+    given: tuple[Problem, Sequence[int]],
     at: BodyPoses,
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
@@ -51,12 +52,14 @@ def closed_forces(
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
     Args:
+        given: The problem, and numbers of the independent coordinates that no actuator drives.
         system: Inverse of the closing system without dimension, shape (n, n_v, m + k), and velocities of the tree per
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
         exerted: Loads, springs and motors, see `applied_wrenches`.
     """
-    (inverse, K), tau, wanted, sizes, (acting, along) = system, motion[3], problem.wanted, closed.sizes, exerted
+    (problem, idle), (inverse, K), (acting, along) = given, system, exerted
+    tau, wanted, sizes = motion[3], problem.wanted, closed.sizes
     need = tau - at.forces_along(acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
@@ -64,7 +67,7 @@ def closed_forces(
     if not wanted & RULED:
         return ClosedForces(values, {}, largest)
     driven = closed.driven
-    f, condition = min_norm(K[:, driven], Q)
+    f, condition = min_norm(K[:, driven], Q, idle)
     conditions = dict.fromkeys(("actuator_force", "axis_moment"), condition)
     if problem.rule == "spherical_axial":
         alone = closed.tree.transmitted(at, *motion[:3], acting)

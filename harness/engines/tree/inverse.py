@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import Part, Trust, examined
+from screwgauge.engines.error_estimate import ACCELERATED, Part, Trust, examined, worst_of
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.poses import counted_turns
+from screwgauge.engines.kit.projection import idle_accelerations
 from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
@@ -206,22 +207,29 @@ class _Pass:
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
         if "mass_matrix" in self.wanted:
-            M = self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(poses.q) @ self.K
-            self.values["mass_matrix"] = M[(..., *np.triu_indices(yd.shape[1]))]
+            self.values["mass_matrix"] = self._inertia()[(..., *np.triu_indices(yd.shape[1]))]
+
+    def _inertia(self) -> Array:
+        """The mass matrix in the independent coordinates. Shape (n, k, k)."""
+        return np.asarray(self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(self.poses.q) @ self.K)
 
     def _accelerations(self) -> None:
         """Solves ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""
         poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
-        n, k = poses.motion.ydd.shape
+        (n, k), idle = poses.motion.ydd.shape, [*poses.motion.idle]
+        given = poses.motion.ydd.copy()
+        given[:, idle] = 0.0
         bias = tree.bias(poses.at, poses.q, self.v, self.V)
         still = poses.q, self.v, np.zeros_like(self.v)
-        right = np.concatenate([-closed.gap_accelerations(still, poses.at, self.V, bias), poses.motion.ydd], axis=1)
-        given = {name: poses.charts[name] for name in closed.given}
-        cut_bias = closed.cut_accelerations(given, self.cut_v, self.V, bias)
+        right = np.concatenate([-closed.gap_accelerations(still, poses.at, self.V, bias), given], axis=1)
+        charts = {name: poses.charts[name] for name in closed.given}
+        cut_bias = closed.cut_accelerations(charts, self.cut_v, self.V, bias)
         for row, (column, name, i) in enumerate(loops.independent, right.shape[1] - k):
             if column is None:
                 right[:, row] -= cut_bias[name][:, i]
         self.a = (self.inverse @ (right / self.sizes.rows)[..., None])[..., 0] * self.sizes.q
+        if idle:
+            self._follow(idle)
         self.rush = np.maximum(self.speed**2, np.abs(self.a / self.sizes.q).max(axis=1))
         if not self.wanted & _MOVED:
             return
@@ -237,6 +245,14 @@ class _Pass:
             self.values["resistance"] = resistance(closed.file.joints, rates, changes)
         if "tree_force_soft" in self.wanted:
             self._measure(A)
+
+    def _follow(self, idle: list[int]) -> None:
+        """Adds the accelerations of coordinates that no actuator drives, by the engine's own forces and inertia."""
+        need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting()[0])
+        Q, B = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0], self.K[:, self.closed.driven]
+        x, condition = idle_accelerations(B, self._inertia()[..., idle], Q, idle)
+        self.conditions = dict.fromkeys(ACCELERATED, condition)
+        self.a = self.a + (self.K[..., idle] @ x[..., None])[..., 0]
 
     def _measure(self, A: Array) -> None:
         """Largest closure residual of position, velocity and acceleration, which a stiff constraint turns to force."""
@@ -275,14 +291,16 @@ class _Pass:
             largest[rows] = (np.einsum("npx,nx->np", np.abs(J, out=J), most[rows]) @ weights).max(axis=1)
         return largest
 
-    def _forces(self) -> None:
-        at, problem = self.poses.at, self.work.problem
-        q = self.values["joint_position"]
+    def _acting(self) -> tuple[Array, Array]:
+        """See `applied_wrenches`."""
+        q, motion = self.values["joint_position"], self.poses.motion
         v = self.closed.joints(self.v, self.cut_v) if self.sprung else np.zeros_like(q)
-        acting = applied_wrenches(self.closed, problem.applied, at, (self.poses.motion.t, self.V, q, v))
-        motion = (self.poses.q, self.v, self.a, self.tau)
-        forces = closed_forces(self.closed, problem, at, (self.inverse, self.K), motion, acting)
+        return applied_wrenches(self.closed, self.work.problem.applied, self.poses.at, (motion.t, self.V, q, v))
+
+    def _forces(self) -> None:
+        motion, given = (self.poses.q, self.v, self.a, self.tau), (self.work.problem, self.poses.motion.idle)
+        forces = closed_forces(self.closed, given, self.poses.at, (self.inverse, self.K), motion, self._acting())
         self.values |= forces.values
-        self.conditions |= forces.conditions
+        self.conditions = worst_of(self.conditions, forces.conditions)
         self.work.reaction_names = forces.reactions or self.work.reaction_names
         self.load = self.load + forces.largest
