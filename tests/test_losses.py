@@ -169,3 +169,11 @@ def test_a_loss_is_named_in_the_first_sentence(name, forms, tmp_path):
 def test_a_lost_bound_of_force_is_listed(forms, tmp_path):
     found = pair(forms, joint("j2", effort=0.0), tmp_path)
     assert "limit effort of joint j2" in " ".join((*found.notes, *found.not_compared))
+
+
+@pytest.mark.parametrize("form", ["sdf", "usda"])
+def test_a_file_that_is_not_changed_is_refused_by_its_format(form, tmp_path, command):
+    a, b = write(tmp_path, "a", "xml"), write(tmp_path, "b", form, link("upper", mass=1.5))
+    said = command("diagnose", a, b, "--fix", tmp_path / f"c.{form}", status=2).err
+    assert f"B is {form.removesuffix('a').upper()}" in said
+    assert not (tmp_path / f"c.{form}").exists()

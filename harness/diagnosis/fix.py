@@ -78,7 +78,8 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
         only: What alone is compared; empty for all.
     """
     if b.file is None or not b.text:
-        return Fix("", why_not=(NO_FILE,))
+        form = b.reading.form.upper()
+        return Fix("", why_not=(f"B is {form}, which is not changed here, as URDF and MJCF are" if form else NO_FILE,))
     if a.file == b.file:
         return Fix("", why_not=(ONE_FILE,))
     back = _backwards(a, b, pair, moved=moved)

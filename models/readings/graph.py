@@ -118,6 +118,8 @@ def read_graph(
         ScrewgaugeError: A body that moves has the name of the ground, a mimic follows no joint, links are too many.
     """
     check_count(len(links), "links", where)
+    if not links:
+        raise ModelFileError("has no link or rigid body", where, "give the file that describes the machine")
     shift, tree, moving = {WORLD: np.eye(4)}, dict[str, BodyReading](), dict[str, JointReading]()
     loops, names = dict(joints), Counter(name for joint in joints.values() for name in joint.freedoms)
     if twice := [name for name, count in names.items() if count > 1]:
