@@ -195,9 +195,8 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 Jet = list[arb]
 MatrixJet = list[arb_mat]
-Terms = Sequence[tuple[list[arb], list[list[arb]]] | None]
-"""For each coordinate the polynomial, lowest coefficient first, and the harmonics [omega, cos, sin]; None where the
-motion is none of time alone."""
+Terms = Sequence[tuple[list[arb], list[list[arb]]]]
+"""For each coordinate the polynomial, lowest coefficient first, and the harmonics [omega, cos, sin]."""
 
 
 def mul(a: list[Any], b: list[Any]) -> list[Any]:
@@ -233,11 +232,9 @@ def inverse_jet(T: MatrixJet) -> MatrixJet:
 
 def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
     """Reads ``[motion.LABEL]`` tables, already checked, without rounding their numbers."""
-    terms = list[tuple[list[arb], list[list[arb]]] | None]()
+    terms = []
     for label in labels:
-        if (table := tables.get(label)) is None:
-            terms.append(None)
-            continue
+        table = tables[label]
         polynomial = vector(table.get("polynomial", [0]))
         polynomial[0] += number(table.get("offset", 0))
         terms.append((polynomial, [vector(row) for row in table.get("harmonics", [])]))
@@ -245,8 +242,8 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Series ``[y, y', y''/2]`` of each coordinate that has terms at a time, a double taken exactly."""
-    return [_one(*term, arb(t)) for term in terms if term is not None]
+    """Series ``[y, y', y''/2]`` of each coordinate at a time, a double taken exactly."""
+    return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
 def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:

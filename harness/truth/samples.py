@@ -70,7 +70,10 @@ class Sampler:
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier, self.bits, motion = Certifier(linkage), ctx.prec, problem.wording.motion
-        self.terms = None if motion is None else read_terms(motion, list(linkage.mechanism.independent))
+        labels = list(linkage.mechanism.independent)
+        #: Places of the coordinates whose motion is said in text, and how each moves.
+        self.said = [] if motion is None else [i for i, label in enumerate(labels) if label in motion]
+        self.terms = read_terms(motion or {}, [labels[i] for i in self.said])
         self.ruled, self.resistance = ruled(problem), "resistance" in problem.wanted
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
@@ -87,9 +90,8 @@ class Sampler:
         """All quantities of one sample of the motion, see `sample`."""
         with ctx.workprec(self.bits):
             y = samples(motion, row)
-            if self.terms is not None:
-                said = iter(drive(self.terms, float(motion.t[row])))
-                y = [known if term is None else next(said) for term, known in zip(self.terms, y, strict=True)]
+            for i, series in zip(self.said, drive(self.terms, float(motion.t[row])), strict=True):
+                y[i] = series
             return self.sample(y, start, float(motion.t[row]), motion.idle)
 
     def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0, idle: Sequence[int] = ()) -> Balls:
