@@ -15,7 +15,8 @@ takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engi
 it, ``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
 ``NAME@float32``; its answers are arrays of float64 in any case.
 
-**Question.** A `Problem` has a task, what acts, names of wanted quantities and the rule for redundant actuators.
+**Question.** A `Problem` has a task, what acts, names of wanted quantities, the rule for redundant actuators and
+each named `Point`.
 Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`) and `States` (an open
 tree as it is). `Applied` holds gravity (`GRAVITY` where none is given), each `Load`, springs (`JointSpring`,
 `PointSpring`) and each `Motor`. A `Load` may follow a `Course` or `Samples` over time, see its `at`, and turn with its
@@ -50,9 +51,9 @@ has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and
 redundant actuators, `axial_line` the line of the second; `idle_accelerations` are those of coordinates that no actuator
 drives, which a `GivenMotion` names; `unit_wrenches` and `joint_wrenches` are what joints exert
 by their multipliers, `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and
-`inertia_values` are the quantities. An engine whose unknowns are all joint coordinates follows the `Branch` of poses
-that begins at home, which estimates its errors; of conditions that it finds for the same quantity (`ACCELERATED` are
-those that rest on accelerations) `worst_of` takes the larger.
+`inertia_values` are the quantities, `per_actuator` makes `jacobian`. An engine whose unknowns are all joint
+coordinates follows the `Branch` of poses that begins at home, which estimates its errors; of conditions that it finds
+for the same quantity (`ACCELERATED` are those that rest on accelerations) `worst_of` takes the larger.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
@@ -92,6 +93,7 @@ from screwgauge.engines.kit.poses import (
     shifted,
 )
 from screwgauge.engines.kit.projection import along_line, idle_accelerations, min_norm
+from screwgauge.engines.kit.rates import per_actuator
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions, unit_wrenches
 from screwgauge.engines.kit.stepping import Stepped, solve_stepwise
 from screwgauge.engines.registry import Engine, EngineModel
@@ -121,6 +123,7 @@ from screwgauge.reference.errors import (
     UnknownNameError,
 )
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.resistance import Resistance, resistances
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.derivatives import adjoints, substitute, tangents
@@ -185,6 +188,7 @@ __all__ = [
     "Node",
     "OpenTree",
     "Placement",
+    "Point",
     "PointSpring",
     "PolynomialSum",
     "Problem",
@@ -227,6 +231,7 @@ __all__ = [
     "min_norm",
     "motion_values",
     "names",
+    "per_actuator",
     "program",
     "quiet",
     "reactions",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
@@ -200,6 +201,7 @@ class Problem:
         wanted: Names of quantities; nothing else is computed.
         rule: What fixes redundant actuation: ``min_norm`` or ``spherical_axial``.
         wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
+        points: Named ones, whose velocities are components of ``jacobian``.
     """
 
     applied: Applied
@@ -207,6 +209,7 @@ class Problem:
     wanted: frozenset[str]
     rule: str = "min_norm"
     wording: Wording = Wording()
+    points: tuple[Point, ...] = ()
 
 
 def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:

@@ -13,6 +13,7 @@ from screwgauge.reference.equations import kinematics
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.resistance import resistances
 
 G0 = 9.81  # [m/s^2], only a scale
@@ -26,7 +27,7 @@ class Quantity:
     Attributes:
         of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
             ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``axis`` of a joint
-            coordinate, ``resistance`` of one, ``observable``.
+            coordinate, ``resistance`` of one, ``rate`` of a body or point per actuator, ``observable``.
         needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
         ruled: Whether a rule fixes what redundant actuation leaves open.
@@ -130,6 +131,15 @@ QUANTITIES = {
             named=True,
         ),
         Quantity("mass_matrix", "inertia that the independent coordinates have", "pair", "v", SOLVED, named=True),
+        Quantity(
+            "jacobian",
+            "angular velocity of each body, velocity of its origin and of named points, per rate of each actuator; "
+            "transposed, what actuators feel of a unit moment or force there",
+            "rate",
+            "v",
+            SOLVED,
+            named=True,
+        ),
         Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
     )
 }
@@ -143,10 +153,14 @@ GIVEN = tuple(name for name in OF_MOTION if not QUANTITIES[name].named)
 SIMULATED = (*OF_JOINTS, "observable")
 #: Quantities that rest on the rule of redundant actuators.
 RULED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.ruled)
+#: Quantities that need actuators for all freedoms.
+ACTUATED = RULED | {"jacobian"}
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
 #: How many of two coordinates are angles -> unit of the inertia between them.
 INERTIA = ("kg", "kg m", "kg m^2")
+#: Unit of a rate per rate of an actuator -> the power of a length that it has.
+RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
 #: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.
 FLOOR = 1e-6
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
@@ -186,6 +200,8 @@ def component_names(
     tree: Sequence[str],
     actuators: Sequence[str],
     reactions: tuple[tuple[str, ...], tuple[str, ...]],
+    *,
+    points: Sequence[Point] = (),
 ) -> Names:
     """Names and units of every quantity.
 
@@ -196,6 +212,7 @@ def component_names(
         tree: Coordinates of the spanning tree.
         actuators: Names of the actuators, in the order of the actuated joints.
         reactions: Names and units of the reaction components.
+        points: Named ones.
     """
     unit = joint_units(joints)
     axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
@@ -217,15 +234,33 @@ def component_names(
             return pairs({label: unit[c] for label, c in independent.items()})
         if quantity.of == "resistance":
             return tuple(one.name for one in resist), tuple(one.unit for one in resist)
+        if quantity.of == "rate":
+            return _ratios(bodies, points, dict(zip(actuators, (unit[c] for c in driven), strict=True)))
         return reactions if quantity.of == "reaction" else forces[quantity.of]
 
     return {name: components(QUANTITIES[name]) for name in OF_MOTION}
 
 
-def described(mechanism: Mechanism) -> Names:
-    """Names and units as the description alone has them: without those of a tree, which an engine cuts."""
+def _ratios(
+    bodies: Sequence[str], points: Sequence[Point], actuators: Mapping[str, str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of rates per rate of each actuator. `actuators`: name -> rad or m."""
+    turns = {"w": "rad", "v": "m"}
+    rates = {f"{body}.{what}{axis}": unit for body in bodies for what, unit in turns.items() for axis in "xyz"}
+    rates |= {f"{point.name}.v{axis}": "m" for point in points for axis in "xyz"}
+    every = {f"{rate}/{name}": f"{unit}/{per}" for rate, unit in rates.items() for name, per in actuators.items()}
+    return tuple(every), tuple(every.values())
+
+
+def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
+    """Names and units as the description alone has them: without those of a tree, which an engine cuts.
+
+    Args:
+        points: Named ones.
+    """
     bodies, reactions = [body.name for body in mechanism.bodies], reaction_names(mechanism.joints, mechanism.couplings)
-    return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
+    named = mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions
+    return component_names(*named, points=points)
 
 
 def digits(scaled: float) -> float:
@@ -262,6 +297,8 @@ def length(mechanism: Mechanism) -> float:
 
 def arm(unit: str, length: float) -> float:
     """What turns an angle into this unit of length, a force into one of moment, a mass into one of inertia, else 1."""
+    if unit in RATIOS:
+        return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))
 
 
@@ -283,4 +320,5 @@ def scales_of(L: float, M: float) -> dict[str, float]:
         "N m": M * G0 * L,
         "W": M * G0 * (G0 * L) ** 0.5,
         **{unit: M * arm(unit, L) for unit in INERTIA},
+        **{unit: arm(unit, L) for unit in RATIOS},
     }

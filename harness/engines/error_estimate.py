@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.quantities import FLOOR, INERTIA, OF_JOINTS, QUANTITIES, arm, scales_of
+from screwgauge.quantities import FLOOR, INERTIA, OF_JOINTS, QUANTITIES, RATIOS, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
@@ -301,7 +301,7 @@ def amplified(name: str, trust: Trust) -> Scalar:
 
 def summand(unit: str, trust: Trust) -> Scalar:
     """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
-    if unit in ("rad", "m"):
+    if unit in ("rad", "m") or unit in RATIOS:
         return 1.0
     if unit in INERTIA:
         return 0.0

@@ -1,198 +1,30 @@
 """The engine `lagrange`: Lagrange's equations of all joint coordinates, a second opinion that shares no formulation.
 
-They are made of positions of bodies alone. Time derivatives are taken by forward mode. One reverse sweep of the virtual
-work of inertia, weight, loads and multipliers gives the equations of the coordinates, and those of six virtual
-displacements at each joint of the tree, which are what that joint transmits. There are no twists, recursions, or charts
-of joints that close loops.
+They are made of positions of bodies alone, see `virtual_work`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 
 import screwgauge.plugins as kit
+from screwgauge.engines.virtual_work import Equations, axial
 
 #: Operations that a trace records at the most; those of a program are a tenth.
 MOST = 1_000_000
 #: A rate below this is rest, where dry friction counts as none [rad/s or m/s].
 REST = 1e-9
 
-Pose = tuple[Any, Any]
-"""R and p of a frame in the world, of numbers of a trace and floats. Shapes (3, 3), (3,)."""
 Samples = tuple[kit.Array, kit.GivenMotion, kit.Applied]
 """Joint coordinates of closed poses, shape (n, n_q), and motion and what acts there."""
 Answers = dict[str, kit.Array]
 """Quantity -> numbers at each sample."""
-
-
-def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
-    """Joints of an open tree in order, each with whether its parent is the inner body, and the joints left over.
-
-    No body has fewer joints between itself and ground in another tree.
-    """
-    tree, rest, known = list[tuple[kit.Joint, bool]](), [*mechanism.joints], [kit.GROUND]
-    for body in known:
-        for joint in [*rest]:
-            if body in joint.bodies and not {*joint.bodies} <= {*known}:
-                tree.append((joint, joint.parent == body))
-                known.append(joint.child if joint.parent == body else joint.parent)
-                rest.remove(joint)
-    return tree, rest
-
-
-def skew(v: Any) -> Any:
-    """The matrix that multiplies as the cross product with a vector does. Shape (3, 3)."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]], dtype=object)
-
-
-def axial(M: Any) -> list[Any]:
-    """Vector of the skew part of a matrix. (..., 3, 3) -> three numbers."""
-    return [0.5 * (M[..., i, j] - M[..., j, i]) for i, j in ((2, 1), (0, 2), (1, 0))]
-
-
-def at(pose: Pose, p: Any) -> Any:
-    """Place in the world of a point of a body. Shape (3,)."""
-    return pose[1] + pose[0] @ p
-
-
-class Equations:
-    """Programs of a mechanism under certain loads and springs.
-
-    Attributes:
-        tree, cuts: See `outward`.
-        inputs: Coordinates q, their derivatives v and a, gravity g, force and torque of each load, pull of each spring
-            between points, multipliers of the gaps, and the virtual displacements: shift and turn at each joint of the
-            tree, of all that hangs on it, about the joint's point of the child.
-        gaps: Shifts and small turns by which joints that close loops are open, six a joint, and after them what
-            couplings leave over.
-        pose: R and p of each body without virtual displacements.
-        flat, second: R row by row and centre of mass of each body, and their second time derivatives.
-        rate: Time derivatives of numbers that depend on q, where q changes at constant rates.
-    """
-
-    def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, trace: kit.Trace) -> None:
-        self.mechanism, self.applied, n = mechanism, applied, len(mechanism.coordinates)
-        self.springs = [spring for spring in applied.springs if isinstance(spring, kit.PointSpring)]
-        self.tree, self.cuts = outward(mechanism)
-        sizes = {"q": n, "v": n, "a": n, "g": 3, "loads": 6 * len(applied.loads), "pulls": len(self.springs)}
-        sizes |= {"multipliers": 6 * len(self.cuts) + len(mechanism.couplings), "moved": 6 * len(self.tree)}
-        self.inputs = {name: [trace.input(np.ones(1)) for _ in range(size)] for name, size in sizes.items()}
-        self.q, v, a = (self.inputs[name] for name in "qva")
-        self.pose = self._poses([0.0] * sizes["moved"])
-        coupled = mechanism.coupling_rows.derivatives(np.array(self.q), 0)
-        self.gaps = [*self._gaps(self.pose), *(self.q[i] - sum(value for _, value in terms) for i, terms in coupled)]
-        self.rate = partial(kit.tangents, rates=dict(zip(self.q, v, strict=True)))
-        bodies = [(self.pose[body.name], body.com) for body in mechanism.bodies]
-        self.flat = [x for pose, com in bodies for x in (*pose[0].flat, *at(pose, com))]
-        self.second = kit.tangents(self.rate(self.flat), dict(zip(self.q + v, v + a, strict=True)))
-
-    @cached_property
-    def closing(self) -> kit.Function:
-        """q, v -> gaps and their rates. Shape (n, m)."""
-        return self._function(gaps=self.gaps, rates=self.rate(self.gaps))
-
-    def closed(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
-        """Gaps, (n, m), and their derivatives, (n, m, n_q): rates for a unit rate of each coordinate, side by side."""
-        n, m = q.shape
-        found = self.closing(n * m, q=q.repeat(m, axis=0), v=np.tile(np.eye(m), (n, 1)))
-        return found["gaps"][::m], found["rates"].reshape(n, m, len(self.gaps)).swapaxes(1, 2)
-
-    @property
-    def angular(self) -> list[bool]:
-        """Whether each gap is an angle."""
-        coupled = [self.mechanism.units[column] == "rad" for column in self.mechanism.coupling_rows.columns]
-        return [False, False, False, True, True, True] * len(self.cuts) + coupled
-
-    @cached_property
-    def motion(self) -> kit.Function:
-        """q, v, a -> of each body R and centre of mass with two time derivatives, and its origin.
-
-        Also lengths of springs with their rates, and the second time derivative of gaps without accelerations.
-        """
-        lengths = [self._length(spring, self.pose) for spring in self.springs]
-        made = {"pose": self.flat, "rate": self.rate(self.flat), "second": self.second, "lengths": lengths}
-        made |= {"stretches": self.rate(lengths), "bends": self.rate(self.rate(self.gaps))}
-        return self._function(**made, origins=[x for body in self.mechanism.bodies for x in self.pose[body.name][1]])
-
-    @cached_property
-    def balance(self) -> kit.Function:
-        """q, v, a, g, loads, pulls -> forces along q that the motion needs besides. Shape (n, n_q)."""
-        return self._function("multipliers", "moved", needs=self._virtual_work[: len(self.q)])
-
-    @cached_property
-    def transmitted(self) -> kit.Function:
-        """The same and multipliers -> force and moment of each joint of the tree on its outer body. (n, 6 n_tree)."""
-        return self._function("moved", wrenches=self._virtual_work[len(self.q) :])
-
-    def _function(self, *zero: str, **outputs: Sequence[Any]) -> kit.Function:
-        """A function in which some inputs are zero."""
-        numbers = dict.fromkeys([x for name in zero for x in self.inputs[name]], 0.0)
-        return kit.Function(self.inputs, {name: kit.substitute(some, numbers) for name, some in outputs.items()})
-
-    @cached_property
-    def _virtual_work(self) -> list[Any]:
-        """Derivatives of the virtual work by coordinates and virtual displacements."""
-        return kit.adjoints(self._works(), self.q + self.inputs["moved"])
-
-    def _works(self) -> Iterator[tuple[Any, Any]]:
-        """Pairs of a number and a force along it: inertia less weight, loads, pulls of springs and multipliers."""
-        inputs = {name: np.array(some, dtype=object) for name, some in self.inputs.items()}
-        pose = self._poses(self.inputs["moved"])
-        changes = np.array(self.second, dtype=object).reshape(-1, 12)
-        for body, second in zip(self.mechanism.bodies, changes, strict=True):
-            yield from zip(at(pose[body.name], body.com), body.mass * (second[9:] - inputs["g"]), strict=True)
-            moments = 0.5 * np.trace(body.inertia) * np.eye(3) - body.inertia  # integral of x x^T dm
-            yield from zip(pose[body.name][0].flat, (second[:9].reshape(3, 3) @ moments).flat, strict=True)
-        for load, (force, torque) in zip(self.applied.loads, inputs["loads"].reshape(-1, 2, 3), strict=True):
-            if load.body == kit.GROUND:
-                continue
-            point, R = self.mechanism.body(load.body).com if load.point is None else load.point, self.pose[load.body][0]
-            force, torque = (R @ x if load.axes == "body" else x for x in (force, torque))
-            yield from zip(at(pose[load.body], point), -force, strict=True)
-            yield from zip(pose[load.body][0].flat, (-0.5 * skew(torque) @ R).flat, strict=True)
-        yield from zip((self._length(spring, pose) for spring in self.springs), inputs["pulls"], strict=True)
-        yield from zip(self._gaps(pose), -inputs["multipliers"], strict=False)
-
-    def _length(self, spring: kit.PointSpring, pose: Mapping[str, Pose]) -> Any:
-        a, b = (at(pose[name], point) for name, point in spring.ends)
-        return kit.apply("sqrt", (b - a) @ (b - a))
-
-    def _across(self, joint: kit.Joint) -> Pose:
-        """Pose of the joint's frame on the child in that on the parent."""
-        R, p = np.eye(3).astype(object), np.zeros(3).astype(object)
-        for column, (turns, axis) in zip(self.mechanism.columns(joint.coordinates), joint.freedoms, strict=True):
-            if turns:
-                s, c, along = kit.apply("sin", self.q[column]), kit.apply("cos", self.q[column]), np.outer(axis, axis)
-                R = R @ (along + c * (np.eye(3) - along) + s * skew(axis))
-            else:
-                p = p + R @ (self.q[column] * axis)
-        return R, p
-
-    def _poses(self, moved: Sequence[Any]) -> dict[str, Pose]:
-        """Poses of all bodies after the virtual displacements."""
-        pose: dict[str, Pose] = {kit.GROUND: (np.eye(3).astype(object), np.zeros(3).astype(object))}
-        for (joint, out), x in zip(self.tree, np.array(moved, dtype=object).reshape(-1, 6), strict=True):
-            ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)
-            A, s = (A, s) if out else (A.T, -(A.T @ s))
-            R, p = pose[near][0] @ inner.R, at(pose[near], inner.p)
-            turn, arm = np.eye(3) + skew(x[3:]), np.zeros(3) if out else R @ s  # from the joint's point of the child
-            p, R = p + R @ s - arm + x[:3] + turn @ arm, turn @ R @ A @ outer.R.T
-            pose[far] = R, p - R @ outer.p
-        return pose
-
-    def _gaps(self, pose: Mapping[str, Pose]) -> Iterator[Any]:
-        for joint in self.cuts:
-            (before, inner), (after, outer) = joint.sides
-            A, s = self._across(joint)
-            yield from at(pose[after], outer.p) - at(pose[before], inner.p + inner.R @ s)
-            yield from axial(pose[after][0] @ outer.R @ (pose[before][0] @ inner.R @ A).T)
 
 
 def load(files: kit.ModelFiles) -> Lagrange:
@@ -218,10 +50,11 @@ class Lagrange:
         clock = kit.Clock()
         with clock.stage("equations"):
             equations = Equations(self.mechanism, problem.applied, kit.Trace(MOST))
-            branch = kit.Branch(self.mechanism, equations.closed, equations.angular)
+            branch = kit.Branch(self.mechanism, equations.closed, equations.angular, problem.points)
 
         def solve(q: kit.Array, motion: kit.GivenMotion, applied: kit.Applied) -> tuple[Answers, Answers]:
             at, values = Motion(equations, branch, (q, motion, applied), problem.rule), Answers()
+            at.points = problem.points
             for name in (name for name in QUANTITIES if name in problem.wanted):
                 with clock.stage(name):
                     values[name] = QUANTITIES[name](at)
@@ -376,6 +209,22 @@ class Motion:
         couplings = self.multipliers(self.needs, self.actuator_force)[:, 6 * len(self.equations.cuts) :]
         return kit.reactions(self.mechanism, self.matrices("pose"), p, wrenches, couplings)
 
+    points: Sequence[kit.Point] = ()
+
+    @property
+    def jacobian(self) -> kit.Array:
+        """From derivatives of poses by each independent coordinate."""
+        twists, R = np.zeros((self.n, len(self.mechanism.body_index), 6, self.K.shape[2])), self.matrices("pose")
+        com = np.array([body.com for body in self.mechanism.bodies])
+        for j, v in enumerate(np.moveaxis(self.K, 2, 0)):
+            rate = self.equations.motion(self.n, q=self.q, v=v)["rate"].reshape(self.n, -1, 12)
+            turned = rate[..., :9].reshape(self.n, -1, 3, 3)
+            twists[:, 1:, :3, j] = np.stack(axial(turned @ R[:, 1:].swapaxes(2, 3)), axis=-1)
+            twists[:, 1:, 3:, j] = rate[..., 9:] - times(turned, com)
+        B, index = self.K[:, self.mechanism.actuated_columns], self.mechanism.body_index
+        found, self.conditions["jacobian"] = kit.per_actuator(twists, R, self.points, index, B, idle=self.motion.idle)
+        return found
+
     @cached_property
     def inertia(self) -> kit.Array:
         """Mass matrix in the independent coordinates. Shape (n, k, k)."""
@@ -397,4 +246,5 @@ QUANTITIES: Mapping[str, Callable[[Motion], kit.Array]] = {
     "axis_moment": lambda at: at.along + at.driven(at.actuator_force),
     "resistance": lambda at: at.resistance,
     "mass_matrix": lambda at: at.inertia[(..., *np.triu_indices(at.K.shape[2]))],
+    "jacobian": lambda at: at.jacobian,
 }

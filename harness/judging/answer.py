@@ -14,6 +14,7 @@ from screwgauge.quantities import FLOAT64, FLOOR, SOLVED, NumberType, arm, natur
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import SOFTNESS, Solution, Values
 from screwgauge.witness.joints import MechanismTree, mechanism_tree
@@ -41,6 +42,7 @@ class Answer:
         kind: Number type that the scene or command names.
         softness: Unit -> what soft constraints of the engine make of a force of its tree.
         looser: Quantity -> scaled error that the scene admits where that is more than `tolerance`.
+        points: Named ones.
     """
 
     engine: str
@@ -59,6 +61,7 @@ class Answer:
     kind: NumberType = FLOAT64
     softness: Mapping[str, float] = field(default_factory=dict)
     looser: Mapping[str, float] = field(default_factory=dict)
+    points: tuple[Point, ...] = ()
 
     def __getitem__(self, quantity: str) -> Array:
         """Values of a quantity. Shape (n, n_component)."""
@@ -174,6 +177,7 @@ def answer_at(
         rule=problem.rule,
         tree=tree,
         t=timed(problem).t[rows],
+        points=problem.points,
         values=values,
         work=None if solution.work is None else solution.work[rows],
         joints=joints,

@@ -111,6 +111,8 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
         yield from residuals.resistance(whole)
     if some.has("mass_matrix"):
         yield from residuals.mass_matrix(some, admitted_by(some))
+    if some.has("jacobian"):
+        yield from residuals.jacobian(some, admitted_by(some), motion.idle)
     if tree:
         yield from residuals.tree_forces(some)
 

@@ -13,10 +13,10 @@ from screwgauge.judging.allowance import MOST
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
-from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, pairs
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, described, pairs
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.resistance import LOSSES, resistances
-from screwgauge.reference.rotations import Array, cross, lanes
+from screwgauge.reference.rotations import Array, cross, lanes, times
 from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
 from screwgauge.witness.dynamics import along, kinetic_energy
@@ -191,6 +191,28 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
         columns = [i for i, has in enumerate(units) if has == unit]
         some, size = [names[i] for i in columns], load * arm(unit, length)
         yield answer.residual("mass_matrix", unit, some, missing[:, columns], size, ("mass_matrix",))
+
+
+def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
+    """Reported rates per rate of each actuator less those of the motions that the loops admit; `idle` ones rest."""
+    mechanism, com, points = answer.mechanism, answer.motion.com, answer.points
+    v, w = np.split(admissible.bodies, 2, axis=2)  # shapes (n, n_body, 3, k)
+    spots = [(i, -body.com) for i, body in enumerate(mechanism.bodies)]
+    spots += [(mechanism.body_index[one.body] - 1, one.place - mechanism.body(one.body).com) for one in points]
+    arms = [times(com.R[:, i], place) for i, place in spots]
+    moved = [v[:, i] + np.cross(w[:, i], arm[..., None], axis=1) for (i, _), arm in zip(spots, arms, strict=True)]
+    twists = [x for i in range(len(mechanism.bodies)) for x in (w[:, i], moved[i])]
+    rates = np.concatenate([*twists, *moved[len(mechanism.bodies) :]], axis=1)
+    driven = [k for k in range(rates.shape[2]) if k not in idle]
+    B = admissible.partial[:, mechanism.actuated_columns][..., driven]
+    right = (rates[..., driven] @ np.linalg.pinv(B)).reshape(len(B), -1)
+    (names, units), reported = described(mechanism, points)["jacobian"], answer.values["jacobian"]
+    missing, length = reported.pick(names).array - right, answer.scales["m"]
+    load = largest(right / [arm(unit, length) for unit in units])  # origins of bodies may rest
+    for unit in dict.fromkeys(units):
+        columns = [i for i, has in enumerate(units) if has == unit]
+        some, size = [names[i] for i in columns], load * arm(unit, length)
+        yield answer.residual("jacobian", unit, some, missing[:, columns], size, ("jacobian",))
 
 
 def resistance(answer: Answer) -> Residuals:

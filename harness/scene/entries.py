@@ -17,6 +17,7 @@ from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, positive, read_items, read_text, read_vector, required
 from screwgauge.scene.motion import read_column, read_course
@@ -94,6 +95,26 @@ def read_figure(table: Any, where: str) -> Figure:
         unit=read_text(table, "unit", where),
         panels=tuple((label, tuple(patterns)) for label, patterns in panels.items()),
     )
+
+
+def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Point, ...]:
+    """Reads ``[[points]]``: named points of bodies, whose velocities are wanted.
+
+    Raises:
+        ScrewgaugeError: Unknown bodies, or a name that is taken.
+    """
+
+    def read(table: Any, where: str) -> Point:
+        check_keys(table, {"name", "body", "point"}, where)
+        body = check_name("body", read_text(table, "body", where), [body.name for body in mechanism.bodies], where)
+        return Point(read_text(table, "name", where), body, read_vector(table, "point", where))
+
+    points = read_items(data, "points", where, read)
+    taken = [*(body.name for body in mechanism.bodies), *(one.name for one in points)]
+    for one in points:
+        if taken.count(one.name) > 1:
+            raise DescriptionError(f"the name '{one.name}' is taken", f"{where}, points", "name it differently")
+    return points
 
 
 _AMOUNTS = ("stiffness", "rest", "damping")

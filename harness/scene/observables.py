@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.courses import same_times
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, shown
@@ -179,8 +180,9 @@ _UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
 def _converted(unit: str) -> tuple[str, float]:
     """The SI unit of a unit such as ``N mm`` and what numbers in that are multiplied by: ``N m``, 1e-3."""
     text, factor = unit.replace("·", " ").replace("²", "^2"), 1.0
-    for name, power in _UNIT.findall(text):
-        factor *= CONVERTED.get(name, ("", 1.0))[1] ** int(power or 1)
+    for one in _UNIT.finditer(text):
+        power = int(one[2] or 1) * (-1 if text[: one.start()].endswith("/") else 1)
+        factor *= CONVERTED.get(one[1], ("", 1.0))[1] ** power
     return _UNIT.sub(lambda one: one[0].replace(one[1], CONVERTED.get(one[1], (one[1],))[0]), text), factor
 
 
@@ -212,7 +214,9 @@ class Header:
 def read_header(text: str) -> Header:
     """Takes the name of a column apart."""
     name, _, unit = text.removesuffix(NOT_UNIQUE).partition("[")
-    quantity, _, component = name.strip().rpartition("/")
+    quantity, _, component = name.strip().partition("/")
+    if quantity not in QUANTITIES:  # names of components may have slashes
+        quantity, _, component = name.strip().rpartition("/")
     return Header(text, quantity, component, unit.rstrip("] "))
 
 

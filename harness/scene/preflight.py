@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.models.home import check_home
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import GIVEN, RULED
+from screwgauge.quantities import ACTUATED, GIVEN, RULED
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
@@ -85,7 +85,7 @@ def check_actuation(
     Raises:
         DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
     """
-    ruled = [name for name in quantities if name in RULED]
+    ruled = [name for name in quantities if name in ACTUATED]
     rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
     driven = len(mechanism.actuators) - freedoms.actuation_redundancy
@@ -99,7 +99,7 @@ def check_actuation(
             raise DescriptionError(short, mechanism.where, f"{remedy} or ask for no {' and '.join(ruled)}")
     if len(rest) == len(quantities):
         return rest, ()
-    if scene.rule == "spherical_axial" and freedoms.actuation_redundancy != 2:
+    if scene.rule == "spherical_axial" and RULED & {*ruled} and freedoms.actuation_redundancy != 2:
         raise DescriptionError(
             f"rule spherical_axial needs 2 redundant actuators, not {freedoms.actuation_redundancy}",
             mechanism.where,

@@ -31,7 +31,7 @@ from screwgauge.reference.tables import (
     required,
 )
 from screwgauge.scene.default import scene_file
-from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models
+from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
 from screwgauge.scene.idle import Followed, read_given, read_undriven
 from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
@@ -42,7 +42,7 @@ _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
     *("engines", "quantities", "tolerances", "models", "figures", "allow"),
-    *("idle", "springs", "motors", "forward", "observables", "reference", "published", "tables"),
+    *("idle", "springs", "motors", "forward", "observables", "reference", "published", "tables", "points"),
 }
 
 
@@ -93,6 +93,7 @@ def _read(path: Path) -> Scene:
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=read_items(data, "figures", where, read_figure),
+        points=read_points(mechanism, data, where),
         allow=tuple(entry for entry in allow if entry not in files),
         file=path,
         **read(data, path, mechanism),

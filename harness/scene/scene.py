@@ -17,6 +17,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
 from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
@@ -51,6 +52,7 @@ class Scene:
         known: Their values from elsewhere, if there are any.
         published: What others have published.
         tables: The user's values, compared like those of an engine, by name.
+        points: Named points of bodies.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Scene:
     known: Known | None = None
     published: tuple[Published, ...] = ()
     tables: Mapping[str, Recorded] = field(default_factory=dict, repr=False)
+    points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
         """Motion that follows from forces is that under the forces that act, on the mechanism as it is."""
@@ -213,7 +216,8 @@ class Scene:
             wanted: Names of quantities.
             engine: Whom it is put to, see `acting_on`; nobody in particular by default.
         """
-        return Problem(self.acting_on(engine), self.task, frozenset(wanted), self.rule, self.wording())
+        applied = self.acting_on(engine)
+        return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording(), self.points)
 
     def acting_on(self, engine: str) -> Applied:
         """Forces on the model of an engine: a user's MJCF keeps its gravity.

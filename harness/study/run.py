@@ -331,7 +331,8 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     counted, mechanism = check_scene(scene), scene.mechanism
     wanted, left = check_actuation(scene, counted, wanted)
     # those of a tree are the engine's own
-    given = {name: named for name, named in described(mechanism).items() if not name.startswith("tree_force")}
+    every = described(mechanism, scene.points)
+    given = {name: named for name, named in every.items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
     return _Checked(counted, given, wanted, (*left, *far_from_home(scene), *sampled, *rest_warning(scene)))
 

@@ -98,8 +98,8 @@ def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array
         table = SampleTable.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
-    sizes, wanted = {name: len(columns[0]) for name, columns in described(mechanism).items()}, _certifiable(problem)
-    return table if table.answers(wanted, sizes, y, mechanism.independent_columns) else None
+    sizes = {name: len(columns[0]) for name, columns in described(mechanism, problem.points).items()}
+    return table if table.answers(_certifiable(problem), sizes, y, mechanism.independent_columns) else None
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
@@ -115,6 +115,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
         [wording.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),
         [problem.rule, depth, ruled(problem), BITS],
+        [[one.name, one.body, one.place.tolist()] for one in problem.points] if "jacobian" in problem.wanted else [],
     )
 
 
@@ -182,7 +183,7 @@ def _solution(
 ) -> Solution:
     n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
-    names = described(mechanism)
+    names = described(mechanism, problem.points)
     wanted = [name for name in QUANTITIES if name in table.mid and name in problem.wanted]
 
     def spread(array: Array) -> Array:

@@ -6,7 +6,7 @@ velocity appears. Route 2 balances force and moment of each body and solves for 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,6 +156,26 @@ def idle_accelerations(
     except ZeroDivisionError:
         what = "what no actuator drives may have no inertia"
         raise NotCertified(what, "", "keep away from this pose") from None
+
+
+def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]], idle: Collection[int]) -> list[arb]:
+    """Twists of the bodies about their origins, and velocities of points, per rate of each actuator, row by row.
+
+    Args:
+        points: Body and place of each.
+        idle: Coordinates that no actuator drives; they rest.
+    """
+    rows, origin = linkage.mechanism.actuated_columns, [arb(0)] * 3
+    driven = [j for j in range(now.partial.ncols()) if j not in idle]
+    B = arb_mat([[now.partial[row, j] for j in driven] for row in rows])
+    unit = ([arb(int(i == j)) for i in driven] for j in driven)
+    back = arb_mat([min_norm(B, one).entries() for one in unit])
+    columns = list[Vector]()
+    for j in driven:
+        moved = linkage.place([[q[0], now.partial[i, j]] for i, q in enumerate(now.q)])
+        twists = [x for T in moved[1:] for x in (*spin(T, 1), *point(T[1], origin))]
+        columns.append([*twists, *(x for body, place in points for x in point(moved[body][1], place))])
+    return (arb_mat(columns).transpose() * back).entries()
 
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:

@@ -29,6 +29,7 @@ from screwgauge.truth.forces import (
     columns_of,
     generalized_force,
     idle_accelerations,
+    jacobian,
     min_norm,
     newton_euler,
     taken,
@@ -75,12 +76,14 @@ class Sampler:
         self.said = [] if motion is None else [i for i, label in enumerate(labels) if label in motion]
         self.terms = read_terms(motion or {}, [labels[i] for i in self.said])
         self.ruled, self.resistance = ruled(problem), "resistance" in problem.wanted
-        self.axial = problem.rule == "spherical_axial"
+        self.axial, index = problem.rule == "spherical_axial", linkage.mechanism.body_index
+        points = [(index[one.body], vector(one.place.tolist())) for one in problem.points]
+        self.points = points if "jacobian" in problem.wanted else None
+        self.idle = problem.task.idle if isinstance(problem.task, GivenMotion) else ()
         if problem.applied.gravity is None:
             self.gravity = [arb(0), arb(0), number("-9.81")]
         else:
             self.gravity = vector(problem.wording.gravity or problem.applied.gravity.tolist())
-        index = linkage.mechanism.body_index
         if problem.wording.loads is None:
             self.loads = [_doubles(load, index[load.body]) for load in problem.applied.loads]
         else:
@@ -118,6 +121,8 @@ class Sampler:
         out = _motion(self.linkage, now)
         if self.resistance:
             out["resistance"] = [force for _, force in taken(self.linkage, now)]
+        if self.points is not None:
+            out["jacobian"] = jacobian(self.linkage, now, self.points, self.idle)
         if self.depth == "f":
             out |= self._forces(now, t, idle)
         return out

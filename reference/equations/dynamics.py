@@ -27,8 +27,10 @@ from screwgauge.reference.equations.screws import (
     stack,
     times,
     transpose,
+    velocity_at,
 )
 from screwgauge.reference.mechanism import by_role
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import across_direction
 
 
@@ -39,6 +41,7 @@ class Dynamics(Motion):
         applied: Gravity, loads, springs, dampers and motors.
         t: Time [s], which motors and loads go by. Shape (...).
         given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
+        points: Named ones, whose velocities are wanted.
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
         idle: Numbers of independent coordinates that no actuator drives, so that their second derivatives follow.
         resting: Numbers of those that no actuator drives and that have no inertia: they are given.
@@ -48,6 +51,7 @@ class Dynamics(Motion):
     idle: tuple[int, ...] = ()
     resting: tuple[int, ...] = ()
     given_forces: Array | None = None
+    points: tuple[Point, ...] = ()
     axial = False
 
     def __init__(
@@ -148,6 +152,40 @@ class Dynamics(Motion):
     def _B(self) -> Array:
         """Columns of B of the coordinates that actuators drive. Shape (..., n_act, n_driven)."""
         return self.B[..., self.driven]
+
+    @cached_property
+    def per_actuator(self) -> Array:
+        """Rates of the driven coordinates per rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
+
+        Of redundant actuators it is ``B^+``, whose transpose gives the smallest forces; what no actuator moves rests.
+        """
+        B, BT = self._B, transpose(self._B)
+        actuators, driven = B.shape[-2:]
+        if actuators < driven:
+            system = self.ops.square(B @ BT)
+            return BT @ np.stack([system.solve(unit) for unit in np.eye(actuators)], axis=-1)
+        system = self.ops.square(BT @ B if actuators > driven else BT)
+        rows = [system.solve(unit) for unit in np.eye(driven)]
+        return np.stack([times(B, row) if actuators > driven else row for row in rows], axis=-2)
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Twists of the bodies about their origins, and velocities of `points`, per rate of each actuator.
+
+        Returns:
+            Row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
+        """
+        columns = list[Array]()
+        for V in (self.partial[k] for k in self.driven):
+            bodies = join(V[..., 1:, :3], velocity_at(V, self.pose.p)[..., 1:, :])
+            parts = [bodies.reshape(*bodies.shape[:-2], -1)]
+            for one in self.points:
+                body = self.mechanism.body_index[one.body]
+                place = self.pose.p[..., body, :] + times(self.pose.R[..., body, :, :], one.place)
+                parts.append(velocity_at(V[..., body, :], place))
+            columns.append(join(*parts))
+        J = np.stack(columns, axis=-1) @ self.per_actuator
+        return J.reshape(*J.shape[:-2], -1)
 
     @cached_property
     def drive(self) -> System:
@@ -320,6 +358,7 @@ QUANTITIES: Mapping[str, Any] = {
     "reaction": lambda at: at.reaction,
     "axis_moment": lambda at: at.axis_moment,
     "resistance": lambda at: at.resistance,
+    "jacobian": lambda at: at.jacobian,
 }
 
 

@@ -22,6 +22,7 @@ from screwgauge.reference.equations.kinematics import Coordinates, coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE
 from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, squares
 from screwgauge.reference.equations.screws import Array
+from screwgauge.reference.points import Point
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, NotTraceableError, Trace
 
@@ -36,8 +37,8 @@ MOST_ARCS = 6
 GROWTH = 9.0
 #: Quantities that know the charts of joints that close loops.
 CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
-#: Quantities that contain actuator forces.
-DRIVEN = {"actuator_force", "axis_moment", "reaction"}
+#: Quantities that rest on the rates of the actuators.
+DRIVEN = {"actuator_force", "axis_moment", "reaction", "jacobian"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
 
@@ -78,6 +79,7 @@ class TracedQuantities:
         shares: How much of each body each coordinate of the open tree carries. Shape (b, n_q).
         tree: Coordinates of that tree.
         loaded: Whether the loads are inputs, the last: force and torque of each.
+        points: Named ones.
     """
 
     quantities: Collection[str]
@@ -85,6 +87,7 @@ class TracedQuantities:
     shares: Array | None = None
     tree: Sequence[int] = ()
     loaded: bool = False
+    points: tuple[Point, ...] = ()
 
 
 def traced(
@@ -138,7 +141,7 @@ def _traced(
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
     motion = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
-    motion.near, motion.t, motion.axial = near, t, wanted.axial
+    motion.near, motion.t, motion.axial, motion.points = near, t, wanted.axial, wanted.points
     reached = [at.q[c] for c in guess] + [motion.w[c] for c in guess]
     outputs = {"reached": reached} | quantities(motion, wanted)
     checks = _checks(motion, y, guess, outputs)

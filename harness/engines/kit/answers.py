@@ -117,7 +117,7 @@ def answer(
     for first in range(0, n, PART):
         parts.append(solve_part(*_part(problem, slice(first, first + PART))))
         progress(min(1.0, (first + PART) / n))
-    table, (engine, version, setting) = described(mechanism), labels
+    table, (engine, version, setting) = described(mechanism, problem.points), labels
     wanted = [name for name in parts[0].values if name in problem.wanted]
     values = {name: Values(*table[name], np.concatenate([part.values[name] for part in parts])) for name in wanted}
     known, (L, M) = [one.part for one in parts if one.part is not None], (length(mechanism), mechanism.mass)

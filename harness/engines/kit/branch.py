@@ -19,6 +19,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.linear import inverted, norms
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 
@@ -43,15 +44,16 @@ MANY, HALVINGS = 256, 17
 class Branch:
     """The branch of closed poses that begins at home, as far as it has been followed."""
 
-    def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool]) -> None:
+    def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool], points: Sequence[Point] = ()) -> None:
         """Begins at home.
 
         Args:
             gaps: Loops and couplings; redundant ones may be among them.
             angular: Whether each gap is an angle. Shape (m,).
+            points: Named ones, whose velocities are components of a quantity.
         """
         self._gaps, self._columns, self._length = gaps, mechanism.independent_columns, length(mechanism)
-        self._component_units = {name: units for name, (_, units) in described(mechanism).items()}
+        self._component_units = {name: units for name, (_, units) in described(mechanism, points).items()}
         self._sizes = np.where([unit == "rad" for unit in mechanism.units], 1.0, self._length)
         self._units = np.concatenate([np.where(angular, 1.0, self._length), self._sizes[self._columns]])
         self._t, self._y, self._many = np.nan, mechanism.home[self._columns], MANY

@@ -22,6 +22,7 @@ from screwgauge.engines.kit.answers import (
 )
 from screwgauge.engines.kit.closing import Accelerated, ClosedMotion, Closing, Placement
 from screwgauge.engines.kit.projection import idle_accelerations
+from screwgauge.engines.kit.rates import per_actuator
 from screwgauge.engines.kit.reactions import axial_line, joint_wrenches, reactions
 from screwgauge.engines.kit.statement import check_statement
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows, quiet
@@ -114,7 +115,8 @@ class _Parts:
         def again(some: Rows, shake: Array) -> dict[str, Array]:
             return self._beyond(self.closing.shaken(closed, some, shake), at_samples(applied, some))[0]
 
-        units, k = {name: units for name, (_, units) in described(mechanism).items()}, motion.y.shape[1]
+        table, k = described(mechanism, self.problem.points), motion.y.shape[1]
+        units = {name: units for name, (_, units) in table.items()}
         part = examined(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
         return Answered(part.values, closed.q, closed.condition, part)
 
@@ -127,6 +129,8 @@ class _Parts:
             with self.clock.stage("velocities"):
                 values |= motion_values(wanted, closed)
                 sizes["speed"] = np.abs(closed.xd / x_units).max(axis=1)
+                if "jacobian" in wanted:
+                    values["jacobian"], conditions["jacobian"] = self._rates(closed)
         if depth in "af":
             with self.clock.stage("accelerations"):
                 moved = self._accelerated(closed, applied, conditions)
@@ -164,6 +168,13 @@ class _Parts:
     def _along(self, closed: ClosedMotion, along: Array) -> Array:
         """Forces along joint coordinates as forces along x. Shape (n, n_q) -> (n, n_x)."""
         return np.asarray((along[:, None] @ closed.J)[:, 0])
+
+    def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
+        """Rates per rate of each actuator, and the condition number of theirs."""
+        mechanism = self.engine.mechanism
+        B = closed.J[:, mechanism.actuated_columns] @ closed.K
+        twists, points = closed.at.T @ closed.K[:, None], self.problem.points
+        return per_actuator(twists, closed.at.R, points, mechanism.body_index, B, idle=closed.task.idle)
 
     def _forces(
         self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]

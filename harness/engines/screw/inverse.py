@@ -12,7 +12,7 @@ from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
-from screwgauge.quantities import OF_MOTION, QUANTITIES, RULED, Names, component_names, stages
+from screwgauge.quantities import ACTUATED, OF_MOTION, QUANTITIES, Names, component_names, stages
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import Poses
@@ -111,7 +111,7 @@ class Work:
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
-            at.axial, at.idle = problem.rule == "spherical_axial", motion.idle
+            at.axial, at.points, at.idle = problem.rule == "spherical_axial", problem.points, motion.idle
         out, conditions = dict[str, Array](), dict[str, Array]()
         moving = loops.unknown
         speed: Array | float = 0.0
@@ -154,13 +154,13 @@ class Work:
     def _force_conditions(self, at: Dynamics, conditions: dict[str, Array]) -> None:
         """Condition numbers of the systems that forces are solved from."""
         wanted, mechanism, sizes = self.problem.wanted, self.lay.mechanism, self.loops.sizes
-        if not wanted & RULED:
+        if not wanted & ACTUATED:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
         driven = driven[..., at.driven]
         # rounding of rates is that of the fastest coordinates, however slow the actuators are
         slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
-        conditions["actuator_force"] = linear.condition(driven) / slow
+        conditions["jacobian"] = conditions["actuator_force"] = linear.condition(driven) / slow
         if at.line is not None:
             conditions["actuator_force"] = np.maximum(at.drive.condition, at.system.whole_condition)
         conditions["axis_moment"] = conditions["actuator_force"]
@@ -171,4 +171,5 @@ class Work:
         mechanism = self.lay.mechanism
         bodies, tree = [body.name for body in mechanism.bodies], [mechanism.coordinates[i] for i in self.tree]
         reactions, actuators = reaction_names(mechanism.joints, mechanism.couplings), mechanism.actuator_names
-        return component_names(mechanism.joints, bodies, mechanism.independent, tree, actuators, reactions)
+        named = mechanism.joints, bodies, mechanism.independent, tree, actuators, reactions
+        return component_names(*named, points=self.problem.points)

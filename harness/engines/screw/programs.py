@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
 from screwgauge.problem import GivenMotion, Problem, Rows
-from screwgauge.quantities import RULED, arm
+from screwgauge.quantities import ACTUATED, arm
 from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
@@ -75,8 +75,9 @@ class Bounds:
         forces = dict[str, Scalar]()
         if "reaction" in self.wanted:
             forces["reaction"] = SAFETY * out["whole_gain"] * out["whole_gain"]
-        if self.wanted & RULED:
-            forces |= dict.fromkeys(("actuator_force", "axis_moment"), SAFETY * apply("max", out["drive"], 1.0))
+        if self.wanted & ACTUATED:
+            driven = "actuator_force", "axis_moment", "jacobian"
+            forces |= dict.fromkeys(driven, SAFETY * apply("max", out["drive"], 1.0))
         numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
         return Trust(CONDITION * gain, gain, *numbers)
 
@@ -302,7 +303,7 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
         NotTraceableError: With the reason.
     """
     mechanism = lay.mechanism
-    if RULED & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
+    if ACTUATED & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
     if "mass_matrix" in problem.wanted:

@@ -90,7 +90,8 @@ class TracedWork:
         with self.clock.stage("tracing"):
             some, q = self._anchors(motion)
             shares, tree = open_tree(self.lay)
-            wanted = TracedQuantities(self.wanted, self.problem.rule == "spherical_axial", shares, tree, loaded)
+            axial, points = self.problem.rule == "spherical_axial", self.problem.points
+            wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points)
             samples = (some.y, some.yd, some.ydd, q)
             applied = self.problem.applied if self.varying is None else self.varying.at(some.t[:1])
             self.traced = traced(self.work.loops, applied, wanted, samples, self._further)

@@ -15,6 +15,7 @@ from screwgauge.engines.error_estimate import ACCELERATED, Part, Trust, examined
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.poses import counted_turns
 from screwgauge.engines.kit.projection import idle_accelerations
+from screwgauge.engines.kit.rates import per_actuator
 from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
@@ -23,6 +24,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import Names, component_names, stages
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.solution import SOFTNESS, Clock, Error, Solution
@@ -140,7 +142,8 @@ class _Work:
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
-        return component_names(file.joints, file.bodies, file.independent, tree, actuators, self.reaction_names)
+        named = file.joints, file.bodies, file.independent, tree, actuators, self.reaction_names
+        return component_names(*named, points=self.problem.points)
 
 
 def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
@@ -206,6 +209,13 @@ class _Pass:
             self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
+        if "jacobian" in self.wanted:
+            moved = np.stack([poses.at.velocities(column) for column in np.moveaxis(self.K, 2, 0)], axis=3)
+            twists, R = moved[:, [0, *self.closed.bodies]], poses.at.R[:, [0, *self.closed.bodies]]
+            index = {name: i for i, name in enumerate((GROUND, *self.closed.file.bodies))}
+            B, points, idle = self.K[:, self.closed.driven], self.work.problem.points, poses.motion.idle
+            rates = per_actuator(twists, R, points, index, B, idle=idle)
+            self.values["jacobian"], self.conditions["jacobian"] = rates
         if "mass_matrix" in self.wanted:
             self.values["mass_matrix"] = self._inertia()[(..., *np.triu_indices(yd.shape[1]))]
 

@@ -1,0 +1,40 @@
+"""Rates of bodies and named points per rate of each actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.points import Point
+from screwgauge.reference.rotations import Array, cross, times
+
+
+def per_actuator(
+    twists: Array, R: Array, points: Sequence[Point], index: Mapping[str, int], B: Array, *, idle: Collection[int] = ()
+) -> tuple[Array, Array]:
+    """The quantity `jacobian`, and the condition number of the rates of the actuators.
+
+    Coordinates that no actuator drives rest. Of more actuators than freedoms it is the pseudo-inverse that counts: its
+    transpose gives the smallest forces.
+
+    Args:
+        twists: Of the bodies, ground first, angular, then of their origins, per rate of y. Shape (n, n_body + 1, 6, k).
+        R: Their orientations. Shape (n, n_body + 1, 3, 3).
+        points: Whose velocities follow those of the bodies.
+        index: Body -> its number, ground being 0.
+        B: Rates of the actuators per rate of y. Shape (n, n_actuator, k).
+        idle: Numbers of the coordinates that no actuator drives.
+
+    Returns:
+        Shape (n, (6 n_body + 3 n_point) n_actuator), and shape (n,).
+    """
+    driven = [k for k in range(B.shape[2]) if k not in {*idle}]
+    twists, B, (n, k) = twists[..., driven], B[..., driven], (len(B), len(driven))
+    rows = [twists[:, 1:].reshape(n, -1, k)]
+    for one in points:
+        T, arm = twists[:, index[one.body]].swapaxes(1, 2), times(R[:, index[one.body]], one.place)
+        rows.append((T[..., 3:] + cross(T[..., :3], np.broadcast_to(arm[:, None], T[..., 3:].shape))).swapaxes(1, 2))
+    back, condition = linear.inverted(B)
+    return (np.concatenate(rows, axis=1) @ back).reshape(n, -1), condition
