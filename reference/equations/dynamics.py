@@ -163,7 +163,7 @@ class Dynamics(Motion):
         actuators, driven = B.shape[-2:]
         if actuators < driven:
             system = self.ops.square(B @ BT)
-            return BT @ np.stack([system.solve(unit) for unit in np.eye(actuators)], axis=-1)
+            return np.asarray(BT @ np.stack([system.solve(unit) for unit in np.eye(actuators)], axis=-1))
         system = self.ops.square(BT @ B if actuators > driven else BT)
         rows = [system.solve(unit) for unit in np.eye(driven)]
         return np.stack([times(B, row) if actuators > driven else row for row in rows], axis=-2)
