@@ -54,6 +54,7 @@ class Trust:
             that rate. Shape (n,).
         load: Largest force [N], whose parts may cancel. Shape (n,).
         open: How far the loops are open beyond rounding, without dimension. Shape (n,).
+        rushes: Quantity -> what stands in the place of `rush` for it, where its accelerations are sums of more. (n,).
         stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism, where
             gains are those of loops. (n,).
     """
@@ -67,6 +68,7 @@ class Trust:
     load: Array | float = 0.0
     open: Array | float = 0.0
     stretch: Array | float = 1.0
+    rushes: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
     def unknown(cls, n: int) -> Trust:
@@ -92,11 +94,20 @@ class Trust:
         numbers = {
             one.name: merged(getattr(self, one.name), getattr(other, one.name))
             for one in fields(self)
-            if one.name != "forces"
+            if one.name not in ("forces", "rushes")
         }
-        names = dict.fromkeys([*self.forces, *other.forces])
-        forces = {name: merged(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in names}
-        return Trust(**numbers, forces=forces)
+        forces, rushes = (
+            {**mine, **others} for mine, others in ((self.forces, other.forces), (self.rushes, other.rushes))
+        )
+        return Trust(
+            **numbers,
+            forces={name: merged(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in forces},
+            rushes={name: merged(self.rush_of(name), other.rush_of(name)) for name in rushes},
+        )
+
+    def rush_of(self, quantity: str) -> Array | float:
+        """Size of what the accelerations of a quantity are the sum of."""
+        return self.rushes.get(quantity, self.rush)
 
     def of(self, quantity: str) -> Array:
         """Condition number of all that a quantity was solved from."""
@@ -197,14 +208,14 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
         powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
         if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
             continue
-        for _, _, size, _, most in by_unit(array, units[name], trust, length):
+        for _, _, size, _, most in by_unit(name, array, units[name], trust, length):
             if (size <= FLOOR * most).all() and most.max() > 0.0:
                 again.add(int(np.argmax(powers * most)))
     return np.array(sorted(again), dtype=np.intp)
 
 
 def by_unit(
-    array: Array, units: Sequence[str], trust: Trust, length: float
+    name: str, array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
     """Each unit of a quantity, with its columns, and the size of its numbers at each sample.
 
@@ -213,7 +224,7 @@ def by_unit(
     whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
     for unit in dict.fromkeys(units):
         columns = [i for i, has in enumerate(units) if has == unit]
-        size, summands = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(unit, trust)
+        size, summands = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(name, unit, trust)
         most = (whole + summands) * arm(unit, length)
         # masses do not cancel: what couples two coordinates is as large as the roots of their own inertia at the most
         yield unit, columns, size, most if unit in INERTIA else size + summands * arm(unit, length), most
@@ -234,7 +245,7 @@ def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass:
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
-    by_part = [[*by_unit(x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
+    by_part = [[*by_unit(name, x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
     for each in zip(*by_part, strict=True):
         unit, columns = each[0][:2]
         size, whole = (np.concatenate([one[k] for one in each]) for k in (2, 4))
@@ -299,10 +310,12 @@ def amplified(name: str, trust: Trust) -> Scalar:
     return apply("max", trust.stretch * power, trust.forces.get(name, 1.0))
 
 
-def summand(unit: str, trust: Trust) -> Scalar:
+def summand(name: str, unit: str, trust: Trust) -> Scalar:
     """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
     if unit in ("rad", "m") or unit in RATIOS:
         return 1.0
     if unit in INERTIA:
         return 0.0
-    return trust.speed if unit in ("rad/s", "m/s") else trust.rush if unit.endswith("s^2") else trust.load
+    if unit in ("rad/s", "m/s"):
+        return trust.speed
+    return trust.rush_of(name) if unit.endswith("s^2") else trust.load

@@ -65,7 +65,7 @@ def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]
 def _sizes(work: Work, name: str, trust: Trust, values: Array, shaken: Iterable[Array], rounded: float) -> Sizes:
     moved = np.max([np.abs(other - values) for other in shaken], axis=0)
     found, charts = {}, trust.charts if name in OF_JOINTS else 1.0
-    for unit, columns, _, _, most in by_unit(values, work.names()[name][1], trust, work.loops.length):
+    for unit, columns, _, _, most in by_unit(name, values, work.names()[name][1], trust, work.loops.length):
         error = rounded * charts * most + SAFETY * moved[:, columns].max(axis=1, initial=0.0)
         if unit in ("rad", "m"):  # how far a loop is open is measured by these, however often a joint has turned
             most = np.full_like(error, arm(unit, work.loops.length))

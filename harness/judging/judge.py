@@ -16,6 +16,7 @@ from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
@@ -227,4 +228,23 @@ def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) 
         joints[2] = 0.0
         still = answer.moving(joints)
         joints[2] = admissible.joints(given.ydd, residual(still.tree, still.states, still.motion, 2))
+        if given.idle:
+            joints[2] += _of_idle(answer.moving(joints), admissible, [*given.idle])
     return answer.moving(joints)
+
+
+def _of_idle(answer: Answer, admissible: AdmissibleMotion, idle: list[int]) -> Array:
+    """What accelerations of idle coordinates, which are the engine's own, add to those given: as bodies say. (n, n_q).
+
+    Args:
+        answer: With the accelerations that are given.
+    """
+    n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
+    for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
+        if answer.has(name := BODY_MOTION[what]):
+            missing.append((answer[name] - residuals.body_motion(answer, what).reshape(n, -1)) / size)
+            columns.append(admissible.bodies[:, :, part][..., idle].reshape(n, -1, m) / size)
+    if not missing:
+        return np.zeros_like(answer.q)
+    x = np.linalg.pinv(np.concatenate(columns, axis=1)) @ np.concatenate(missing, axis=1)[..., None]
+    return np.asarray((admissible.partial[..., idle] @ x)[..., 0])

@@ -108,18 +108,18 @@ class Forward(Dynamics):
         moved = outward(self.pose, self.w, still)
         tau = self.demand(moved.needs(self.applied.g), self.acting(still, moved))
         Q = times(transpose(self.neutral), self.virtual_power(tau))
-        ydd[..., idle] = self.idle_masses.solve(-Q / self._idle_sizes) / self._idle_sizes
+        ydd[..., idle] = self.idle_masses.solve(-Q / self.idle_sizes) / self.idle_sizes
         return ydd
 
     @cached_property
     def idle_masses(self) -> System:
         """``N^T M`` over the idle coordinates, each in the root of its own inertia."""
-        d, N, idle = self._idle_sizes, transpose(self.neutral), [*self.idle]
+        d, N, idle = self.idle_sizes, transpose(self.neutral), [*self.idle]
         total = sum(N @ part @ transpose(momenta[..., idle, :]) for part, momenta in self.momenta)
         return self.ops.square(total / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
-    def _idle_sizes(self) -> Array:
+    def idle_sizes(self) -> Array:
         """Roots of the inertia of each idle coordinate alone. Shape (..., m)."""
         own = sum((part * momenta).sum(-1)[..., [*self.idle]] for part, momenta in self.momenta)
         return np.stack([self.ops.sqrt(own[..., j]) for j in range(len(self.idle))], axis=-1)

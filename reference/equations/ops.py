@@ -28,6 +28,7 @@ class System(Protocol):
     Attributes:
         exact: Whether `response` is.
         A: The matrix without dimension, of floats. Shape (..., m, n).
+        inverse: Of floats, over unknowns that move. Shape (..., moving, m).
         condition, whole_condition: Of floats, over unknowns that move, and over all. Shape (...).
     """
 
@@ -35,6 +36,7 @@ class System(Protocol):
     condition: Any
     whole_condition: Any
     A: Array
+    inverse: Array
 
     def solve(self, b: Array) -> Array:
         """Unknowns that move. Shape (..., m) -> (..., moving)."""

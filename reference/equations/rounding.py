@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from screwgauge.reference.equations.closure import Closed
 from screwgauge.reference.equations.cut_joint import CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.kinematics import length, pose
-from screwgauge.reference.equations.screws import Array
+from screwgauge.reference.equations.screws import Array, times, transpose
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import widest
 
@@ -86,6 +87,23 @@ def drive_gain(at: Dynamics) -> Any:
     m = min(len(at.mechanism.actuators), len(at.driven)) if at.surplus else len(at.mechanism.actuators)
     squares = at.drive.response(np.ones(m)).sum(-1)
     return at.ops.sqrt(squares) if at.surplus else squares
+
+
+def idle_rounding(at: Forward) -> Array:
+    """Errors of the accelerations of idle coordinates over eps, without dimension, over floats. Shape (n, m).
+
+    The magnitudes of all that cancels: a rod that spins freely weighs on its bearings a thousand times what turns it.
+    """
+    loops, system, idle = at.loops, at.system, [*at.idle]
+    columns, unit = loops.columns[: loops.moving], loops.sizes[loops.y_columns]
+    K = np.abs(at.K[..., columns] / loops.sizes[columns]) * unit[:, None]
+    rates = K + K @ transpose(np.abs(system.inverse) @ np.abs(system.A[..., : loops.moving]))
+    along = times(rates, np.abs(at.tau[..., : loops.moving]) * loops.sizes[columns])
+    N = np.abs(at.neutral) * unit[idle] / unit[:, None]
+    turned = np.abs(at.steering.inverse).sum(-1)[..., None] * rates.max(-1)[..., None, idle]
+    summed = times(transpose(N), along) + times(transpose(turned), np.abs(at.generalized_force * unit)[..., at.driven])
+    d = at.idle_sizes * unit[idle]
+    return np.asarray(times(np.abs(at.idle_masses.inverse), summed / d) / d)
 
 
 def chart_condition(cut: CutJoint) -> Any:

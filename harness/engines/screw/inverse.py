@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import Part, Trust, examined
+from screwgauge.engines.error_estimate import Part, Trust, amplified, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import ACTUATED, OF_MOTION, QUANTITIES, Names, component_names, stages
@@ -23,8 +23,8 @@ from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.recursion import at_origin
-from screwgauge.reference.equations.rounding import extent, gain
-from screwgauge.reference.equations.screws import force, power
+from screwgauge.reference.equations.rounding import extent, gain, idle_rounding
+from screwgauge.reference.equations.screws import force, power, times
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution
@@ -131,9 +131,10 @@ class Work:
             self._force_conditions(at, conditions)
         with self.clock.stage("condition"):
             worst, stretch = at.charts.max(axis=1, initial=1.0), extent(self.lay).stretch
-            amplified = np.sqrt(gain(at))
-            amplified = np.where(np.isfinite(at.system.condition), amplified, at.system.condition)
-            trust = Trust(at.system.condition, amplified, worst, conditions, speed, rush, load, stretch=stretch)
+            norm = np.sqrt(gain(at))
+            norm = np.where(np.isfinite(at.system.condition), norm, at.system.condition)
+            trust = Trust(at.system.condition, norm, worst, conditions, speed, rush, load, stretch=stretch)
+            trust = self._with_idle(at, trust) if at.idle and self.depth in "af" else trust
         return out, trust, at.system.A[..., : loops.moving]
 
     def _value(self, at: Forward, name: str) -> Array:
@@ -166,6 +167,24 @@ class Work:
         conditions["axis_moment"] = conditions["actuator_force"]
         if "reaction" in wanted:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
+
+    def _with_idle(self, at: Forward, trust: Trust) -> Trust:
+        """What all that depends on the accelerations of idle coordinates rests on: sums of much that cancels."""
+        mechanism, sizes, idle, L = self.lay.mechanism, self.loops.sizes, [*at.idle], self.loops.length
+        errors = idle_rounding(at) * sizes[mechanism.independent_columns][idle]
+        v, w = (np.linalg.norm(part[:, idle], axis=-1) for part in at.partial_motion)
+        moved, turned = ((part * errors[..., None]).sum(1) for part in (v, w))
+        joints = times(np.nan_to_num(np.abs(at.joint_map[..., idle] / sizes[:, None])), errors)
+        pushed = np.maximum(mechanism.masses * moved, np.trace(mechanism.inertias, axis1=1, axis2=2) * turned / L)
+        rounded = {
+            "joint_acceleration": joints.max(1),
+            "body_angular_acceleration": turned.max(1),
+            "com_acceleration": moved.max(1) / L,
+        }
+        rushes = {name: np.maximum(trust.rush, one / amplified(name, trust)) for name, one in rounded.items()}
+        forces = {name for name in self.problem.wanted if QUANTITIES[name].needs == "f" or name in _TREE}
+        load = np.maximum(trust.load, pushed.max(1) / np.maximum(trust.stretch * trust.gain**3, 1.0))
+        return replace(trust, rushes=rushes, load=load if forces else trust.load)
 
     def names(self) -> Names:
         mechanism = self.lay.mechanism

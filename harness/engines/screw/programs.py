@@ -95,7 +95,7 @@ class Bounds:
             for x, unit in zip(values[name], each, strict=True):
                 whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
                 sums += [x, whole]
-            errors += [by_powers(name, trust) * local for _, local in _sizes(whole, each, trust, self.length)]
+            errors += [by_powers(name, trust) * local for _, local in _sizes(name, whole, each, trust, self.length)]
         return sums, errors
 
     def _weights(self) -> Array:
@@ -148,14 +148,14 @@ def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> A
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
-        for unit, local in _sizes(whole, each, part.trust, length):
+        for unit, local in _sizes(name, whole, each, part.trust, length):
             errors.append(absolute(name, part, local, [i for i, has in enumerate(each) if has == unit]))
     return np.stack(errors, axis=1)
 
 
-def _sizes(whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
+def _sizes(name: str, whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
     """Each unit of a quantity, and the size of what its numbers are made of. `whole`: sum of the squares of all."""
-    local = apply("sqrt", whole) + summand(units[0], trust) if units else 0.0
+    local = apply("sqrt", whole) + summand(name, units[0], trust) if units else 0.0
     return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
 
 

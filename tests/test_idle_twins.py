@@ -1,0 +1,144 @@
+"""An ankle with rods between balls, whose spin is idle, beside its twin with rods on universal joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import screwgauge
+from support.geometry import Array
+from support.tolerances import LINEAR
+
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lagrange")
+QUANTITIES = (
+    "joint_position",
+    "joint_velocity",
+    "body_angular_velocity",
+    "body_angular_acceleration",
+    "actuator_force",
+)
+#: Motors drive cranks, from whose ends rods hang down to a foot that turns about two axes.
+FOOT = """
+name = "ankle"
+[independent]
+roll = "foot.q1"
+pitch = "foot.q2"
+{spins}
+[bodies.foot]
+mass = 0.8
+com = [0.03, 0, -0.04]
+inertia = {{ xx = 2e-3, yy = 3e-3, zz = 3e-3 }}
+[joints.foot]
+kind = "U"
+parent = "ground"
+child = "foot"
+axes = [[1, 0, 0], [0, 1, 0]]
+"""
+LEG = """
+[bodies.crank{k}]
+mass = 0.2
+com = [-0.02, 0, 0]
+inertia = {{ xx = 1e-5, yy = 1e-4, zz = 1e-4 }}
+[joints.motor{k}]
+kind = "R"
+parent = "ground"
+child = "crank{k}"
+axes = [[0, 1, 0]]
+parent_frame.position = [-0.02, {y}, 0.2]
+actuated = true
+[bodies.rod{k}]
+mass = 0.1
+com = [0, 0, -0.1]
+inertia = {{ xx = "1/3000", yy = "1/3000", zz = {axial} }}
+[joints."rod{k}.top"]
+kind = "{kind}"
+parent = "crank{k}"
+child = "rod{k}"
+axes = {axes}
+parent_frame.position = [-0.05, 0, 0]
+[joints."rod{k}.low"]
+kind = "S"
+parent = "rod{k}"
+child = "foot"
+axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+parent_frame.position = [0, 0, -0.2]
+child_frame.position = [-0.07, {y}, 0]
+"""
+SIDES = {1: 0.05, 2: -0.05}
+AXES = {"S": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "U": [[1, 0, 0], [0, 1, 0]]}
+HELD = "motion.roll.offset = 0.1\nmotion.pitch.offset = -0.2\n"
+MOVED = "motion.roll.harmonics = [[10, 0, 0.15]]\nmotion.pitch.harmonics = [[8, 0, 0.25]]\n"
+
+
+@pytest.fixture
+def ankle(tmp_path) -> Callable[..., Any]:
+    """Runs an ankle of one kind of rods, which all engines agree on."""
+
+    def results(kind: str, axial: float, motion: str = MOVED, engines: tuple[str, ...] = ENGINES) -> Any:
+        spins = "".join(f'spin{k} = "rod{k}.top.q3"\n' for k in SIDES) if kind == "S" else ""
+        legs = (LEG.format(k=k, y=y, kind=kind, axial=axial, axes=AXES[kind]) for k, y in SIDES.items())
+        (tmp_path / "ankle.toml").write_text("".join([FOOT.format(spins=spins), *legs]))
+        scene = f'mechanism = "ankle.toml"\n{motion}time = {{ duration = 0.6, step = 0.05 }}\n'
+        (tmp_path / "scene.toml").write_text(scene)
+        found = screwgauge.run(screwgauge.load_scene(tmp_path / "scene.toml"), engines, QUANTITIES)
+        assert found.ok, found.pairs
+        return found
+
+    return results
+
+
+def apart(one: Any, other: Any, engine: str) -> float:
+    """Difference of the forces of motors, of the largest."""
+    a, b = (each.values("actuator_force", engine) for each in (one, other))
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+@pytest.mark.parametrize("axial", [1e-4, 1e-6, 1e-7, 0.0])
+def test_held_ankles_have_the_same_torques(ankle, axial):
+    balls, universal = (ankle(kind, axial, HELD) for kind in "SU")
+    assert all(apart(balls, universal, engine) < LINEAR for engine in ENGINES)
+
+
+@pytest.mark.parametrize("axial", [1e-4, 1e-6, 0.0])
+def test_rods_that_do_not_spin_are_thin(ankle, axial):
+    """Momentum about the line of a rod between balls stays, zero: its inertia about that line does nothing."""
+    balls, thin = ankle("S", axial), ankle("U", 0.0)
+    assert all(apart(balls, thin, engine) < LINEAR for engine in ENGINES)
+
+
+def test_rods_on_universal_joints_take_the_power_of_their_spin(ankle):
+    axial = 1e-5
+    balls, universal = (ankle(kind, axial, engines=("screw", "mujoco")) for kind in "SU")
+    rates = universal.values("joint_velocity", "screw")
+    names = [*universal.components("joint_velocity")]
+    driven = rates[:, [names.index(f"motor{k}") for k in SIDES]]
+    more = universal.values("actuator_force", "screw") - balls.values("actuator_force", "screw")
+    taken = sum(axial * w * wd for w, wd in (spin(universal, k) for k in SIDES))
+    assert np.abs(taken).max() > 1e-7
+    np.testing.assert_allclose((more * driven).sum(axis=1), taken, rtol=0, atol=1e-9 * np.abs(taken).max())
+
+
+def spin(results: Any, k: int) -> tuple[Array, Array]:
+    """Rate about the line of a rod and its derivative, the line by hand from the angles of motor and foot. (n,)."""
+    names = [*results.components("joint_position")]
+    q = results.values("joint_position", "screw")
+    roll, pitch, crank = (q[:, names.index(name)] for name in ("foot.q1", "foot.q2", f"motor{k}"))
+    zero, y = 0.0 * roll, SIDES[k]
+    end = np.stack([-0.02 - 0.05 * np.cos(crank), y + zero, 0.2 + 0.05 * np.sin(crank)], axis=1)
+    x, z = -0.07 * np.cos(pitch), 0.07 * np.sin(pitch)  # turned about y, then about x
+    foot = np.stack([x, y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)], axis=1)
+    line = (foot - end) / 0.2
+    w, b = (
+        results.values(name, "screw")[:, [[*results.components(name)].index(f"rod{k}.{axis}") for axis in "xyz"]]
+        for name in ("body_angular_velocity", "body_angular_acceleration")
+    )
+    return (w * line).sum(axis=1), (b * line).sum(axis=1) + (w * np.cross(w, line)).sum(axis=1)
+
+
+def test_rod_that_spins_bends_the_torques(ankle):
+    still = ankle("S", 1e-5)
+    turning = ankle("S", 1e-5, MOVED + "idle.spin1.rate = 30\n")
+    assert np.abs(turning.values("actuator_force", "screw") - still.values("actuator_force", "screw")).max() > 1e-7
