@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from screwgauge.engines.chunks import PART
-from screwgauge.engines.error_estimate import SAFETY, Trust, by_unit, shakes
+from screwgauge.engines.error_estimate import ACCELERATED, SAFETY, Trust, by_powers, by_unit, shakes
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.problem import GivenMotion, Problem
+from screwgauge.problem import GivenMotion, Problem, spread
 from screwgauge.quantities import OF_JOINTS, NumberType, arm
 from screwgauge.reference import linear
 from screwgauge.reference.graph import layout
@@ -25,6 +25,8 @@ from screwgauge.solution import Error
 #: Operations for each joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
 #: No traced program of a built-in mechanism has more, with those that solve for all coordinates.
 PER_COORDINATE = 450
+#: Samples at which idle coordinates are looked at.
+MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
@@ -45,6 +47,26 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
     work = Work(layout(mechanism), problem)
     parts = [_part(work, task.part(slice(i, i + PART)), kind) for i in range(0, len(task), PART)]
     return {name: _joined([part[name] for part in parts], kind) for name in parts[0]}
+
+
+def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
+    """Quantity -> unit -> what rounding may make of accelerations that depend on idle coordinates, whoever solves them.
+
+    A rod that spins freely weighs on its bearings a thousand times what turns it: what cancels is large, and so is its
+    rounding, whatever else of the motion is.
+
+    Raises:
+        ScrewgaugeError: The motion cannot be followed.
+    """
+    task = problem.task
+    if not isinstance(task, GivenMotion) or not task.idle or not problem.wanted & {*ACCELERATED}:
+        return {}
+    work, some = Work(layout(mechanism), problem), task.part(spread(len(task), MOST))
+    with np.errstate(all="ignore"):
+        trust = work.beyond(work.close(some, work.predict(some)), some)[1]
+        errors = {name: SAFETY * float(np.nanmax(by_powers(name, trust) * rush)) for name, rush in trust.rushes.items()}
+    units = {name: work.names()[name][1] for name in errors.keys() & problem.wanted}
+    return {name: {unit: errors[name] * arm(unit, work.loops.length) for unit in units[name]} for name in units}
 
 
 #: Condition, shape (n,); unit -> error and largest summand [unit], shape (n,) each.

@@ -195,7 +195,13 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
     for solution in solutions:
         rows: Rows = np.arange(len(timed(problem))) if solution.rows is None else solution.rows
         if rows.size and _located(solution):
-            found.append(_summands(answer_in_motion(mechanism, problem, solution, rows[_few(rows)])[0]))
+            answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_few(rows)])
+            sizes = _summands(answer)
+            if isinstance(problem.task, GivenMotion) and problem.task.idle:
+                push = sizes["N m"] / residuals.least_inertia(answer, admissible, [*problem.task.idle])
+                pushed = {"rad/s^2": push, "m/s^2": push * answer.scales["m"]}
+                sizes |= {unit: max(size, sizes[unit]) for unit, size in pushed.items()}
+            found.append(sizes)
     return {unit: min(one[unit] for one in found) for unit in found[0]} if found else {}
 
 

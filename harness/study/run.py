@@ -18,7 +18,7 @@ import pandas as pd
 
 from screwgauge.casebook.book import installed, suspects
 from screwgauge.engines.registry import ENGINES, check_engines, engine_names
-from screwgauge.engines.rounding import rounding_errors
+from screwgauge.engines.rounding import idle_errors, rounding_errors
 from screwgauge.environment import environment
 from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
@@ -173,6 +173,7 @@ class _RunSteps:
         self.requested = wanted if checked.lay is None else motion
         posed = replace(self.problem, wanted=frozenset(self.requested))
         self._rounding = cache(partial(rounding_errors, scene.mechanism, posed))
+        self._idle_errors = cache(partial(idle_errors, scene.mechanism, posed))
         self.answers, self.solutions = dict[str, Solution](), dict[str, Solution]()
         self.failures, self.judged = dict[str, Failure](), dict[str, pd.DataFrame]()
         self.tables: Mapping[str, Solution] = {}
@@ -209,12 +210,22 @@ class _RunSteps:
     def _rounded(self, answer: Solution) -> Solution:
         """An answer with what its number type makes of it, if that is not float64, whatever it says itself."""
         if (kind := number_type(answer.engine)) is FLOAT64:
-            return answer
+            return self._with_idle(answer)
         try:
             errors = self._rounding(kind)
         except ScrewgaugeError as error:
             return replace(answer, errors={}, notes=(*answer.notes, f"what {kind.name} rounds is not known: {error}"))
         return replace(answer, errors={name: one for name, one in errors.items() if name in answer.values})
+
+    def _with_idle(self, answer: Solution) -> Solution:
+        """An answer with what rounding makes of accelerations of idle coordinates where that is more than it admits."""
+        errors = dict(answer.errors)
+        for name, units in self._idle_errors().items() if errors else ():
+            if name in errors:
+                own = errors[name].absolute
+                most = {unit: max(size, own.get(unit, 0.0)) for unit, size in units.items()}
+                errors[name] = replace(errors[name], absolute={**own, **most})
+        return replace(answer, errors=errors)
 
     def judge(self, answer: Solution, again: Sequence[Solution] = ()) -> pd.DataFrame:
         """Judges an answer. `again`: of the same engine with looser tolerances."""

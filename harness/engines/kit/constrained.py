@@ -145,7 +145,8 @@ class _Parts:
                 sizes["load"] = (np.max(np.abs(terms), axis=0) * x_units).max(axis=1) / length(self.engine.mechanism)
                 values |= self._forces(closed, moved, terms[0] - acting, conditions)
         gain = closed.condition / linear.norms(closed.system)
-        trust = Trust(closed.condition, gain, closed.joints.condition, conditions, **sizes)
+        speed, rush, load = (sizes.get(name, 0.0) for name in ("speed", "rush", "load"))
+        trust = Trust(closed.condition, gain, closed.joints.condition, conditions, speed, rush, load)
         return {name: array for name, array in values.items() if name in wanted}, trust
 
     def _accelerated(self, closed: ClosedMotion, applied: Applied, conditions: dict[str, Array]) -> Accelerated:
