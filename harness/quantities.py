@@ -12,7 +12,7 @@ from screwgauge.reference import graph
 from screwgauge.reference.equations import kinematics
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import check_choice
-from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.reference.mechanism import KINDS, Joint, Mechanism, driven_coordinates
 from screwgauge.reference.points import Point
 from screwgauge.reference.resistance import resistances
 
@@ -216,7 +216,7 @@ def component_names(
     """
     unit = joint_units(joints)
     axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
-    driven, resist = [joint.coordinates[0] for joint in joints if joint.actuated], resistances(tuple(joints))
+    driven, resist = driven_coordinates(joints), resistances(tuple(joints))
     along = {
         "tree": (tuple(tree), tree),
         "independent": (tuple(independent), independent.values()),

@@ -10,7 +10,7 @@ from typing import Any
 
 from screwgauge.models.importing import is_model
 from screwgauge.reference.description import read_mechanism, read_tables
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.inertia import TRIANGLE
 from screwgauge.reference.mechanism import Mechanism
@@ -24,24 +24,31 @@ def mechanism_names() -> list[str]:
     return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
 
 
-def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = ()) -> Path:
+def mechanism_path(
+    name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = (), *, floating: bool = False
+) -> Path:
     """Path of the description of a built-in mechanism, or of what a name means in a folder; a model file is imported.
 
     Args:
         where: What to blame.
         allow: Tensors that are taken though no body has them, besides those that a description allows; of a model file
             more, see `importing.model.Wanted`.
+        floating: The base of a URDF moves freely.
 
     Raises:
+        DescriptionError: A base is to float that is none of a URDF.
         UnknownNameError: Neither a built-in name nor a file, and nothing that is meant to be one.
     """
+    if floating and not is_model(name):
+        remedy = "give a base of a description its own joint of kind F"
+        raise DescriptionError(f"only the base of a URDF is made to float, not that of {name}", where, remedy)
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
     path = named_file(folder, str(name))
     if is_model(path):
         from screwgauge.models.importing.model import imported_file
 
-        return imported_file(path, allow)[0]
+        return imported_file(path, allow, floating=floating)[0]
     if is_path(str(name)) or (where and is_file(path)):
         return _allowing(path, [entry for entry in allow if entry.endswith(f".{TRIANGLE}")])
     raise UnknownNameError("mechanism", str(name), mechanism_names(), where, A_PATH)
@@ -92,6 +99,13 @@ def description_files(path: Path) -> list[Path]:
     while "extends" in (tables := read_toml(files[-1])):
         files.append(mechanism_path(tables["extends"], files[-1].parent, str(files[-1])))
     return files
+
+
+def description_source(path: Path) -> Path:
+    """The description that others have written, where a scene extends it, as by contacts."""
+    from screwgauge.models.importing.model import is_scratch
+
+    return next(file for file in description_files(path) if not (is_scratch(file) and "extends" in read_toml(file)))
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:

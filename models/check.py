@@ -187,7 +187,7 @@ def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, 
 
 
 def _joint_says(joint: Joint) -> tuple[object, ...]:
-    return joint.kind, joint.parent, joint.child, joint.coordinates, joint.actuated
+    return joint.kind, joint.parent, joint.child, joint.coordinates, joint.actuated, joint.held
 
 
 def _joint_values(joint: Joint, length: float) -> Array:
@@ -301,7 +301,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         matter = body.mass, body.com, body.inertia
         bodies[link.name] = BodyReading(*matter, link.near, names, poses[link.name], copy_of=copy_of)
         joints |= {} if link.joint.fixed else _joints(link, poses)
-    driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+    driven = zip(mechanism.actuator_names, mechanism.actuators, strict=False)
     bodies, fixed, closures = _as_merged(mechanism, bodies, closure_readings(tree.closures))
     return Reading(
         name=mechanism.name,

@@ -181,6 +181,8 @@ def joint_entries(joint: Joint) -> dict[str, Any]:
         entries["limits"] = np.nan_to_num(joint.limits, posinf=1e10, neginf=-1e10)
     if joint.actuated:
         entries["actuated"] = True
+    if joint.held:
+        entries["held"] = joint.held
     entries |= {name: getattr(joint, name) for name in RESISTS if getattr(joint, name).any()}
     for name in ("parent_frame", "child_frame"):
         frame: Frame = getattr(joint, name)

@@ -13,11 +13,12 @@ import numpy as np
 from screwgauge.models.check import expected_reading, limited
 from screwgauge.models.importing.homes import Home, Loops, measured, some, starts
 from screwgauge.models.kinematics import plant
+from screwgauge.models.straight import why_singular
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.closed.anchors import Flags
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.equations.kinematics import gaps, length
-from screwgauge.reference.errors import ClosureError, DescriptionError, first_few
+from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError, first_few
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.linear import EPS
 from screwgauge.reference.mechanism import Mechanism
@@ -46,10 +47,17 @@ def check_home(mechanism: Mechanism) -> Layout:
     Raises:
         ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
         DescriptionError: The independent coordinates do not determine the motion.
+        SingularPoseError: They do not at home alone.
     """
     lay = layout(mechanism)
     check_closed(lay)
-    check_independent(lay, mechanism.home[None])
+    try:
+        check_independent(lay, mechanism.home[None])
+    except DescriptionError as error:
+        if not (why := why_singular(mechanism)):
+            raise
+        what = f"the home pose is singular: {why}"
+        raise SingularPoseError(what, error.where, "give another home, with bent legs or cranks") from None
     return lay
 
 

@@ -341,5 +341,5 @@ def _actuators(root: ET.Element, mechanism: Mechanism) -> None:
     if not mechanism.actuators:
         return
     actuator = ET.SubElement(root, "actuator")
-    for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
+    for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=False):
         ET.SubElement(actuator, "motor", name=name, joint=joint.coordinates[0])

@@ -116,6 +116,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     cuts = cut_joints(mechanism)
     for joint in hardware(mechanism):
         drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+        drawn += _foot(joint, unit)
     for odd in suspicious(mechanism):
         at = odd.point / unit
         drawn.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
@@ -276,9 +277,12 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
         yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
     if cut:
         yield Shape("joints", "cage", first, at, at, 2.4 * JOINT, CUT, name)
-    for i, p in ((parent, joint.parent_frame.p), (child, joint.child_frame.p)):
-        if i == 0:
-            yield Shape("joints", "foot", 0, p / unit, p / unit, 2.0 * JOINT, STANDING, name)
+
+
+def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
+    """The mark of ground at a joint that stands there."""
+    for p in (frame.p / unit for body, frame in joint.sides if body == GROUND):
+        yield Shape("joints", "foot", 0, p, p, 2.0 * JOINT, STANDING, joint.name)
 
 
 @lru_cache(maxsize=2)

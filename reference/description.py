@@ -24,6 +24,7 @@ from screwgauge.reference.tables import (
     check_text,
     merge,
     read_coefficients,
+    read_flag,
     read_name,
     read_names,
     read_table,
@@ -36,7 +37,7 @@ _TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "coup
 _TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
-_JOINT |= {"parent_frame", "child_frame", *RESISTS}
+_JOINT |= {"parent_frame", "child_frame", "held", *RESISTS}
 #: Of a fixed joint, which has neither axes nor coordinates.
 _FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
 _COUPLING = ("coordinate", "of", "polynomial", "terms")
@@ -139,9 +140,6 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.{label}" for label in labels])
     what = f"a {kind} joint has {n} coordinates"
     check_length(coordinates, n, what, f"{where}.coordinates", f"write {n} names")
-    actuated = table.get("actuated", False)
-    if not isinstance(actuated, bool):
-        raise DescriptionError(f"'{actuated}' is not true or false", f"{where}.actuated", "write true or false")
     return Joint(
         name=name,
         kind=kind,
@@ -153,7 +151,8 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
         limits=_limits(table.get("limits"), n, f"{where}.limits"),
         parent_frame=_frame(table.get("parent_frame", {}), f"{where}.parent_frame"),
         child_frame=_frame(table.get("child_frame", {}), f"{where}.child_frame"),
-        actuated=actuated,
+        actuated=read_flag(table, "actuated", where),
+        held=read_names(table.get("held", []), f"{where}.held"),
         where=where,
         **{key: _amounts(table[key], n, f"{where}.{key}") for key in RESISTS if key in table},
     )
@@ -168,7 +167,7 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
     """Reads ``[couplings]``, also of a loops file; there may be none. Those that hold fixed joints are added."""
     tables = read_table(data, "couplings", where) if "couplings" in data else {}
     read = tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
-    fixed, known = _fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
+    fixed, known = fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
     for one in read:
         for held in fixed:
             if held.coordinate in one.named:
@@ -178,7 +177,7 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
     return (*read, *fixed)
 
 
-def _fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
+def fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
     """The couplings that hold fixed joints."""
     fixed = (joint for joint in joints if joint.fixed)
     return tuple(Fixing(joint.name, joint.coordinates[0], PolynomialSum(0.0, {}), joint.where) for joint in fixed)

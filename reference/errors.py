@@ -49,7 +49,7 @@ def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
 
 
 #: Most names of which a message lists all; of more it lists the nearest.
-LISTED, NEAREST = 24, 6
+LISTED, NEAREST = 30, 6
 #: Most characters of a value that a message quotes.
 QUOTED = 60
 

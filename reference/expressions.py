@@ -100,6 +100,8 @@ def unit_vector(value: Any, where: str) -> Array:
     """
     axis = vector(value, where)
     norm = float(np.linalg.norm(axis))
+    if norm == 0.0:
+        raise DescriptionError("the axis is zero", where, "give a unit vector along it")
     if abs(norm - 1.0) > 1e-12:
         raise DescriptionError(f"axis {axis.tolist()} has norm {norm:.15g}, not 1", where, "divide by its norm")
     return axis / norm

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -123,6 +123,8 @@ class Joint:
             next two zero where nothing is given.
         damping: Viscous resistance of each [N m s/rad or N s/m]. Shape (n,).
         friction: Dry friction of each [N m or N]. Shape (n,).
+        held: Coordinates of an F joint along which nothing but the ground can exert what their motion takes; results
+            have these forces beside those of actuators.
     """
 
     name: str
@@ -140,6 +142,7 @@ class Joint:
     rotor: Array = field(default_factory=lambda: np.zeros(0))
     damping: Array = field(default_factory=lambda: np.zeros(0))
     friction: Array = field(default_factory=lambda: np.zeros(0))
+    held: tuple[str, ...] = ()
 
     @property
     def freedoms(self) -> tuple[tuple[bool, Array], ...]:
@@ -190,6 +193,9 @@ class Joint:
             object.__setattr__(self, what, amounts(what, getattr(self, what), len(self.coordinates), where))
         if self.actuated and (self.fixed or len(self.coordinates) != 1):
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
+        if self.held and (self.constrains or not {*self.held} <= {*self.coordinates}):
+            what = f"{', '.join(self.held)} cannot be held"
+            raise DescriptionError(what, where, "hold coordinates of an F joint, by its own names")
         if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
@@ -205,10 +211,20 @@ def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names of the actuators: ``leg1`` for ``leg1.slide`` where that is unique, else the joint's name."""
+    """Names of the actuators: ``leg1`` for ``leg1.slide`` where that is unique, else the joint's name.
+
+    Coordinates that are held are among them, after all others.
+    """
     driven = [joint.name for joint in joints if joint.actuated]
     groups = [name.rsplit(".", 1)[0] for name in driven]
-    return tuple(group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True))
+    names = (group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True))
+    return (*names, *(name for joint in joints for name in joint.held))
+
+
+def driven_coordinates(joints: Sequence[Joint]) -> tuple[str, ...]:
+    """Coordinates of the actuators, in the order of `actuator_names`."""
+    driven = [joint.coordinates[0] for joint in joints if joint.actuated]
+    return (*driven, *(name for joint in joints for name in joint.held))
 
 
 def by_role(joints: Sequence[Joint]) -> list[Joint]:
@@ -255,7 +271,7 @@ class Mechanism:
             ("joints", len(self.joints)): [f"{x.name} ({x.kind}: {x.parent} - {x.child})" for x in self.joints],
             ("loops", len(self.joints) - len(self.bodies)): [],
             ("freedoms", len(self.independent)): [f"{label} = {name}" for label, name in self.independent.items()],
-            ("actuators", len(self.actuators)): [f"{name} [{unit}]" for name, unit in drives],
+            ("actuators", len(self.actuator_names)): [f"{name} [{unit}]" for name, unit in drives],
             ("couplings", len(told)): [
                 " of ".join(filter(None, (x.coordinate, " and ".join(x.function.terms)))) for x in told
             ],
@@ -296,6 +312,7 @@ class Mechanism:
 
     @cached_property
     def actuators(self) -> tuple[Joint, ...]:
+        """Joints that are actuated; forces of actuators have those along coordinates that are held besides."""
         return tuple(joint for joint in self.joints if joint.actuated)
 
     @cached_property
@@ -304,7 +321,7 @@ class Mechanism:
 
     @property
     def actuator_units(self) -> tuple[str, ...]:
-        return tuple("N m" if joint.angles else "N" for joint in self.actuators)
+        return tuple("N m" if self.units[column] == "rad" else "N" for column in self.actuated_columns)
 
     def columns(self, names: Iterable[str]) -> list[int]:
         """Positions of named coordinates in the vector of all joint coordinates."""
@@ -316,7 +333,7 @@ class Mechanism:
 
     @cached_property
     def actuated_columns(self) -> list[int]:
-        return self.columns(joint.coordinates[0] for joint in self.actuators)
+        return self.columns(driven_coordinates(self.joints))
 
     @cached_property
     def rotors(self) -> Array:
@@ -370,21 +387,3 @@ def _filled(lead: str, items: Sequence[str]) -> list[str]:
     whole = wrap(", ".join(item.replace(" ", "\0") for item in items), COLUMNS - len(lead) - 2)
     shown = [*whole[:MOST], *["..."] * (len(whole) > MOST)] or [""]
     return [f"  {lead if not i else ' ' * len(lead)}{line}".replace("\0", " ").rstrip() for i, line in enumerate(shown)]
-
-
-#: Fields that say nothing of how a mechanism moves.
-_LABELS = {"title", "source", "group", "where", "remarks"}
-
-
-def same_content(a: Any, b: Any) -> bool:
-    """Whether two mechanisms, or parts of them, are alike to the last bit, whatever their titles and files are."""
-    if is_dataclass(a) or is_dataclass(b):
-        names = [each.name for each in fields(a) if each.name not in _LABELS] if type(a) is type(b) else []
-        return bool(names) and all(same_content(getattr(a, name), getattr(b, name)) for name in names)
-    if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return same_content([*a.items()], [*b.items()])
-    if isinstance(a, (tuple, list)) and isinstance(b, (tuple, list)):
-        return len(a) == len(b) and all(map(same_content, a, b))
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return np.array_equal(a, b)
-    return bool(a == b)

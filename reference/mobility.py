@@ -79,7 +79,7 @@ def mobility(lay: Layout, q: Array) -> Mobility:
         actuation_redundancy=hidden.shape[1] - (constraints - rank),
         names=(*names, *mechanism.actuator_names),
         unique=_untouched(hidden),
-        determined=_untouched(internal) + (True,) * len(mechanism.actuators),
+        determined=_untouched(internal) + (True,) * len(mechanism.actuator_names),
     )
 
 

@@ -128,6 +128,14 @@ def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, 
     return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 
+def read_flag(table: dict[str, Any], key: str, where: str) -> bool:
+    """A truth value, false where there is none."""
+    value = table.get(key, False)
+    if not isinstance(value, bool):
+        raise DescriptionError(f"'{value}' is not true or false", f"{where}.{key}", "write true or false")
+    return value
+
+
 def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
     """The name, if it is one of those known.
 

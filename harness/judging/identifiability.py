@@ -168,7 +168,7 @@ def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
     f = linear.solve(partial[:, mechanism.actuated_columns].swapaxes(1, 2), Q)
     if "reaction" in wanted or at.axial:
         units, amounts = _balanced(at, whole)
-        m = len(units) - len(mechanism.actuators)
+        m = len(units) - len(mechanism.actuator_names)
         determined = dict(zip(counted.names, counted.determined, strict=True))
         known = [i for i, unit in enumerate(units[:m]) if determined[unit.name]]
         table["reaction"], f = (tuple(units[i].unit for i in known), amounts[:, known]), amounts[:, m:]
@@ -185,7 +185,7 @@ def _balanced(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]
         columns = [[unit.name for unit in units].index(f"{name}.f{axis}") for axis in "xyz"]
         nothing = across_direction(com.R[:, body], direction)
     else:  # no preload
-        columns = [*range(len(units) - len(at.mechanism.actuators), len(units))]
+        columns = [*range(len(units) - len(at.mechanism.actuator_names), len(units))]
         U = np.linalg.svd(at.admissible.partial[:, at.mechanism.actuated_columns], full_matrices=True)[0]
         nothing = U[..., len(at.mechanism.independent) :].swapaxes(1, 2)
     rules = np.zeros((len(q), nothing.shape[1], len(units)))

@@ -289,7 +289,7 @@ def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[A
 
 def _ruled(answer: Answer) -> bool:
     """Whether there are more actuators than freedoms."""
-    return len(answer.mechanism.actuators) > len(answer.mechanism.independent)
+    return len(answer.mechanism.actuator_names) > len(answer.mechanism.independent)
 
 
 def balanced(answer: Answer, required: Array) -> Answer:

@@ -88,7 +88,7 @@ def check_actuation(
     ruled = [name for name in quantities if name in ACTUATED]
     rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
-    driven = len(mechanism.actuators) - freedoms.actuation_redundancy
+    driven = len(mechanism.actuator_names) - freedoms.actuation_redundancy
     moved = len(mechanism.independent) - len(scene.undriven)
     if driven < moved:
         short = f"the actuated joints drive {driven} of {moved} freedoms"

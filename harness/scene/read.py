@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from screwgauge.reference.tables import (
     check_keys,
     check_name,
     positive,
+    read_flag,
     read_items,
     read_names,
     read_text,
@@ -32,8 +34,9 @@ from screwgauge.reference.tables import (
 )
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
+from screwgauge.scene.grounding import grounded
 from screwgauge.scene.idle import Followed, read_given, read_undriven
-from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
+from screwgauge.scene.observables import Recorded, read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
 FOLDER = Path(__file__).parents[1] / "scenes"
@@ -42,7 +45,8 @@ _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
     *("engines", "quantities", "tolerances", "models", "figures", "allow"),
-    *("idle", "springs", "motors", "forward", "observables", "reference", "published", "tables", "points"),
+    *("contacts", "stance", "floating", "idle", "springs", "motors"),
+    *("forward", "observables", "reference", "published", "tables", "points"),
 }
 
 
@@ -78,8 +82,9 @@ def _read(path: Path) -> Scene:
     allow = read_names(data.get("allow", []), f"{where}, allow")
     files = [entry for entry in allow if entry == MESHES or "/" in entry]
     tensors = [entry for entry in allow if entry.endswith(f".{TRIANGLE}")]
-    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where, [*files, *tensors])
-    mechanism = load_mechanism(file)
+    named, floats = read_text(data, "mechanism", where), read_flag(data, "floating", where)
+    file = mechanism_path(named, path.parent, where, [*files, *tensors], floating=floats)
+    file, mechanism, data = grounded(file, load_mechanism(file), data, path, _times)
     read = _read_simulated if "forward" in data else _read_given
     tolerances = data.get("tolerances", {})
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
@@ -108,6 +113,25 @@ def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
     return Applied(**read_applied(mechanism, {"gravity": _GRAVITY, **data}, where, Path(where).parent))
 
 
+def _grid(
+    data: dict[str, Any], sampled: Array | None, tables: Mapping[str, Recorded], applied: Applied, where: str
+) -> Array:
+    """Times of a scene with a given motion: its own, else those of its samples, tables or loads. Shape (n,)."""
+    files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
+    if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
+        sampled = np.unique(np.concatenate(known))
+    return read_grid(data.get("time"), sampled, f"{where}, time")
+
+
+def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, path: Path) -> Array:
+    """`_grid` of tables that nobody has read yet."""
+    if "time" in data or sampled is not None:
+        return read_grid(data.get("time"), sampled, f"{path}, time")
+    tables = read_tables(data.get("tables", {}), path.parent, f"{path}, tables")
+    loads = _applied({"loads": data.get("loads", [])}, mechanism, str(path))
+    return _grid(data, sampled, tables, loads, str(path))
+
+
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """Fields of a scene with a given motion."""
     where = str(path)
@@ -118,14 +142,11 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     given, sampled, labels = read_given(motion, mechanism, path.parent, f"{where}, motion")
     tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
     applied = _applied(data, mechanism, where)
-    files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
-    if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
-        sampled = np.unique(np.concatenate(known))
     rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
-    t = read_grid(data.get("time"), sampled, f"{where}, time")
+    t = _grid(data, sampled, tables, applied, where)
     applied.at(t)  # refuses times that a file of loads has not
     stated = read_undriven(data.get("idle", {}), labels, mechanism, f"{where}, idle")
     whole = len(labels) == len(mechanism.independent)

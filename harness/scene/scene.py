@@ -14,9 +14,10 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.content import same_content
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.mechanism import Mechanism, same_content
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name

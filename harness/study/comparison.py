@@ -15,6 +15,7 @@ import pandas as pd
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.trust import Guarded, Refusal, guarded
 from screwgauge.models import catalog
+from screwgauge.models.importing.model import is_scratch
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import digest
@@ -308,6 +309,9 @@ def built_in(path: Path) -> bool:
 
 def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
     """Name and SHA-256, which is None if the file no longer exists."""
+    if is_scratch(path):
+        path = catalog.description_source(path)
+        generated = is_scratch(path)
     name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in(path) else str(path)
     try:
         return {"file": name, "sha256": digest(path)}

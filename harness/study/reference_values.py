@@ -17,7 +17,7 @@ from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows, States, T
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mechanism import Mechanism, driven_coordinates
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import TRUTH, Failure, Values
@@ -194,7 +194,7 @@ def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, for
     """
     names = states.coordinates
     tau = along_tree(mechanism, names, q, applied)
-    tau[:, [names.index(joint.coordinates[0]) for joint in mechanism.actuators]] += force
+    tau[:, [names.index(name) for name in driven_coordinates(mechanism.joints)]] += force
     task = States(names, states.q, states.v, tau=tau)
     return Problem(Applied(gravity=applied.g), task, frozenset(("joint_acceleration",)))
 

@@ -221,13 +221,16 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
-    """The actuators as unit forces or moments along their axes."""
+    """The actuators as unit forces or moments along their axes, and those along coordinates that are held."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
         child = now.bodies[index[joint.child]][0] * frames.child
         axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
         actuators.append(Unknown(joint.name, "", joint, not joint.angles, axis, at))
+    for column in linkage.mechanism.actuated_columns[len(actuators) :]:
+        joint, turns, axis, at = linkage.along(column, now.q, now.bodies)
+        actuators.append(Unknown(linkage.mechanism.coordinates[column], "", joint, not turns, axis, at))
     return actuators
 
 

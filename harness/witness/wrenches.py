@@ -99,7 +99,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
         q: Joint coordinates. Shape (n, n_q).
     """
     mechanism, none = tree.mechanism, np.zeros(3)
-    driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=True))
+    driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=False))
     for joint in driven if quantity == "actuator_force" else mechanism.joints:
         near, far, point = _frames(tree, motion, joint)
         parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
@@ -111,6 +111,10 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
             yield UnitWrench(name, "N" if pushes else "N m", (act,))
     if quantity == "reaction":
         yield from _of_couplings(tree, motion, q)
+    elif held_names := mechanism.actuator_names[len(driven) :]:
+        one, units = np.ones(len(q)), mechanism.actuator_units[len(driven) :]
+        for name, unit in zip(held_names, units, strict=True):
+            yield UnitWrench(name, unit, (along_coordinate(tree, motion, q, name, one),))
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:

@@ -86,6 +86,8 @@ def _joint_entries(joint: Joint) -> dict[str, Any]:
         names.append("limits")
     if joint.actuated:
         names.append("actuated")
+    if joint.held:
+        names.append("held")
     names += [name for name in RESISTS if getattr(joint, name).any()]
     return {name: getattr(joint, name) for name in (*names, "parent_frame", "child_frame")}
 

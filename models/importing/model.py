@@ -344,19 +344,27 @@ def scratch_folder() -> Path:
     return folder
 
 
-#: Model file -> digests of the files that it consists of, what was allowed, and what was made of these.
-_imported: dict[Path, tuple[dict[Path, str], frozenset[str], tuple[Path, Imported]]] = {}
+def is_scratch(path: Path) -> bool:
+    """True for a file in a folder that goes away with the process."""
+    return path.is_relative_to(_folder().name)
 
 
-def imported_file(path: Path, allow: Sequence[str] = ()) -> tuple[Path, Imported]:
+#: Model file, and whether its base was freed -> digests of the files that it consists of, what was allowed, and what
+#: was made of these.
+_imported: dict[tuple[Path, bool], tuple[dict[Path, str], frozenset[str], tuple[Path, Imported]]] = {}
+
+
+def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
     """A description made from a model file, in a folder that goes away with the process; made once for its content.
 
     Args:
         allow: See `Wanted`; empty, it is as the file was imported last.
+        floating: The base of a URDF moves freely.
     """
-    digests, allowed, made = _imported.get(path, ({}, frozenset(), None))
+    digests, allowed, made = _imported.get((path, floating), ({}, frozenset(), None))
     if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _allowed(made[1].mechanism):
-        made = keep(path, import_model(path, Options(wanted=Wanted(allow=allow))), allow)
+        options = Options(floating=floating, wanted=Wanted(allow=allow))
+        made = keep(path, import_model(path, options), allow, floating=floating)
     return made
 
 
@@ -365,14 +373,14 @@ def _allowed(mechanism: Mechanism) -> set[str]:
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
-def keep(path: Path, imported: Imported, allow: Sequence[str] = ()) -> tuple[Path, Imported]:
+def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
     """Keeps what was imported from a model file as a description, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
     with files_read() as read, files_allowed(path.parent, allow):
         prepare(path, meshes=MESHES in allow)
     made = file, imported
-    _imported[path] = _digests(read, path), frozenset(allow), made
+    _imported[path, floating] = _digests(read, path), frozenset(allow), made
     return made
 
 

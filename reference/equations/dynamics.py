@@ -199,7 +199,7 @@ class Dynamics(Motion):
     def surplus(self) -> int:
         """Actuators beyond the freedoms that they drive, of which the smallest forces are wanted; none under the rule
         of eq. (56)."""
-        return 0 if self.line is not None else len(self.mechanism.actuators) - len(self.driven)
+        return 0 if self.line is not None else len(self.mechanism.actuator_names) - len(self.driven)
 
     @cached_property
     def actuator_force(self) -> Array:
@@ -242,7 +242,7 @@ class Dynamics(Motion):
         return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
 
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
-        n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
+        n, child = len(self.mechanism.actuator_names), self.mechanism.joint(name).child
         across = across_direction(self.pose.R[..., self.mechanism.body_index[child], :, :], direction)
         columns = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (

@@ -94,7 +94,7 @@ class Forward(Dynamics):
 
     @property
     def _redundant_rates(self) -> bool:
-        return len(self.mechanism.actuators) > len(self.driven)
+        return len(self.mechanism.actuator_names) > len(self.driven)
 
     @cached_property
     def followed(self) -> Array:

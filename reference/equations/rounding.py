@@ -84,7 +84,8 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 def drive_gain(at: Dynamics) -> Any:
     """Square of the norm of what solves for the actuator forces, coordinates in their units. Shape (...)."""
-    m = min(len(at.mechanism.actuators), len(at.driven)) if at.surplus else len(at.mechanism.actuators)
+    drives = len(at.mechanism.actuator_names)
+    m = min(drives, len(at.driven)) if at.surplus else drives
     squares = at.drive.response(np.ones(m)).sum(-1)
     return at.ops.sqrt(squares) if at.surplus else squares
 

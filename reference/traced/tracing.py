@@ -226,7 +226,7 @@ def _checks(
     numbers = {
         "gain": gain(at),
         "whole_gain": gain(at, whole=True) if reacted and loops.fixed else gain(at),
-        "drive": drive_gain(at) if driven and at.mechanism.actuators else 0.0,
+        "drive": drive_gain(at) if driven and at.mechanism.actuator_names else 0.0,
         "moved": squares(moved, by.size[[*guess]]),
         "closing": squares(at.residual(y), loops.unit) if guess else 0.0,
         "balance": squares(at.imbalance, loops.size) if reacted else 0.0,

@@ -14,11 +14,12 @@ from screwgauge.models.catalog import (
     mechanism_tables,
 )
 from screwgauge.models.home import at_closed_home
+from screwgauge.reference.content import same_content
 from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.graph import serial_chains, spanning_tree
 from screwgauge.reference.lint import Solid, all_too_wide, implausible, of_bodies, suspicious, too_wide
-from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names, same_content
+from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names
 
 #: Descriptions and scenes of toy mechanisms.
 DATA = Path(__file__).parents[1] / "data"

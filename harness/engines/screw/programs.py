@@ -303,7 +303,7 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
         NotTraceableError: With the reason.
     """
     mechanism = lay.mechanism
-    if ACTUATED & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
+    if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent):
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
     if "mass_matrix" in problem.wanted:

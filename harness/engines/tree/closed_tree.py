@@ -19,7 +19,7 @@ from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.equations.joint_types import JointPose, placed
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.linear import blocks
-from screwgauge.reference.mechanism import GROUND, KINDS, POINTS, Joint, actuator_names
+from screwgauge.reference.mechanism import GROUND, KINDS, POINTS, Joint, actuator_names, driven_coordinates
 from screwgauge.reference.rotations import Array, cross, times, vee, widest
 
 
@@ -282,7 +282,7 @@ class ClosedTree:
     @cached_property
     def driven(self) -> list[int]:
         """Columns of the actuated coordinates in the tree."""
-        return [self.tree.coordinates.index(j.coordinates[0]) for j in self.file.joints if j.actuated]
+        return [self.tree.coordinates.index(name) for name in driven_coordinates(self.file.joints)]
 
     @property
     def actuators(self) -> tuple[str, ...]:

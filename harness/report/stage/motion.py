@@ -115,7 +115,7 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
         drawn += [Arrow("loads", f"load on {load.body}", i, point, torque, True)]
     if (forces := motion.values.get("actuator_force")) is not None:
         columns = dict(zip(forces.components, forces.array.T, strict=True))
-        for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
+        for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=False):
             turns, S = joint.angles == 1, motion.at.S[:, motion.lay.columns[joint.name][0]]
             vectors = columns[name][:, None] * (S[:, :3] if turns else S[:, 3:])
             drawn += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]

@@ -240,7 +240,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
         freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
         idle = "does no work and only preloads" if n == 1 else "do no work and only preload"
         text.append(
-            f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
+            f"{len(mechanism.actuator_names)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
             f" {idle} the mechanism, so that a rule has to choose {'it' if n == 1 else 'them'}."
         )
     kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in holding]

@@ -1,0 +1,187 @@
+"""Contacts of a scene: joints to ground for the whole scene, besides those of its description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.importing.assemble import DEAD, OWN_SHARE, PREFERRED, motions
+from screwgauge.models.straight import why_singular
+from screwgauge.reference.couplings import Coupling, PolynomialSum
+from screwgauge.reference.description import fixings
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.errors import DescriptionError, SingularPoseError, first_few
+from screwgauge.reference.expressions import unit_vector
+from screwgauge.reference.graph import check_connected, layout
+from screwgauge.reference.linear import EPS
+from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import (
+    check_keys,
+    check_name,
+    read_items,
+    read_name,
+    read_text,
+    read_vector,
+    required,
+)
+
+#: What a contact leaves free -> the kind of its joint.
+CONTACTS = {"weld": "fixed", "hinge": "R", "point": "S"}
+#: Distance of a rotation from one by quarter turns that is rounding.
+ROUNDING = 1e-12
+#: Names in a sentence.
+SHOWN = 6
+#: Names in a sentence.
+SHOWN = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contact:
+    """A body that the ground holds.
+
+    Attributes:
+        kind: One of `CONTACTS`.
+        point: In the frame of the body [m]. Shape (3,).
+        axis: Unit vector in the frame of the body, of a hinge. Shape (3,).
+    """
+
+    name: str
+    body: str
+    kind: str
+    point: Array
+    axis: Array
+    where: str
+
+    @property
+    def held(self) -> Array:
+        """Directions in the frame of the body that it does not let turn, as columns. Shape (3, n)."""
+        return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
+
+    def joint(self, R: Array, p: Array) -> Joint:
+        """The joint from ground to its body in a pose, shapes (3, 3), (3,). A weld has the axes of the world."""
+        kind, place = CONTACTS[self.kind], p + R @ self.point
+        n, turned = len(KINDS[kind]), (np.eye(3), R.T) if self.kind == "weld" else (R, np.eye(3))
+        return Joint(
+            name=self.name,
+            kind=kind,
+            parent=GROUND,
+            child=self.body,
+            axes=np.eye(3) if self.kind == "point" else self.axis[None],
+            coordinates=(self.name,) if n == 1 else tuple(f"{self.name}.q{i + 1}" for i in range(n)),
+            home=np.zeros(n),
+            limits=np.tile([-np.inf, np.inf], (n, 1)),
+            parent_frame=Frame(place, turned[0]),
+            child_frame=Frame(self.point, turned[1]),
+            where=self.where,
+        )
+
+    def coupling(self, coordinate: str, value: float) -> Coupling:
+        """The coupling that holds a coordinate of the free joint that carries its body."""
+        name = f"{self.name}.{coordinate.rpartition('.')[2]}"
+        return Coupling(name, coordinate, PolynomialSum(float(value), {}), self.where)
+
+
+def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
+    """Reads an entry of ``[[contacts]]``.
+
+    Raises:
+        ScrewgaugeError: Unknown names or kinds, a name that is taken, an axis that is none or belongs to no hinge.
+    """
+    check_keys(table, {"name", "body", "kind", "point", "axis"}, where)
+    body = check_name("body", read_text(table, "body", where), [body.name for body in mechanism.bodies], where)
+    kind = check_name("kind of contact", read_text(table, "kind", where), CONTACTS, where)
+    name = read_name(table.get("name", f"{body}.contact"), f"{where}.name")
+    taken = {*mechanism.coordinates, *mechanism.independent}
+    taken |= {joint.name for joint in mechanism.joints} | {one.name for one in mechanism.couplings}
+    if name in taken:
+        what = f"a joint, coordinate or coupling of {mechanism.name} is called '{name}'"
+        raise DescriptionError(what, where, "give the contact another name")
+    if "axis" in table and kind != "hinge":
+        raise DescriptionError(f"a {kind} has no axis", where, "remove it, or let kind be 'hinge'")
+    axis = unit_vector(required(table, "axis", where), f"{where}.axis") if kind == "hinge" else np.eye(3)[2]
+    return Contact(name, body, kind, read_vector(table, "point", where), axis, where)
+
+
+def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Contact, ...]:
+    contacts = read_items(data, "contacts", where, partial(read_contact, mechanism))
+    names = [contact.name for contact in contacts]
+    if again := [name for name in names if names.count(name) > 1]:
+        raise DescriptionError(f"two contacts are called '{again[0]}'", f"{where}, contacts", "name them apart")
+    if contacts and (models := data.get("models")):
+        what = (
+            f"{first_few([str(file) for file in models.values()], SHOWN)} has no contacts, as {first_few(names, SHOWN)}"
+        )
+        remedy = "let engines read generated files, or describe the contacts as joints in mechanism and files"
+        raise DescriptionError(what, f"{where}, models", remedy)
+    return contacts
+
+
+def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
+    """The mechanism with contacts, its home being joint coordinates of shape (n_q,).
+
+    A weld of a body that a free joint carries holds the coordinates of that joint: no loop is closed.
+    """
+    at, couplings = pose(layout(mechanism), q[None]), list[Coupling]()
+    joints = [replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints]
+    free = {joint.child: joint for joint in joints if not joint.constrains and joint.parent == GROUND}
+    for contact in contacts:
+        i = mechanism.body_index[contact.body]
+        if contact.kind == "weld" and (base := free.get(contact.body)) is not None:
+            couplings += [contact.coupling(*pair) for pair in zip(base.coordinates, base.home, strict=True)]
+        else:
+            joints.append(contact.joint(_exact(at.R[0, i]), at.p[0, i]))
+    couplings += fixings(joints[len(mechanism.joints) :])
+    touching = replace(mechanism, joints=tuple(joints), couplings=(*mechanism.couplings, *couplings), independent={})
+    check_connected(touching, where)
+    return touching
+
+
+def _exact(R: Array) -> Array:
+    """A rotation without what rounding makes of quarter turns. Shape (3, 3)."""
+    return np.round(R) if np.abs(R - np.round(R)).max() < ROUNDING else np.where(np.abs(R) < EPS, 0.0, R)
+
+
+def independent_of(
+    touching: Mechanism, mechanism: Mechanism, named: Sequence[str], where: str
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Label -> coordinate of what is independent where contacts hold, and what is named beyond these.
+
+    Preferred are those named, then actuated ones, other labels of the description, contacts, and the pose of the base.
+
+    Raises:
+        ScrewgaugeError: Contacts leave no freedom, or begin at a singular pose.
+    """
+    K, names = motions(touching)[0], touching.coordinates
+    if not K.shape[1]:
+        raise DescriptionError("the contacts leave no degree of freedom", where, "remove one, or let it be a point")
+    if why := why_singular(touching):
+        remedy = "start the motion at a pose with bent legs: contacts hold bodies where they are then"
+        raise SingularPoseError(f"contacts begin at a singular pose: {why}", where, remedy)
+    labels = {**{name: name for name in touching.moving}, **mechanism.independent}
+    base = {name for joint in mechanism.joints if not joint.constrains for name in joint.coordinates}
+    first = [names.index(labels[label]) for label in named]
+    own = mechanism.columns(name for name in mechanism.independent.values() if name not in base)
+    contacts = [i for i in range(len(mechanism.coordinates), len(names)) if names[i] in touching.moving]
+    rest = [*touching.actuated_columns, *own, *contacts, *range(len(names))]
+    chosen = _first_of(K, [(first, OWN_SHARE), (rest, PREFERRED), (rest, 0.0)])
+    by_name = {name: label for label, name in mechanism.independent.items()}
+    found = {by_name.get(names[i], names[i]): names[i] for i in sorted(chosen)}
+    return found, tuple(label for label, i in zip(named, first, strict=True) if i not in chosen)
+
+
+def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
+    """Independent rows, the first first, each with more than a share of it beyond those before. (n, k) -> k rows."""
+    rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
+    for rows, least in tiers:
+        for row in rows:
+            size = np.linalg.norm(rest[row])
+            if len(chosen) < K.shape[1] and row not in chosen and size > max(least * sizes[row], DEAD):
+                along = rest[row] / size
+                rest = rest - np.outer(rest @ along, along)
+                chosen.append(row)
+    return chosen

@@ -1,0 +1,290 @@
+"""What holds a mechanism to the ground in a scene: contacts, or a given motion of a base that floats.
+
+Such a scene runs on a description of its own that extends the given one, so that engines, truth and judge know what
+holds as they know all joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.formats import joint_entries, key, lines, value_text
+from screwgauge.models.home import check_home
+from screwgauge.models.importing.model import scratch_folder
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.couplings import Fixing
+from screwgauge.reference.equations.kinematics import length, pose
+from screwgauge.reference.errors import DescriptionError, first_few
+from screwgauge.reference.expressions import number
+from screwgauge.reference.graph import layout, root
+from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, read_list, required
+from screwgauge.scene.contacts import Contact, independent_of, read_contacts, touching_at
+from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
+from screwgauge.scene.scene import RULES
+
+#: Slides of a contact [lengths of the mechanism or rad]: what closing leaves, and the farthest that encoders explain.
+CLOSED, FARTHEST = 1e-9, 1e-2
+#: Names in a sentence.
+SHOWN = 6
+
+#: Tables of a scene, its mechanism, times of the samples of its motion, its file -> its times.
+Times = Callable[[dict[str, Any], Mechanism, Array | None, Path], Array]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Named:
+    """The coordinates that a scene names: with a motion, or with a start.
+
+    Attributes:
+        labels: In the order of the scene.
+        start: Their values at the first time [rad or m].
+        drive: Their motion, unless it is integrated.
+        t: Times of the scene, if it is given [s]. Shape (n,).
+    """
+
+    labels: tuple[str, ...]
+    start: Array
+    drive: Analytic | Sampled | None = None
+    t: Array | None = None
+
+
+def grounded(
+    file: Path, mechanism: Mechanism, data: dict[str, Any], path: Path, times: Times
+) -> tuple[Path, Mechanism, dict[str, Any]]:
+    """What holds a mechanism to the ground in a scene: contacts, or a given motion of a base that floats.
+
+    Args:
+        file: The description, of `mechanism`.
+        data: Tables of the scene.
+        path: Its file.
+        times: Reads the times of the scene.
+
+    Returns:
+        The description as it is held, its mechanism, with a remark on each assumption, and the tables with a motion of
+        what is independent then.
+
+    Raises:
+        ScrewgaugeError: A contact cannot be read; contacts leave no freedom, or begin at a singular pose; or the motion
+            would slide one.
+    """
+    if "stance" in data and not data.get("contacts"):
+        raise DescriptionError("there is a stance and no contact", str(path), "add [[contacts]], or remove it")
+    if not data.get("contacts") and ("forward" in data or all(joint.constrains for joint in mechanism.joints)):
+        read_list(data, "contacts", str(path))
+        return file, mechanism, data
+    contacts = read_contacts(mechanism, data, str(path))
+    named, said = _named(mechanism, [contact.name for contact in contacts], data, path, times), list[str]()
+    at = mechanism
+    if contacts:
+        at, said, data = _in_contact(mechanism, contacts, named, data, path)
+    if named.drive is not None:
+        at = _with_base_held(at, [mechanism.independent.get(label, label) for label in named.labels])
+    said += [_said_of_base(joint) for joint in at.joints if joint.held]
+    if at is mechanism:
+        return file, mechanism, data
+    file = _write(file, mechanism, at)
+    read = load_mechanism(file)
+    return file, replace(read, where=mechanism.where, remarks=(*mechanism.remarks, *said)), data
+
+
+def _in_contact(
+    mechanism: Mechanism, contacts: Sequence[Contact], named: _Named, data: dict[str, Any], path: Path
+) -> tuple[Mechanism, list[str], dict[str, Any]]:
+    """The mechanism with contacts, what was assumed, and the tables with a motion of what is independent."""
+    where = f"{path}, contacts"
+    stance = _stance(mechanism, named, data.get("stance", {}), f"{path}, stance")
+    touching = touching_at(mechanism, contacts, stance, where)
+    independent, surplus = independent_of(touching, mechanism, named.labels, where)
+    touching = replace(touching, independent=independent)
+    said = [
+        _assumed(contacts),
+        *_ruled(touching, data),
+        *_follow(mechanism, touching, named, surplus, contacts, str(path)),
+    ]
+    return touching, said, _without(data, surplus)
+
+
+def _without(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
+    """Tables without a motion, or a start, of some labels; a CSV file may have them."""
+    if "forward" in data:
+        start = {label: value for label, value in data["forward"].get("start", {}).items() if label not in labels}
+        return {**data, "forward": {**data["forward"], "start": start}}
+    if "csv" in data["motion"]:
+        return data
+    return {**data, "motion": {label: terms for label, terms in data["motion"].items() if label not in labels}}
+
+
+def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
+    """The mechanism with those named of the coordinates of a base held, if no other joint leads to it."""
+    joints = list[Joint]()
+    for joint in mechanism.joints:
+        free = not joint.constrains and joint.parent == GROUND and not _is_led_to(mechanism, joint)
+        held = tuple(name for name in joint.coordinates if name in named) if free else joint.held
+        joints.append(replace(joint, held=held))
+    return replace(mechanism, joints=tuple(joints)) if any(joint.held for joint in joints) else mechanism
+
+
+def _said_of_base(base: Joint) -> str:
+    """The sentence on who holds a base."""
+    return (
+        f"the motion of {base.child} is given and no actuator drives it: actuator_force has what the ground would have "
+        f"to exert along {first_few(base.held, len(base.coordinates))}"
+    )
+
+
+def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
+    """True if joints other than `base` connect its child with ground."""
+    group = {name: name for name in mechanism.body_index}
+    for joint in mechanism.joints:
+        if joint is not base:
+            group[root(group, joint.parent)] = root(group, joint.child)
+    return root(group, GROUND) == root(group, base.child)
+
+
+def _named(mechanism: Mechanism, contacts: Sequence[str], data: dict[str, Any], path: Path, times: Times) -> _Named:
+    """What the scene names.
+
+    Raises:
+        ScrewgaugeError: Names that are neither labels nor coordinates, or a motion that cannot be read.
+    """
+    known = [*dict.fromkeys([*mechanism.independent, *mechanism.moving, *contacts])]
+    if "forward" in data:
+        start = data["forward"].get("start", {}) if isinstance(data["forward"], dict) else {}
+        check_keys(start, known, f"{path}, forward.start")
+        values = {label: number(value, f"{path}, forward.start.{label}") for label, value in start.items()}
+        return _Named(tuple(values), np.array([*values.values()]))
+    motion, where = required(data, "motion", str(path)), f"{path}, motion"
+    if isinstance(motion, dict) and "csv" in motion:
+        labels = moved_labels(motion, [*mechanism.independent, *contacts], path.parent, where)
+    else:
+        check_keys(motion, known, where)
+        labels = [*motion]
+    drive, sampled = read_drive(motion, labels, path.parent, where)
+    t = times(data, mechanism, sampled, path)
+    return _Named(tuple(labels), drive(t[:1]).y[0], drive, t)
+
+
+def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Array:
+    """All coordinates of the description without contacts where these take hold. Shape (n_q,).
+
+    That is the start of the motion, of what moves, then ``[stance]``, then home.
+    """
+    check_keys(table, mechanism.independent, where)
+    if twice := [label for label in table if label in named.labels]:
+        raise DescriptionError(f"'{twice[0]}' has a motion, which begins where it begins", where, "remove it here")
+    home = mechanism.home[mechanism.independent_columns]
+    given = dict(zip(named.labels, named.start.tolist(), strict=True))
+    given |= {label: number(value, f"{where}.{label}") for label, value in table.items()}
+    y = np.array([given.get(label, value) for label, value in zip(mechanism.independent, home, strict=True)])
+    if np.array_equal(y, home):
+        return mechanism.home
+    check_home(mechanism)
+    q: Array = positions(layout(mechanism), y[None], np.zeros(1))[0]
+    q[mechanism.independent_columns] = y  # which unknowns without dimension have rounded
+    return q
+
+
+def _assumed(contacts: Sequence[Contact]) -> str:
+    """The sentence on what a contact is taken to be."""
+    held = first_few([f"'{contact.name}' ({contact.kind} of {contact.body})" for contact in contacts], SHOWN)
+    return f"contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
+
+
+def _ruled(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
+    """A sentence on the rule by which actuators share what they could exert against each other through contacts."""
+    if len(touching.actuators) > len(touching.independent) and "forward" not in data:
+        yield (
+            f"with contacts {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
+            f"strain the mechanism against the ground; the rule {data.get('rule', RULES[0])} chooses how they share"
+        )
+
+
+def _follow(
+    mechanism: Mechanism,
+    touching: Mechanism,
+    named: _Named,
+    surplus: Sequence[str],
+    contacts: Sequence[Contact],
+    scene: str,
+) -> list[str]:
+    """A sentence on coordinates that are given, but follow from others, and how far the motion given slides contacts.
+
+    Raises:
+        DescriptionError: One would slide farther than rounding or encoders explain.
+    """
+    if not surplus:
+        return []
+    where = f"{scene}, motion"
+    if beyond := [label for label in surplus if label not in mechanism.independent]:
+        what = f"'{beyond[0]}' follows from {first_few([*touching.independent], SHOWN)}"
+        raise DescriptionError(what, where, "remove it")
+    leads = [label for label in touching.independent if label in named.labels]
+    said = f"with contacts {first_few(surplus, SHOWN)} follow from {first_few(leads, SHOWN)}"
+    if named.drive is None or named.t is None or len(leads) < len(touching.independent):
+        return [said]
+    ways, t = _slides(mechanism, touching, named.drive(named.t), named.labels, contacts), named.t
+    ways[:, :, 0] /= (size := length(layout(mechanism)))
+    far = [
+        f"'{contact.name}' by {1e3 * size * slide.max():.3g} mm and {1e3 * turn.max():.3g} mrad "
+        f"(t = {t[np.maximum(slide, turn).argmax()]:g} s)"
+        for contact, (slide, turn) in zip(contacts, ways.transpose(1, 2, 0), strict=True)
+        if max(slide.max(), turn.max()) > CLOSED
+    ]
+    if not far:
+        return [said]
+    sentence = f"{said}: the motion given would slide {first_few(far, SHOWN)}"
+    if ways.max() > FARTHEST:
+        raise DescriptionError(sentence, where, f"leave {first_few(surplus, SHOWN)} out of the motion, or correct it")
+    return [sentence]
+
+
+def _slides(
+    mechanism: Mechanism, touching: Mechanism, motion: GivenMotion, labels: Sequence[str], contacts: Sequence[Contact]
+) -> Array:
+    """How far all coordinates as given move the point of each contact [m], and turn what it holds [rad]. (n, c, 2)."""
+    chosen = [labels.index(label) for label in touching.independent]
+    y, yd, ydd = (x[:, chosen] for x in (motion.y, motion.yd, motion.ydd))
+    q = positions(layout(touching), y, motion.t, (yd, ydd))[:, : len(mechanism.coordinates)]
+    free = q[:, mechanism.independent_columns]
+    for i, label in enumerate(mechanism.independent):
+        if label in labels:
+            free[:, i] = motion.y[:, labels.index(label)]
+    lay, start = layout(mechanism), touching.home[None, : len(mechanism.coordinates)]
+    moved, at = pose(lay, positions(lay, free, motion.t)), pose(lay, start)
+    found = np.empty((len(motion), len(contacts), 2))
+    for ways, contact in zip(found.transpose(1, 2, 0), contacts, strict=True):
+        i = mechanism.body_index[contact.body]
+        turned = moved.R[:, i] - at.R[:, i]
+        ways[0] = np.linalg.norm(moved.p[:, i] - at.p[:, i] + turned @ contact.point, axis=1)
+        ways[1] = np.linalg.norm(turned @ contact.held, axis=(1, 2)) / np.sqrt(2.0)
+    return found
+
+
+def _write(file: Path, mechanism: Mechanism, changed: Mechanism) -> Path:
+    """Writes what a scene changes of a description, which it extends, to a folder that goes away with the process."""
+    out = [f"extends = {value_text(str(file.resolve()))}", "", "[independent]", *lines(changed.independent)]
+    for i, joint in enumerate(changed.joints):
+        entries = joint_entries(joint)
+        if i < len(mechanism.joints):
+            old, entries = mechanism.joints[i], {}
+            if not np.array_equal(old.home, joint.home) and not joint.fixed:
+                entries["home"] = joint.home
+            if joint.held != old.held:
+                entries["held"] = joint.held
+        out += ["", f"[joints.{key(joint.name)}]", *lines(entries)] if entries else []
+    for one in changed.couplings[len(mechanism.couplings) :]:
+        if not isinstance(one, Fixing):
+            held = {"coordinate": one.coordinate, "polynomial": one.function.polynomial}
+            out += ["", f"[couplings.{key(one.name)}]", *lines(held)]
+    written = scratch_folder() / file.name
+    written.write_text("\n".join(out) + "\n", encoding="utf-8")
+    return written
