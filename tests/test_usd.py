@@ -192,6 +192,21 @@ def test_coordinates_are_those_of_the_frames_at_the_poses(tmp_path):
     assert (found.home, found.limits) == (0.75, (-math.inf, 3.0))
 
 
+@pytest.mark.parametrize("turns", [("rotX", "rotY"), ("rotY", "rotZ"), ("rotX", "rotZ"), ("rotX", "rotY", "rotZ")])
+def test_angles_of_several_hinges_are_found_beyond_a_right_angle(turns, tmp_path):
+    angles = dict(zip(turns, (2.5, -2.0, 0.3) if len(turns) == 2 else (2.5, -1.2, 0.3), strict=False))
+    axes = {"rotX": [1, 0, 0], "rotY": [0, 1, 0], "rotZ": [0, 0, 1]}
+    R = rotation_matrix([{"axis": axes[turn], "angle": angle} for turn, angle in angles.items()], "test")
+    locked = [token for token in ("transX", "transY", "transZ", *axes) if token not in turns]
+    bounds = [f"float limit:{each}:physics:low = 1\nfloat limit:{each}:physics:high = -1" for each in locked]
+    bounds += [f"float limit:{turn}:physics:low = -179" for turn in turns]
+    more = "\n".join([*bounds, f"quatf physics:localRot1 = ({', '.join(map(repr, quaternion(R).tolist()))})"])
+    api = ", ".join(f'"PhysicsLimitAPI:{token}"' for token in (*locked, *turns))
+    found = reading(tmp_path, stage(body("a") + joint("j", "", "", "a", more, api)))
+    assert [found.joints[f"j.{turn}"].home for turn in turns] == pytest.approx([*angles.values()], abs=1e-6)
+    assert not any("apart" in said and "poses" in said for said in found.remarks)
+
+
 def test_frames_that_do_not_meet_are_closed_and_said(tmp_path):
     tilt = joint("j", "Revolute", "", "a", 'point3f physics:localPos0 = (0, 0, 1e-8)\nuniform token physics:axis = "Y"')
     found = reading(tmp_path, stage(body("a") + tilt))

@@ -30,7 +30,7 @@ from screwgauge.models.poses import exponential, matrix, relative, screw
 from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, link, read_graph
 from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
-from screwgauge.reference.rotations import Array, quaternion_rotation
+from screwgauge.reference.rotations import Array, quaternion_rotation, sequence_angles
 
 #: Gaps and turns that are the rounding of 32 bits [m or rad]; density that a file leaves open [kg/m^3]; gravity.
 ROUNDING, _WATER, _GRAVITY = 1e-6, 1000.0, 9.81
@@ -325,13 +325,13 @@ class _Joint:
 
     def home(self, T: Array) -> dict[str, float]:
         """Coordinates by which one frame stands in the other. T: shape (4, 4)."""
-        R, turning = T[:3, :3], [_TURNS.index(token) for token in self.limits if token in _TURNS]
-        angles = [math.atan2(-R[1, 2], R[2, 2]), math.asin(float(np.clip(R[0, 2], -1.0, 1.0)))]
-        angles.append(math.atan2(-R[0, 1], R[0, 0]))
-        if len(turning) == 1:
-            i, j, k = (turning[0] + n for n in (-3, -2, -1))
-            angles[i] = math.atan2(R[k, j] - R[j, k], R[j, j] + R[k, k])
-        return dict(zip((*_SLIDES, *_TURNS), (*T[:3, 3].tolist(), *angles), strict=True))
+        turning = [_TURNS.index(token) for token in self.limits if token in _TURNS]
+        order = [*turning, *(i for i in range(3) if i not in turning)]
+        P = np.eye(3)[order]
+        P[2] *= (hand := float(np.linalg.det(P)))
+        angles = sequence_angles(P @ T[:3, :3] @ P.T, max(len(turning), 1), hand).tolist()
+        named = {_TURNS[i]: angle for i, angle in zip(turning, angles, strict=False)}
+        return named | dict(zip(_SLIDES, T[:3, 3].tolist(), strict=True))
 
     def passive(self, token: str) -> dict[str, float]:
         """What a freedom exerts by itself: in SI, per radian."""
