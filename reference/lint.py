@@ -142,7 +142,8 @@ def _too_dense(body: Solid) -> str:
     """A sentence on a body; empty if there can be one."""
     moments = np.linalg.eigvalsh(body.inertia)
     ball = float(np.cbrt(0.75 * body.mass / (np.pi * OSMIUM)))
-    share = 0.5 * float(moments.sum()) / (0.6 * body.mass * ball**2)
+    least = 0.6 * body.mass * ball**2  # 0 of next to no mass
+    share = 0.5 * float(moments.sum()) / least if least else 0.0
     radius = float(np.sqrt(max(moments[-1], 0.0) / body.mass))
     if not 0.0 < share < LEAST or radius < POINT * body.size:
         return ""

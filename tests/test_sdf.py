@@ -389,6 +389,11 @@ def test_screws_that_close_a_loop_among_themselves_are_refused_by_import(tmp_pat
         import_model(tmp_path / "m.sdf")
 
 
+def test_next_to_no_mass_is_taken_as_it_is(tmp_path):
+    (tmp_path / "m.sdf").write_text(model(arm()).replace("<mass>2</mass>", "<mass>1e-200</mass>"), encoding="utf-8")
+    assert import_model(tmp_path / "m.sdf").mechanism.body("b").mass == 1e-200
+
+
 def test_what_is_left_out_is_named(tmp_path):
     kinematic = model(arm()).replace('<link name="b">', '<link name="b"><kinematic>true</kinematic>')
     text = kinematic.replace("</model>", '<plugin name="p" filename="f"/><thing>3</thing></model>')

@@ -375,7 +375,8 @@ def test_what_a_file_says_wrongly_is_refused_by_attribute_and_prim(word, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("unit", "kilo", "up", "word"), [(0, 1, "Z", "units"), (1, 0, "Z", "units"), (1, 1, "W", "upAxis")]
+    ("unit", "kilo", "up", "word"),
+    [(0, 1, "Z", "units"), (1, 0, "Z", "units"), (1e300, 1, "Z", "units"), (1, 1, "W", "upAxis")],
 )
 def test_units_and_axes_that_are_none_are_refused(unit, kilo, up, word, tmp_path):
     assert word in refusal(tmp_path, stage(body("a") + HINGE, unit, kilo, up))

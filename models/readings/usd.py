@@ -55,8 +55,8 @@ _PASSIVE = {
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
 #: Shapes of which mass may come -> as `uniform` calls them.
 _SHAPES = {name: name for name in ("cylinder", "capsule", "cone", "mesh")} | {"cube": "box", "sphere": "ellipsoid"}
-#: How far a rotation may be from one.
-_SQUARE = 1e-4
+#: How far a rotation may be from one; units between this and its inverse [m, kg].
+_SQUARE, _LARGEST = 1e-4, 1e9
 
 
 def read_usd(path: Path, name: str) -> Reading:
@@ -74,8 +74,9 @@ def read_usd(path: Path, name: str) -> Reading:
     ]
     names = dict(zip((prim.GetPath() for prim in bodies), names_of(bodies), strict=True))
     units = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
-    if not all(0.0 < unit < math.inf for unit in units):
-        raise ModelFileError("has units of no size", str(path), "state metersPerUnit and kilogramsPerUnit above 0")
+    if not all(1.0 / _LARGEST < unit < _LARGEST for unit in units):
+        what = f"has units of {units[0]:g} m and {units[1]:g} kg"
+        raise ModelFileError(what, str(path), "state metersPerUnit and kilogramsPerUnit, such as 0.01 and 1")
     read = _Stage(stage, str(path), *units, UsdGeom.XformCache(Usd.TimeCode.EarliestTime()), names)
     found = [prim for prim in every if is_joint(prim)]
     joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
