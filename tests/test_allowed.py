@@ -200,7 +200,7 @@ OUTSIDE = {
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
-def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path):
+def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path, command):
     text, part, file = OUTSIDE[name]
     for folder in ("here", "parts"):
         (tmp_path / folder).mkdir()
@@ -211,6 +211,7 @@ def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path):
         import_model(path)
     for leave in ("../parts/", f"../parts/{file}"):
         assert "a" in import_model(path, Options(wanted=Wanted(allow=[leave]))).mechanism.body_index
+    assert command("import", path, "-o", tmp_path / "out.toml", "--allow", "../parts/").out
     with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
         import_model(path, Options(wanted=Wanted(allow=["../other/"])))
 

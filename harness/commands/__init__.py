@@ -65,6 +65,7 @@ def models(options: argparse.Namespace) -> int:
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
     from screwgauge.diagnosis.shares import indexed
+    from screwgauge.models.files.parts import files_allowed
     from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
@@ -79,11 +80,9 @@ def import_(options: argparse.Namespace) -> int:
     choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     imported_model = import_isolated(options.file, choice)
     written = write_imported(imported_model, out, force=options.force)
-    for line in (
-        *map(str, written),
-        *notes(imported_model),
-        *indexed(options.file, imported_model, meshes=options.meshes),
-    ):
+    with files_allowed(options.file.parent, wanted.allow):
+        order = indexed(options.file, imported_model, meshes=options.meshes)
+    for line in (*map(str, written), *notes(imported_model), *order):
         say(line)
     return 0
 
