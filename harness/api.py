@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from screwgauge.diagnosis.model import Loops, Read, Weighed
     from screwgauge.engines.screw.compiled import Solver
+    from screwgauge.engines.screw.variants import Variants
     from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.pages.check import CheckReport
     from screwgauge.report.results import Results
@@ -193,20 +194,45 @@ def review(
     return as_kind(ReviewReport, reviewed(table, scene, quantities))
 
 
+@overload
 def compile(
-    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
-) -> Solver:
+    scene: Scene,
+    quantities: Iterable[str] | None = None,
+    *,
+    backend: str = "llvm",
+    threads: int = 1,
+    parameters: None = None,
+) -> Solver: ...
+
+
+@overload
+def compile(
+    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", parameters: Sequence[str]
+) -> Variants: ...
+
+
+def compile(
+    scene: Scene,
+    quantities: Iterable[str] | None = None,
+    *,
+    backend: str = "llvm",
+    threads: int = 1,
+    parameters: Sequence[str] | None = None,
+) -> Solver | Variants:
     """A fast function for the inverse dynamics of a scene.
 
     Args:
         quantities: Names; those of the scene by default. Nothing else is computed.
         backend: ``llvm`` (extra ``fast``) or ``numpy``.
-        threads: How many run at once.
+        threads: How many run at once; with parameters one.
+        parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become inputs, too.
 
     Returns:
-        A function ``solver(y, yd, ydd, out=None)`` of plain float64 arrays of shape (n, k). ``out`` is made by
-        ``solver.buffers(n)``, or by ``solver.buffers(n, {quantity: array})`` of arrays of your own, and filled again
-        and again. Rows that cannot be solved, or whose values are not finite, raise an error.
+        With parameters a function ``variants(y, yd, ydd, parameters={name: values})`` of shape (V, n, k), see
+        `screwgauge.engines.screw.variants.Variants`. Else a function ``solver(y, yd, ydd, out=None)`` of plain float64
+        arrays of shape (n, k). ``out`` is made by ``solver.buffers(n)``, or by ``solver.buffers(n, {quantity: array})``
+        of arrays of your own, and filled again and again. Rows that cannot be solved, or whose values are not finite,
+        raise an error.
 
     Raises:
         ScrewgaugeError: Bad input, or a motion that cannot be followed.
@@ -223,6 +249,12 @@ def compile(
         raise DescriptionError(f"{shown(threads)} threads", "compile", "give a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
+    if parameters is not None:
+        from screwgauge.engines.screw.variants import Variants
+
+        if threads != 1:
+            raise DescriptionError(f"{threads} threads", "compile, parameters", "leave threads out")
+        return Variants(scene, wanted, parameters, backend)
     solver = Solver(scene, wanted, backend, threads)
     solver.notes = (*left, *solver.notes)
     return solver

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from operator import itemgetter
@@ -113,6 +113,33 @@ def at_closed_home(mechanism: Mechanism) -> Mechanism:
         return mechanism
     moved = _solved(mechanism)
     return moved if _is_regular(moved) else mechanism
+
+
+#: Change of a coordinate in one step of the way to other numbers [rad or lengths], and the shortest step.
+FAR, SHORTEST = 0.1, 1.0 / 64.0
+
+
+def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Mechanism:
+    """A mechanism with other numbers, its home on the assembly of the present one, independent coordinates as they are.
+
+    Args:
+        mechanism: Closes at home.
+        changed: Share of the way to the other numbers, 0 to 1 -> the mechanism there, its home not solved for.
+
+    Raises:
+        ClosureError: The assembly ends on the way, or the loops close nowhere near.
+    """
+    home, reached, step = mechanism.home, 0.0, 1.0
+    while reached < 1.0:
+        goal = min(1.0, reached + step)
+        system = loop_equations(layout(_placed(changed(goal), home)))
+        closed = system.correct(home, home[mechanism.independent_columns])
+        if closed is not None and (np.abs(closed[0] - home) / system.sizes).max(initial=0.0) < FAR:
+            home, reached = closed[0], goal
+        elif (step := 0.5 * step) < SHORTEST:
+            what = "with these numbers no pose near home closes the loops"
+            raise ClosureError(what, mechanism.where, "change them less, or together")
+    return _placed(changed(1.0), home)
 
 
 def _is_regular(mechanism: Mechanism) -> bool:

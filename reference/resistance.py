@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -56,8 +56,13 @@ def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> 
         Resistance(column, joint.coordinates[i], what, amount, "N m" if joint.freedoms[i][0] else "N")
         for column, (joint, i) in enumerate(each)
         for what in kinds
-        if (amount := float(getattr(joint, what)[i]))
+        if (amount := plain(getattr(joint, what)[i])) or not isinstance(amount, float)
     )
+
+
+def plain(amount: Any) -> Any:
+    """A float of any precision as a Python float; a number of another kind, such as a node of a trace, as it is."""
+    return float(amount) if isinstance(amount, float | np.floating) else amount
 
 
 def rotors_of(joints: tuple[Joint, ...]) -> dict[str, float]:

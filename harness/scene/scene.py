@@ -17,7 +17,9 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.content import same_content
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import vector
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.parameters import Subject, changed_to, chosen, geometric
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
@@ -209,6 +211,36 @@ class Scene:
         folder = Path() if self.file is None else self.file.parent
         given = read_applied(self.mechanism, as_written(changes), "under", folder)
         return replace(self, applied=replace(self.applied, **given))
+
+    def with_(self, changes: Mapping[str, Any]) -> Scene:
+        """A copy of the scene with other numbers of its mechanism and of what acts on it.
+
+        Names are the paths of a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``, short ones
+        where they are unique, ``coupler.mass``, or patterns, ``*.mass``. Where placements change, home stays on its
+        assembly, and independent coordinates keep their values there.
+
+        Args:
+            changes: Name or pattern -> a number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
+
+        Raises:
+            ScrewgaugeError: There is no such number, or no body, spring or closed loop has it.
+        """
+        from screwgauge.models.home import near_home  # a solver of many parts, which few scenes need
+
+        subject = Subject(self.mechanism, self.applied)
+        known, values = subject.numbers, dict[str, float]()
+        for pattern, rule in changes.items():
+            for name in chosen(known, [pattern], "with_"):
+                values[name] = changed_to(rule, known[name], f"with_, {pattern}")
+
+        def at(share: float) -> Subject:
+            way = {name: known[name] + share * (x - known[name]) if share < 1.0 else x for name, x in values.items()}
+            return subject.with_numbers(way)
+
+        made = at(1.0)
+        moved = any(map(geometric, values)) and bool(layout(self.mechanism).cuts or self.mechanism.couplings)
+        mechanism = near_home(self.mechanism, lambda share: at(share).mechanism) if moved else made.mechanism
+        return replace(self, mechanism=mechanism, applied=made.applied)
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
         """The question that the scene puts to every engine.

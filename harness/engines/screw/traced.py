@@ -88,7 +88,7 @@ class TracedWork:
     def _trace(self, motion: GivenMotion, backend: str, *, loaded: bool) -> None:
         self.bounds = Bounds(self.lay, self.problem, self.length, self.kind.eps)
         with self.clock.stage("tracing"):
-            some, q = self._anchors(motion)
+            some, q = anchors(self.work, motion)
             shares, tree = open_tree(self.lay)
             axial, points = self.problem.rule == "spherical_axial", self.problem.points
             wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points)
@@ -113,25 +113,6 @@ class TracedWork:
     def units(self) -> dict[str, Sequence[str]]:
         names = self.names()
         return {name: names[name][1] for name in self.wanted}
-
-    def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Array]:
-        """Well-conditioned samples, and all joint coordinates there.
-
-        Raises:
-            NotTraceableError: There is none.
-        """
-        some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
-        guess, lost, twice = self.work.mode.reach(some.y)  # a thousand turns may lie between them
-        if (reached := np.flatnonzero(~(lost | twice))).size:
-            some, guess = some.part(reached), guess.rows(reached)
-        else:
-            guess = self.work.predict(some)
-        q = self.work.close(some, guess)
-        self.work.mode.restart()
-        clear = np.setdiff1d(np.arange(len(some)), self.work.part(some, q).trust.doubtful())
-        if not clear.size:
-            raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
-        return some.part(clear), q[clear]
 
     def again(self) -> TracedWork:
         """A copy for another thread, with buffers, poses and counts of its own."""
@@ -352,6 +333,26 @@ def _loads(applied: Applied, t: Array) -> Array:
     """Force and torque of each load at times [s]. Shape (6 n_load, n)."""
     each = [vector for load in applied.at(t).loads for vector in (load.force, load.torque)]
     return np.concatenate([np.broadcast_to(vector, (len(t), 3)).T for vector in each])
+
+
+def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
+    """Well-conditioned samples of a motion, and all joint coordinates there.
+
+    Raises:
+        NotTraceableError: There is none.
+    """
+    some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
+    guess, lost, twice = work.mode.reach(some.y)  # a thousand turns may lie between them
+    if (reached := np.flatnonzero(~(lost | twice))).size:
+        some, guess = some.part(reached), guess.rows(reached)
+    else:
+        guess = work.predict(some)
+    q = work.close(some, guess)
+    work.mode.restart()
+    clear = np.setdiff1d(np.arange(len(some)), work.part(some, q).trust.doubtful())
+    if not clear.size:
+        raise NotTraceableError("the motion is badly conditioned", work.lay.mechanism.name, "use backend array")
+    return some.part(clear), q[clear]
 
 
 def solve_traced(

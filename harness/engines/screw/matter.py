@@ -1,0 +1,159 @@
+"""Machines that differ in their matter alone: forces are linear in ten moments of each body.
+
+Mass, mass times centre of mass, and second moments about the body's origin; and in the centre of mass itself where a
+load acts there. One pass of a program over a machine and its neighbours, as many as moments, makes the matrix; every
+variant is then a product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.engines.screw.nominal import NominalMachine, Poses
+from screwgauge.engines.screw.programs import Runner, runner
+from screwgauge.reference.mechanism import SLACK, Body
+from screwgauge.reference.parameters import TENSOR, XYZ
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import Symbols
+
+#: Numbers of a matrix that are in memory at a time.
+HELD = 8_000_000
+#: Of a body, in order.
+ENTRIES = ("mass", *(f"com.{axis}" for axis in XYZ), *(f"inertia.{key}" for key in TENSOR))
+_PLACES = [*TENSOR.values()]
+
+
+def moments(numbers: Array) -> Array:
+    """Moments of bodies from mass, centre of mass and inertia about it. Shape (..., 10) -> (..., 10)."""
+    mass, com = numbers[..., :1], numbers[..., 1:4]
+    return np.concatenate([mass, mass * com, numbers[..., 4:] + mass * _steiner(com)], axis=-1)
+
+
+def numbers_of(moment: Array) -> Array:
+    """The inverse of `moments`. Shape (..., 10) -> (..., 10)."""
+    mass = moment[..., :1]
+    com = moment[..., 1:4] / mass
+    return np.concatenate([mass, com, moment[..., 4:] - mass * _steiner(com)], axis=-1)
+
+
+def _steiner(com: Array) -> Array:
+    """Second moments of a unit of mass there, entry by entry. Shape (..., 3) -> (..., 6)."""
+    square = (com * com).sum(-1)
+    return np.stack([(square if i == k else 0.0) - com[..., i] * com[..., k] for i, k in _PLACES], axis=-1)
+
+
+class Matter:
+    """Answers for other matter of some bodies.
+
+    Attributes:
+        bodies: Those of which a number changes.
+    """
+
+    def __init__(self, machine: NominalMachine, names: Sequence[str], backend: str) -> None:
+        self.machine, self.backend = machine, backend
+        self.bodies = [body for body in machine.scene.mechanism.bodies if any(_of(body, name) for name in names)]
+        self.nominal = np.array([_numbers(body) for body in self.bodies]).reshape(-1, 10)
+        entries = [f"bodies.{body.name}.{entry}" for body in self.bodies for entry in ENTRIES]
+        self._places = [(entries.index(name), k) for k, name in enumerate(names) if name in entries]
+        self._entries, self._made = entries, list[tuple[Symbols, Runner]]()
+        loaded = {load.body for load in machine.scene.applied.loads if load.point is None}
+        self._loaded = [body.name in loaded for body in self.bodies]
+        self._kept: tuple[Poses, Array, Array] | None = None
+
+    def numbers(self, p: Array) -> Array:
+        """Numbers of the bodies of each variant. Shape (P, V) -> (V, n_body, 10)."""
+        out = np.repeat(self.nominal.reshape(-1, 1), p.shape[1], axis=1)
+        for row, k in self._places:
+            out[row] = p[k]
+        return out.T.reshape(p.shape[1], -1, 10)
+
+    def possible(self, p: Array) -> NDArray[np.bool_]:
+        """Whether all bodies of each variant can exist. Shape (P, V) -> (V,)."""
+        if not self.bodies:
+            return np.ones(p.shape[1], dtype=bool)
+        numbers = self.numbers(p)
+        tensor = np.zeros((*numbers.shape[:2], 3, 3))
+        for entry, (i, k) in enumerate(_PLACES, 4):
+            tensor[..., i, k] = tensor[..., k, i] = numbers[..., entry]
+        least, middle, largest = np.moveaxis(np.linalg.eigvalsh(tensor), -1, 0)
+        slack = SLACK * np.maximum(np.trace(tensor, axis1=-2, axis2=-1), 0.0)
+        allowed = np.array([body.allowed for body in self.bodies])
+        one = (least >= -slack) & ((largest - least - middle <= slack) | allowed) & (numbers[..., 0] >= 0.0)
+        return np.asarray((one & ((numbers[..., 0] > 0.0) | ~tensor.any(axis=(-1, -2)))).all(axis=1))
+
+    def fill(self, poses: Poses, p: Array, into: Sequence[Array]) -> None:
+        """Fills in the values of variants. `p`: shape (P, V), `into`: shape (n, m, V) each."""
+        change = self._features(self.numbers(p)) - self._features(self._base[None])
+        ends = np.cumsum([0, *(array.shape[1] for array in into)])
+        for rows, base, matrix in self._parts(poses):
+            values = base[..., None] + (matrix.reshape(-1, change.shape[1]) @ change.T).reshape(*base.shape, -1)
+            for array, first, end in zip(into, ends, ends[1:], strict=False):
+                array[rows] = values[:, first:end]
+
+    def _features(self, numbers: Array) -> Array:
+        """All that forces are linear in. Shape (V, n_body, 10) -> (V, n_feature)."""
+        found = [moments(numbers).reshape(len(numbers), -1)]
+        return np.concatenate([*found, *(numbers[:, i, 1:4] for i, has in enumerate(self._loaded) if has)], axis=1)
+
+    def _neighbours(self) -> Array:
+        """The base, and as many machines near it as there are features. Shape (1 + n_feature, n_body, 10)."""
+        mechanism, L = self.machine.scene.mechanism, self.machine.work.loops.length
+        away = mechanism.mass * np.array([1.0, *[L] * 3, *[L * L] * 6])
+        steps = [*np.diag(np.tile(away, len(self.bodies)))]
+        for i, has in enumerate(self._loaded):  # heavier, and with its centre elsewhere
+            for axis in (1, 2, 3) if has else ():
+                steps.append(np.zeros(10 * len(self.bodies)))
+                steps[-1][[10 * i, 10 * i + axis]] = 2.0 * away[[0, axis]]
+        shifts = np.concatenate([np.zeros((1, 10 * len(self.bodies))), steps])
+        return numbers_of(moments(self._base) + shifts.reshape(len(shifts), -1, 10))
+
+    @property
+    def _base(self) -> Array:
+        """Bodies that the matrix is counted from, all of them with mass. Shape (n_body, 10)."""
+        base = self.nominal.copy()
+        base[base[:, 0] == 0.0, 0] = self.machine.scene.mechanism.mass
+        return base
+
+    def _parts(self, poses: Poses) -> Any:
+        """Samples, values of the base there, and what a unit of each feature adds. Shapes (n, m), (n, m, n_feature)."""
+        if self._kept is not None and self._kept[0] is poses:
+            yield slice(None), *self._kept[1:]
+            return
+        step = max(1, HELD // max(1, self.machine.count * len(self._entries)))
+        for first in range(0, len(poses.q), step):
+            rows = slice(first, first + step)
+            base, matrix = self._matrix(poses, rows)
+            if step >= len(poses.q):
+                self._kept = poses, base, matrix
+            yield rows, base, matrix
+
+    def _matrix(self, poses: Poses, rows: slice) -> tuple[Array, Array]:
+        """By neighbours of the base that differ from it in one moment each, lanes of a program."""
+        known = dict(zip(self._entries, self.nominal.ravel().tolist(), strict=True))
+        if not self._made:
+            symbols = self.machine.symbols(known, 0)
+            self._made.append((symbols, runner(symbols.program(self.machine.outputs(symbols)), self.backend)[0]))
+        symbols, run = self._made[0]
+        lanes = self._neighbours()
+        numbers = np.ascontiguousarray(lanes.reshape(len(lanes), -1).T)
+        given, start, near = (np.zeros((len(x), len(lanes))) for x in (poses.rows.T, symbols.predicted, symbols.near))
+        out = np.empty((self.machine.count, len(lanes)))
+        bound, found = run.bind([given, start, near, numbers], [out]), list[Array]()
+        for row, q in zip(poses.rows[rows], poses.q[rows], strict=True):
+            given[:], start[:], near[:] = row[:, None], q[symbols.predicted, None], q[symbols.near, None]
+            bound()
+            found.append(out.copy())
+        whole, features = np.array(found), self._features(lanes)
+        return whole[..., 0], (whole[..., 1:] - whole[..., :1]) @ np.linalg.inv(features[1:] - features[0]).T
+
+
+def _of(body: Body, name: str) -> bool:
+    return name in {f"bodies.{body.name}.{entry}" for entry in ENTRIES}
+
+
+def _numbers(body: Body) -> list[float]:
+    return [body.mass, *body.com.tolist(), *(float(body.inertia[at]) for at in _PLACES)]

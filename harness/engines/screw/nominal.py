@@ -1,0 +1,205 @@
+"""The machine of a scene as it is, which variants are counted from: closed poses, and how these move with numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from screwgauge.engines.screw.buffers import check_array, check_finite
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.programs import check_traceable, runner
+from screwgauge.engines.screw.traced import LOST, TWICE, anchors
+from screwgauge.models.layout import open_tree
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.errors import ClosureError, DescriptionError
+from screwgauge.reference.graph import layout
+from screwgauge.reference.parameters import geometric
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import Samples, Symbols, residual_slopes
+from screwgauge.reference.traced.trace import Scalar
+from screwgauge.reference.traced.tracing import TracedQuantities, quantities
+from screwgauge.scene.scene import Scene
+
+#: Entry of the rows that no motion closes above which a number costs mobility; rounding leaves 1e-14, a number 0.3.
+COSTS = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Poses:
+    """Samples of the nominal machine.
+
+    Attributes:
+        motion: What is given.
+        q: Joint coordinates that close the loops. Shape (n, n_q).
+    """
+
+    motion: GivenMotion
+    q: Array
+
+    @property
+    def rows(self) -> Array:
+        """y, yd, ydd and time of each sample. Shape (n, 3 k + 1)."""
+        motion = self.motion
+        return np.concatenate([motion.y, motion.yd, motion.ydd, motion.t[:, None]], axis=1)
+
+
+class NominalMachine:
+    """The machine of a scene, whose numbers become inputs of programs.
+
+    Attributes:
+        components: Quantity -> names of its components.
+        anchors: Samples of the scene's motion, where pivots are chosen.
+    """
+
+    def __init__(self, scene: Scene, wanted: Iterable[str]) -> None:
+        """Follows the scene's motion.
+
+        Raises:
+            ScrewgaugeError: The motion cannot be followed, or no program answers the question.
+        """
+        self.scene, self.problem = scene, scene.problem([*wanted])
+        self.lay = layout(scene.mechanism)
+        if scene.motion.idle:
+            what = "a freedom that no actuator drives follows from the forces"
+            raise DescriptionError(what, "compile, parameters", "give it a motion, or vary the scene by scene.with_")
+        if any(load.sampled for load in scene.applied.loads):
+            what = "a load is known at the times of a file only"
+            raise DescriptionError(what, "compile, parameters", "write it as a course over time")
+        check_traceable(self.lay, self.problem)
+        self.work = Work(self.lay, self.problem)
+        names = self.work.names()
+        self.components = {name: names[name][0] for name in wanted}
+        some, q = anchors(self.work, scene.motion)
+        self.anchors = Samples(some.y, some.yd, some.ydd, q)
+        self._last: Poses | None = None
+
+    @property
+    def count(self) -> int:
+        """Numbers of all quantities at a sample."""
+        return sum(map(len, self.components.values()))
+
+    def symbols(self, known: Mapping[str, float], steps: int) -> Symbols:
+        """The equations with some numbers as inputs, see `Symbols`."""
+        axial = self.problem.rule == "spherical_axial"
+        return Symbols(self.work.loops, self.problem.applied, known, self.anchors, steps=steps, axial=axial)
+
+    def outputs(self, symbols: Symbols) -> list[Scalar]:
+        """Numbers of all quantities, component after component."""
+        wanted = TracedQuantities([*self.components], symbols.at.axial, *open_tree(self.lay))
+        return [x for values in quantities(symbols.at, wanted).values() for x in values]
+
+    def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> Poses:
+        """Closed poses at samples, which are kept for the next call.
+
+        Raises:
+            ScrewgaugeError: An array is not as it must be, or a sample is not reached.
+        """
+        k = len(self.scene.mechanism.independent)
+        for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
+            check_array(array, (len(y) if np.ndim(y) else 0, k), name)
+            check_finite(array, name)
+        applied = self.scene.applied
+        if t is None and not (
+            all(x.course.constant for x in applied.motors) and not any(x.courses for x in applied.loads)
+        ):
+            raise DescriptionError("a motor or a load changes over time, which samples do not say", "compile", "give t")
+        times = np.arange(float(len(y))) if t is None else np.array(t, dtype=float)
+        check_array(times, (len(y),), "t")
+        given = (y, yd, ydd, times)
+        if (last := self._last) is not None:
+            motion = last.motion
+            if all(map(np.array_equal, (motion.y, motion.yd, motion.ydd, motion.t), given)):
+                return last
+        motion = GivenMotion(times, y.copy(), yd.copy(), ydd.copy())
+        self._last = Poses(motion, self._closed(motion, follow=t is not None))
+        return self._last
+
+    def _closed(self, motion: GivenMotion, *, follow: bool) -> Array:
+        mode = self.work.mode
+        mode.restart()
+        if follow:
+            return self.work.close(motion, self.work.predict(motion))
+        guess, lost, twice = mode.reach(motion.y)
+        for rows, what in ((lost, LOST), (twice, TWICE)):
+            if rows.any():
+                first = int(np.argmax(rows))
+                where = f"row {first} ({self.scene.mechanism.described(motion.y[first])})"
+                raise ClosureError(what, where, "shorten the way from home, or give t")
+        return mode.close(guess)
+
+
+def stacked(symbols: Symbols, poses: Poses, numbers: Array) -> Array:
+    """All inputs of a program of symbols, in closed poses. `numbers`: shape (P,). Shape (inputs, n)."""
+    parts = [poses.rows, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
+    return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
+
+
+class Slopes:
+    """How closed poses move with numbers, ``dq/dp = -M^-1 dr/dp``, and which rows no motion of the joints closes."""
+
+    def __init__(self, machine: NominalMachine, known: Mapping[str, float]) -> None:
+        self.machine, self.names, self.nominal = machine, [*known], np.array([*known.values()])
+        self._symbols = machine.symbols(known, 0)
+        self.predicted, self.moving = self._symbols.predicted, any(map(geometric, known))
+        self._rows: Any = None
+
+    def of(self, poses: Poses) -> tuple[Array, Array]:
+        """Slopes of the dependent coordinates, and openings of the rows, without dimension.
+
+        Returns:
+            Shapes (n, c, P), (n, m, P).
+        """
+        n, P = len(poses.q), len(self.names)
+        if not (self.predicted and self.moving):
+            return np.zeros((n, len(self.predicted), P)), np.zeros((n, 0, P))
+        if self._rows is None:
+            rows = residual_slopes(self._symbols)
+            self._rows = rows, runner(rows.program, "numpy")[0]
+        rows, run = self._rows
+        entries = np.empty((len(rows.places), n))
+        run.bind([stacked(self._symbols, poses, self.nominal)], [entries])()
+        change, loops = rows.filled(entries), loop_equations(self.machine.lay)
+        system, size = loops.closed(poses.q).system, loops.size[: loops.moving, None]
+        slopes = -(system.inverse / loops.unit * size) @ change
+        opens = change / loops.unit[:, None] + system.A[..., : loops.moving] @ (slopes / size)
+        places = [loops.unknown.index(c) for c in self.predicted]
+        return np.ascontiguousarray(slopes[:, places]), opens
+
+    @property
+    def _openings(self) -> Array:
+        at = self.machine.anchors
+        return self.of(Poses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
+
+    def costs(self) -> dict[str, float]:
+        """Numbers that cost the machine its mobility if they change alone, and by how much rows then open.
+
+        To first order, at samples of the scene's motion [rad or lengths of the mechanism, over the number's unit].
+        """
+        worst = np.abs(self._openings).max(axis=(0, 1), initial=0.0)
+        return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}
+
+    def together(self) -> list[dict[str, float]]:
+        """Combinations of these numbers that keep it mobile, to first order, in echelon form."""
+        names = [*self.costs()]
+        some = self._openings[..., [self.names.index(name) for name in names]].reshape(-1, len(names))
+        values, back = np.linalg.svd(some, full_matrices=True)[1:]
+        rank = int((values > COSTS * values.max(initial=0.0)).sum())
+        rows = echelon(back[rank:])
+        return [{name: float(x) for name, x in zip(names, row, strict=True) if abs(x) > COSTS} for row in rows]
+
+
+def echelon(rows: Array) -> Array:
+    """Reduced echelon form of independent rows: each has a one where all others have none. Shape (m, n)."""
+    out, free = rows.copy(), [*range(len(rows))]
+    while free:
+        i, column = max(((i, int(np.argmax(np.abs(out[i])))) for i in free), key=lambda at: abs(out[at]))
+        out[i] /= out[i, column]
+        for other in range(len(out)):
+            if other != i:
+                out[other] -= out[other, column] * out[i]
+        free.remove(i)
+    return out

@@ -1,0 +1,363 @@
+"""``screwgauge.compile(scene, parameters=[...])``: one program for all variants of a machine.
+
+Variants lie side by side in the lanes of a register, samples follow one another: numbers of variants are laid out once,
+and nothing is repeated from sample to sample. Where only matter changes no loop closes otherwise, see `Matter`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.engines.screw.buffers import check_finite
+from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.matter import Matter
+from screwgauge.engines.screw.nominal import NominalMachine, Poses, Slopes, stacked
+from screwgauge.engines.screw.programs import runner
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_choice
+from screwgauge.reference.graph import layout
+from screwgauge.reference.parameters import chosen, inertial, numbers
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import CHECKS, Symbols, gradient
+from screwgauge.scene.scene import Scene
+
+#: Variants that are worked on at a time, and numbers of their values.
+LANES, HELD = 256, 4_000_000
+#: Steps of Newton's method from a prediction: two, or three where more than a share of the variants needs them.
+STEPS, MANY = (2, 3), 0.2
+#: Times that a program goes on from where it came to.
+AGAIN = 4
+#: Last step above which the next one has to be a quarter of it at the most: below, both are rounding.
+TESTED, QUARTER = 1e-7, 0.25
+#: Next step below which a pose is closed, and what all rows may be open by [rad or lengths of the mechanism].
+CLOSED, OPEN = 1e-13, 1e-11
+#: Why a variant has no values.
+ROWS_OPEN, NOT_CLOSED, IMPOSSIBLE = "rows open", "does not close", "impossible body"
+REASON = f"<U{max(map(len, (ROWS_OPEN, NOT_CLOSED, IMPOSSIBLE)))}"
+#: What a course over the samples is reduced to, by name: from values of shape (n, m, V).
+STATISTICS: Mapping[str, Callable[[Array], Array]] = {
+    "peak": lambda x: np.abs(x).max(axis=0),
+    "rms": lambda x: np.sqrt(np.mean(x * x, axis=0)),
+    "mean": lambda x: np.mean(x, axis=0),
+    "min": lambda x: x.min(axis=0),
+    "max": lambda x: x.max(axis=0),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VariantSolution:
+    """What variants answer.
+
+    Attributes:
+        values: Quantity -> shape (V, n, n_component), of statistics (V, n_component); NaN where a variant has none.
+        why: Why a variant has no values; empty where it has. Shape (V,).
+    """
+
+    values: Mapping[str, Array]
+    why: NDArray[np.str_]
+
+    def __getitem__(self, quantity: str) -> Array:
+        return self.values[quantity]
+
+
+@dataclass(slots=True, eq=False)
+class _Worst:
+    """Largest checks of some variants over the samples, as squares. Shape (V,) each."""
+
+    following: Array
+    ratio: Array
+    open: Array
+
+    @classmethod
+    def of(cls, count: int) -> _Worst:
+        return cls(*np.zeros((3, count)))
+
+    def meet(self, step: Array, following: Array, rows: Array) -> None:
+        """Takes the checks of a sample; one that is no number stays none."""
+        np.maximum(self.following, following, out=self.following)
+        np.maximum(self.open, rows, out=self.open)
+        np.maximum(self.ratio, following / np.where(step > TESTED**2, step, np.inf), out=self.ratio)
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        return (self.following <= CLOSED**2) & (self.ratio <= QUARTER**2) & (self.open <= OPEN**2)
+
+    @property
+    def stays_open(self) -> NDArray[np.bool_]:
+        """Whether Newton's method has come to its end, and rows are open there."""
+        return (self.following <= CLOSED**2) & (self.ratio <= QUARTER**2) & ~(self.open <= OPEN**2)
+
+
+@dataclass(slots=True, eq=False)
+class _Lanes:
+    """A program bound to buffers of some lanes, a row a number."""
+
+    given: Array
+    start: Array
+    near: Array
+    numbers: Array
+    out: Array
+    run: Any = field(init=False)
+
+    @classmethod
+    def of(cls, program: Any, symbols: Symbols, lanes: int) -> _Lanes:
+        of_pose = len(symbols.predicted), len(symbols.near)
+        sizes = 3 * len(symbols.y) + 1, *of_pose, len(symbols.numbers)
+        made = cls(*(np.zeros((size, lanes)) for size in (*sizes, len(program.program.outputs))))
+        made.run = program.bind([made.given, made.start, made.near, made.numbers], [made.out])
+        return made
+
+
+class Variants:
+    """Inverse dynamics of a scene as a function of samples and of numbers of its machine.
+
+    Attributes:
+        names, nominal: Numbers that are inputs, whole names, and their values in the scene. Shape (P,).
+        quantities, components: What it computes, and the components of each.
+    """
+
+    def __init__(self, scene: Scene, quantities: Iterable[str], parameters: Sequence[str], backend: str) -> None:
+        """Follows the scene's motion; programs are traced and compiled when they are first used.
+
+        Raises:
+            ScrewgaugeError: A number does not exist, or the motion cannot be followed or traced.
+        """
+        self.scene, self.quantities, self.backend = scene, tuple(quantities), backend
+        known = numbers(scene.mechanism, scene.applied)
+        names = chosen(known, check_choice_of_text(parameters), "compile, parameters")
+        self._known = {name: known[name] for name in names}
+        self.names, self.nominal = tuple(names), np.array([*self._known.values()])
+        self._machine = NominalMachine(scene, self.quantities)
+        self.components = self._machine.components
+        self._matter = Matter(self._machine, self.names, backend)
+        self._programs: dict[int, tuple[Symbols, Any]] = {}
+        self._bound: dict[tuple[int, int], _Lanes] = {}
+        self._steps = STEPS[0]
+        self._at: tuple[Poses | None, Array] = None, np.zeros(0)
+
+    @property
+    def operations(self) -> int:
+        """Of the program, a sample of a variant."""
+        return len(self._program(self._steps)[1].program.code)
+
+    @cached_property
+    def cannot_change(self) -> dict[str, float]:
+        """Numbers that cost the machine its mobility if they change alone, see `Slopes.costs`."""
+        return self._slopes.costs()
+
+    @cached_property
+    def can_change_together(self) -> list[dict[str, float]]:
+        """Combinations of these that keep it mobile, each with a number that no other has, see `Slopes.together`."""
+        return self._slopes.together()
+
+    def __call__(
+        self, y: Array, yd: Array, ydd: Array, *, parameters: Mapping[str, Any], t: Array | None = None
+    ) -> VariantSolution:
+        """All quantities of all variants at all samples.
+
+        Args:
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
+            parameters: Number, by whole or short name or pattern -> its value in each variant, shape (V,), or in all.
+                Others stay those of the scene.
+            t: Times [s]: the rows are a motion, which is followed from home. Shape (n,).
+
+        Raises:
+            ScrewgaugeError: An array or a name is not as it must be, or the nominal machine cannot be put there.
+        """
+        poses, p = self._machine.at(y, yd, ydd, t), self._numbers(parameters)
+        n, count = len(y), p.shape[1]
+        values = {name: np.empty((n, len(names), count)) for name, names in self.components.items()}
+        why = np.full(count, "", dtype=REASON)
+        for some in self._chunks(n, count):
+            self._fill(poses, p[:, some], [array[..., some] for array in values.values()], why[some])
+        return VariantSolution({name: np.moveaxis(array, 2, 0) for name, array in values.items()}, why)
+
+    def statistics(
+        self,
+        y: Array,
+        yd: Array,
+        ydd: Array,
+        which: Sequence[str] = ("peak", "rms"),
+        *,
+        parameters: Mapping[str, Any],
+        t: Array | None = None,
+    ) -> dict[str, VariantSolution]:
+        """Statistics over the samples, of each variant; what they are made of is never stored.
+
+        Args:
+            which: Names of `STATISTICS`. The others are as for a call.
+
+        Returns:
+            Statistic -> quantity -> shape (V, n_component).
+        """
+        check_choice("statistic", which, STATISTICS, "statistics")
+        poses, p = self._machine.at(y, yd, ydd, t), self._numbers(parameters)
+        n, count = len(y), p.shape[1]
+        found = {one: {name: np.empty((count, len(c))) for name, c in self.components.items()} for one in which}
+        why = np.full(count, "", dtype=REASON)
+        for some in self._chunks(n, count):
+            arrays = [np.empty((n, len(names), some.stop - some.start)) for names in self.components.values()]
+            self._fill(poses, p[:, some], arrays, why[some])
+            for one, by_quantity in found.items():
+                for name, array in zip(self.quantities, arrays, strict=True):
+                    by_quantity[name][some] = STATISTICS[one](array).T
+        return {one: VariantSolution(values, why) for one, values in found.items()}
+
+    def gradient(self, weights: Mapping[str, Array], y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
+        """Derivative of a weighted sum of quantities by all numbers, at each sample of the nominal machine.
+
+        For the peak of a component its weight is one at the sample of the peak, for the rms ``f / (n rms)``: sum over
+        the samples.
+
+        Args:
+            weights: Quantity -> weight of each component. Shape (n, n_component) or (n_component,).
+
+        Returns:
+            Shape (n, P).
+        """
+        poses = self._machine.at(y, yd, ydd, t)
+        check_choice("quantity", weights, self.quantities, "gradient")
+        parts = [np.broadcast_to(weights.get(name, 0.0), (len(y), len(c))) for name, c in self.components.items()]
+        return self._pulled(poses, np.concatenate(parts, axis=1))
+
+    def jacobian(self, quantity: str, y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
+        """Derivatives of all components of a quantity by all numbers. Shape (n, n_component, P)."""
+        poses = self._machine.at(y, yd, ydd, t)
+        check_choice("quantity", [quantity], self.quantities, "jacobian")
+        first = sum(len(self.components[name]) for name in self.quantities[: self.quantities.index(quantity)])
+        units = np.eye(self._machine.count)[first : first + len(self.components[quantity])]
+        return np.stack([self._pulled(poses, np.tile(unit, (len(y), 1))) for unit in units], axis=1)
+
+    # what they are made of
+
+    def _numbers(self, parameters: Mapping[str, Any]) -> Array:
+        """Numbers of all variants. Shape (P, V)."""
+        given = {name: np.asarray(x, dtype=float) for name, x in parameters.items()}
+        counts = {len(x) for x in given.values() if x.ndim == 1} or {1}
+        if len(counts) > 1 or any(x.ndim > 1 for x in given.values()):
+            shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
+            raise DescriptionError(f"shapes differ: {shapes}", "parameters", "give (V,) values, or one, of each")
+        p = np.repeat(self.nominal[:, None], counts.pop(), axis=1)
+        for pattern, x in given.items():
+            check_finite(np.atleast_1d(x)[:, None], f"parameters, {pattern}")
+            for name in chosen(self._known, [pattern], "parameters"):
+                p[self.names.index(name)] = x
+        return p
+
+    def _chunks(self, n: int, count: int) -> Iterator[slice]:
+        """Variants that are worked on at a time."""
+        lanes = min(LANES, max(8, HELD // max(1, n * self._machine.count)))
+        return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
+
+    def _fill(self, poses: Poses, p: Array, into: Sequence[Array], why: Any) -> None:
+        """Fills in the values of some variants, and why they have none. `into`: shape (n, m, V) each."""
+        why[~self._matter.possible(p)] = IMPOSSIBLE
+        if all(map(inertial, self.names)):
+            self._matter.fill(poses, p, into)
+        else:
+            self._answer(poses, p, into, why)
+        for array in into:
+            array[..., why != ""] = np.nan
+
+    def _answer(self, poses: Poses, p: Array, into: Sequence[Array], why: Any) -> None:
+        """Fills in values by the program, of variants that it cannot close by the array solver."""
+        left = np.flatnonzero(why == "")
+        for again in range(AGAIN):
+            some = [np.empty((*array.shape[:2], len(left))) for array in into]
+            worst = self._run(poses, p[:, left], some, again)
+            if self._steps == STEPS[0] and np.mean(~worst.closed & ~worst.stays_open) > MANY:
+                self._steps = STEPS[1]
+                worst = self._run(poses, p[:, left], some, again)
+            for array, found in zip(into, some, strict=True):
+                array[..., left] = found
+            why[left[worst.stays_open]] = ROWS_OPEN
+            left = left[~worst.closed & ~worst.stays_open]
+            if not left.size:
+                return
+        for lane in left:
+            why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
+
+    def _run(self, poses: Poses, p: Array, into: Sequence[Array], again: int) -> _Worst:
+        """Runs the program at all samples, `again` and again from where it came to, and fills in the values."""
+        symbols, made = self._program(self._steps)
+        count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
+        lanes, worst = self._bound.setdefault(key, _Lanes.of(made, symbols, key[1])), _Worst.of(count)
+        lanes.numbers[:] = self.nominal[:, None]
+        lanes.numbers[:, :count] = p
+        change, slopes = lanes.numbers - self.nominal[:, None], self._slopes_at(poses)
+        ends = np.cumsum([0, *(array.shape[1] for array in into)]).tolist()
+        checks = slice(ends[-1], ends[-1] + len(CHECKS))
+        with np.errstate(all="ignore"):
+            for i, (row, q) in enumerate(zip(poses.rows, poses.q, strict=True)):
+                lanes.given[:], lanes.near[:] = row[:, None], q[symbols.near, None]
+                np.matmul(slopes[i], change, out=lanes.start)
+                lanes.start += q[symbols.predicted, None]
+                for _ in range(again):
+                    lanes.run()
+                    lanes.start[:] = lanes.out[checks.stop :]
+                lanes.run()
+                worst.meet(*lanes.out[checks, :count])
+                for array, first, end in zip(into, ends, ends[1:], strict=False):
+                    array[i] = lanes.out[first:end, :count]
+        return worst
+
+    def _alone(self, poses: Poses, p: Array, into: Sequence[Array]) -> str:
+        """Answers one variant by the array solver, its home followed from the nominal one; why it has no values."""
+        motion = poses.motion
+        try:
+            scene = self.scene.with_({name: float(x) for name, x in zip(self.names, p, strict=True)})
+            work = Work(layout(scene.mechanism), scene.problem(self.quantities))
+            part = work.part(motion, work.close(motion, work.predict(motion)))
+        except ScrewgaugeError:
+            return NOT_CLOSED
+        for name, array in zip(self.quantities, into, strict=True):
+            array[:] = part.values[name]
+        return ""
+
+    def _program(self, steps: int) -> tuple[Symbols, Any]:
+        """Equations with so many steps of Newton's method, and their program: quantities, checks, coordinates."""
+        if steps not in self._programs:
+            symbols = self._machine.symbols(self._known, steps)
+            outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]
+            self._programs[steps] = symbols, runner(symbols.program(outputs), self.backend)[0]
+        return self._programs[steps]
+
+    @cached_property
+    def _slopes(self) -> Slopes:
+        return Slopes(self._machine, self._known)
+
+    def _slopes_at(self, poses: Poses) -> Array:
+        """Slopes of the dependent coordinates, kept for the next call. Shape (n, c, P)."""
+        if self._at[0] is not poses:
+            self._at = poses, self._slopes.of(poses)[0]
+        return self._at[1]
+
+    @cached_property
+    def _pull(self) -> tuple[Symbols, Any]:
+        """The program of the gradient at closed poses, whose last inputs are weights."""
+        symbols = self._machine.symbols(self._known, 0)
+        values = self._machine.outputs(symbols)
+        weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
+        return symbols, runner(symbols.program(gradient(symbols, values, weights)), self.backend)[0]
+
+    def _pulled(self, poses: Poses, weights: Array) -> Array:
+        symbols, run = self._pull
+        out = np.empty((len(self.names), len(poses.q)))
+        run.bind([stacked(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()
+        return np.ascontiguousarray(out.T)
+
+
+def check_choice_of_text(names: Any) -> list[str]:
+    """Names or patterns as a list.
+
+    Raises:
+        DescriptionError: They are no list of text, or there is none.
+    """
+    if isinstance(names, str) or not isinstance(names, Iterable) or not (wanted := [*names]):
+        raise DescriptionError("no names are given", "compile, parameters", 'give a list, such as ["*.mass"]')
+    return wanted

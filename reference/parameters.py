@@ -1,0 +1,279 @@
+"""Numbers of a mechanism and of what acts on it, by name: read, changed, or put in as nodes of a trace.
+
+Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. A placement turns by two
+tilts of the frame [rad], about two directions across the first axis of its joint, so that axes stay what they are.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from functools import partial
+from typing import Any, TypeVar
+
+import numpy as np
+
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.equations.screws import rotation
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, first_few
+from screwgauge.reference.expressions import number
+from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS
+from screwgauge.reference.rotations import Array, across
+from screwgauge.reference.traced.trace import apply
+
+XYZ = "xyz"
+#: Entries of an inertia tensor, by name.
+TENSOR = {f"{XYZ[i]}{XYZ[k]}": (i, k) for i in range(3) for k in range(i, 3)}
+TILTS = ("tilt1", "tilt2")
+SIDES = ("parent", "child")
+#: Names that are told where one is ambiguous.
+NAMED = 3
+
+Item = TypeVar("Item", Body, Joint, Frame)
+Numbers = Mapping[str, Any]
+"""Name -> a float, an array over variants, or a node of a trace."""
+
+
+def numbers(mechanism: Mechanism, applied: Applied | None = None) -> dict[str, float]:
+    """Every number that can be changed, by its whole name: those of bodies, of joints, and of what acts."""
+    return dict([*_of_bodies(mechanism), *_of_joints(mechanism), *([] if applied is None else _of_applied(applied))])
+
+
+def _of_bodies(mechanism: Mechanism) -> Iterator[tuple[str, float]]:
+    for body in mechanism.bodies:
+        name = f"bodies.{body.name}"
+        yield f"{name}.mass", float(body.mass)
+        yield from _vector(f"{name}.com", body.com)
+        for key, (i, k) in TENSOR.items():
+            yield f"{name}.inertia.{key}", float(body.inertia[i, k])
+
+
+def _of_joints(mechanism: Mechanism) -> Iterator[tuple[str, float]]:
+    for joint in mechanism.joints:
+        name = f"joints.{joint.name}"
+        for side, (_, frame) in zip(SIDES, joint.sides, strict=True):
+            yield from _vector(f"{name}.{side}", frame.p)
+            yield from ((f"{name}.{side}.{tilt}", 0.0) for tilt in TILTS)
+        for what in RESISTS if not joint.fixed else ():
+            yield from _list(f"{name}.{what}", getattr(joint, what))
+
+
+def _of_applied(applied: Applied) -> Iterator[tuple[str, float]]:
+    yield from _vector("gravity", applied.g)
+    for i, load in enumerate(applied.loads, 1):
+        if not load.courses and load.force.ndim == 1:
+            yield from _vector(f"loads.{i}.force", load.force)
+            yield from _vector(f"loads.{i}.torque", load.torque)
+    for i, spring in enumerate(applied.springs, 1):
+        yield from ((f"springs.{i}.{what}", float(getattr(spring, what))) for what in ("stiffness", "rest", "damping"))
+
+
+def _vector(name: str, values: Array) -> Iterator[tuple[str, float]]:
+    yield from ((f"{name}.{axis}", float(x)) for axis, x in zip(XYZ, values, strict=True))
+
+
+def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
+    """Numbers of the coordinates of a joint, counted from 1 where there are several."""
+    many = len(values) > 1
+    yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
+
+
+def inertial(name: str) -> bool:
+    """Whether a number is one of a body's matter: forces are linear in it and motions do not know it."""
+    return name.startswith("bodies.")
+
+
+def geometric(name: str) -> bool:
+    """Whether a number places a joint, so that loops close otherwise."""
+    return name.startswith("joints.") and name.split(".")[-2] in SIDES
+
+
+def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
+    """Whole names that some names or patterns stand for, in the order of `known`.
+
+    A name may lack its first part, ``coupler.mass``, where that leaves it unique. Patterns have ``*``, ``?`` and
+    ``[xyz]``, and are of whole or of short names.
+
+    Raises:
+        UnknownNameError: A name or pattern stands for nothing.
+        DescriptionError: A name stands for several.
+    """
+    found = dict.fromkeys(name for pattern in patterns for name in _matching(known, pattern, where))
+    return [name for name in known if name in found]
+
+
+def _matching(known: Mapping[str, float], pattern: str, where: str) -> list[str]:
+    wanted = _as_written(pattern)
+    names = [name for name in known if wanted in (name, _short(name))]
+    if len(names) > 1:
+        what = f"'{pattern}' stands for {first_few(names, NAMED)}"
+        raise DescriptionError(what, where, "write the whole name")
+    names = names or [name for name in known if any(fnmatchcase(one, wanted) for one in (name, _short(name)))]
+    if not names:
+        raise UnknownNameError("number", pattern, [*known, *map(_short, known)], where)
+    return names
+
+
+def _short(name: str) -> str:
+    first, _, rest = name.partition(".")
+    return rest if first in ("bodies", "joints") else name
+
+
+def _as_written(pattern: str) -> str:
+    """A name as `numbers` has it: without quotes, ``parent_frame.position[0]`` being ``parent.x``."""
+    text = pattern.replace('"', "").replace("_frame.position", "")
+    return re.sub(r"\b(parent|child|com|force|torque|gravity)\[([012])\]", lambda x: f"{x[1]}.{XYZ[int(x[2])]}", text)
+
+
+def changed_to(rule: Any, value: float, where: str) -> float:
+    """A number by a rule: another number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
+
+    Raises:
+        DescriptionError: It is neither.
+    """
+    text = rule.strip() if isinstance(rule, str) else ""
+    if not re.search(r"(?<![a-z0-9_])x(?![a-z0-9_])|\dx\b", text):
+        return number(rule, where)
+    product = re.sub(r"([\d.)])\s*x\b", r"\1*x", text)
+    return number(re.sub(r"(?<![a-z0-9_])x(?![a-z0-9_])", f"({value!r})", product), where)
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What has the numbers."""
+
+    mechanism: Mechanism
+    applied: Applied
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        return numbers(self.mechanism, self.applied)
+
+    def with_numbers(self, values: Numbers, *, symbolic: bool = False) -> Subject:
+        """The same with other numbers.
+
+        Args:
+            symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
+
+        Raises:
+            DescriptionError: A body, joint or spring cannot have them.
+        """
+        make = unchecked if symbolic else replace
+        get = partial(_value, values, symbolic)
+        bodies = tuple(_body(body, get, make) for body in self.mechanism.bodies)
+        joints = tuple(_joint(joint, get, make) for joint in self.mechanism.joints)
+        mechanism, applied = self.mechanism, self.applied
+        if symbolic:
+            mechanism = unchecked(mechanism, bodies=bodies, joints=joints)
+            _forget(mechanism, home=self.mechanism.home, bodies=bodies)
+        elif any(a is not b for a, b in zip((*bodies, *joints), (*mechanism.bodies, *mechanism.joints), strict=True)):
+            mechanism = replace(mechanism, bodies=bodies, joints=joints)
+        return Subject(mechanism, _applied(applied, get, make))
+
+
+def unchecked(item: Any, **changes: Any) -> Any:
+    """A record with some fields changed and none of its checks made."""
+    made = copy(item)
+    for name, value in changes.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def _forget(mechanism: Mechanism, *, home: Array, bodies: Sequence[Body]) -> None:
+    """Removes what was worked out of other numbers; home stays a pose of floats."""
+    kept = {"coordinates", "moving", "units", "limits", "body_index", "independent_columns", "actuated_columns"}
+    fields = {*type(mechanism).__dataclass_fields__}
+    for name in [*vars(mechanism)]:
+        if name not in fields | kept:
+            del vars(mechanism)[name]
+    vars(mechanism)["home"] = home
+    masses = [body.mass for body in bodies]
+    floats = all(isinstance(mass, float) for mass in masses)
+    vars(mechanism)["masses"] = np.array(masses, dtype=home.dtype if floats else object)
+
+
+Get = Callable[[str, Any], Any]
+
+
+def _value(values: Numbers, symbolic: bool, name: str, present: Any) -> Any:
+    """A number by its name, or numbers by that of what they belong to. Shape (3,), (n,)."""
+    if not isinstance(present, np.ndarray):
+        return values.get(name, present)
+    keys = {3: [f"{name}.{axis}" for axis in XYZ]}.get(len(present), [])
+    if not any(key in values for key in keys):
+        return present
+    entries = [values.get(key, x) for key, x in zip(keys, present, strict=True)]
+    return np.array(entries, dtype=object if symbolic else float)
+
+
+def _body(body: Body, get: Get, make: Callable[..., Body]) -> Body:
+    name = f"bodies.{body.name}"
+    changes = {"mass": get(f"{name}.mass", body.mass), "com": get(f"{name}.com", body.com)}
+    entries = {key: get(f"{name}.inertia.{key}", body.inertia[at]) for key, at in TENSOR.items()}
+    if any(entries[key] is not body.inertia[at] and entries[key] != body.inertia[at] for key, at in TENSOR.items()):
+        tensor = np.zeros((3, 3), dtype=np.array([*entries.values()]).dtype)
+        for key, (i, k) in TENSOR.items():
+            tensor[i, k] = tensor[k, i] = entries[key]
+        changes["inertia"] = tensor
+    made: Body = _with(body, changes, make)
+    return made
+
+
+def _joint(joint: Joint, get: Get, make: Callable[..., Joint]) -> Joint:
+    name, changes = f"joints.{joint.name}", dict[str, Any]()
+    for side, (_, frame) in zip(SIDES, joint.sides, strict=True):
+        changes[f"{side}_frame"] = _frame(frame, f"{name}.{side}", joint.axes[0], get)
+    for what in RESISTS if not joint.fixed else ():
+        present = getattr(joint, what)
+        keys = [f"{name}.{what}.{i}" if len(present) > 1 else f"{name}.{what}" for i, _ in enumerate(present, 1)]
+        entries = [get(key, x) for key, x in zip(keys, present.tolist(), strict=True)]
+        if entries != present.tolist():
+            changes[what] = np.array(entries)
+    made: Joint = _with(joint, changes, make)
+    return made
+
+
+def _frame(frame: Frame, name: str, axis: Array, get: Get) -> Frame:
+    p, R = get(name, frame.p), frame.R
+    for tilt, direction in zip(TILTS, across(axis)[1], strict=True):
+        angle = get(f"{name}.{tilt}", 0.0)
+        if not isinstance(angle, float) or angle:
+            R = R @ rotation(direction, _boxed(apply("sin", angle)), _boxed(apply("cos", angle)))
+    return frame if p is frame.p and R is frame.R else Frame(p, R)
+
+
+def _boxed(x: Any) -> Array:
+    """A number of any kind as an array without dimensions."""
+    box = np.empty((), dtype=float if isinstance(x, float) else object)
+    box[()] = x
+    return box
+
+
+def _applied(applied: Applied, get: Get, make: Callable[..., Any]) -> Applied:
+    loads = tuple(
+        _with(load, {what: get(f"loads.{i}.{what}", getattr(load, what)) for what in ("force", "torque")}, make)
+        for i, load in enumerate(applied.loads, 1)
+    )
+    springs = tuple(
+        _with(
+            one,
+            {what: get(f"springs.{i}.{what}", getattr(one, what)) for what in ("stiffness", "rest", "damping")},
+            make,
+        )
+        for i, one in enumerate(applied.springs, 1)
+    )
+    gravity = get("gravity", applied.g)
+    changes: dict[str, Any] = {"loads": loads, "springs": springs}
+    if gravity is not applied.g and not np.array_equal(gravity, applied.g):
+        changes["gravity"] = gravity
+    return replace(applied, **changes)
+
+
+def _with(item: Any, changes: Mapping[str, Any], make: Callable[..., Any]) -> Any:
+    """An item with what differs, itself if nothing does."""
+    new = {name: value for name, value in changes.items() if value is not getattr(item, name)}
+    return make(item, **new) if new else item

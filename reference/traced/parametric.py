@@ -1,0 +1,203 @@
+"""Programs of inverse dynamics in which numbers of the mechanism, and of what acts on it, are inputs.
+
+Loops close by steps of Newton's method from a prediction, whatever the mechanism has in closed form, and no coordinate
+is taken to be at rest where placements change. Derivatives are taken through the nodes of a trace at a closed pose;
+the loops follow by the implicit function theorem, ``dq/dp = -M^-1 dr/dp``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.equations.closure import Closed, Loops
+from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.kinematics import coordinates
+from screwgauge.reference.equations.ops import TRACE
+from screwgauge.reference.equations.rounding import squares
+from screwgauge.reference.graph import Edge, Layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.parameters import Subject, geometric
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.derivatives import adjoints
+from screwgauge.reference.traced.program import Program, program
+from screwgauge.reference.traced.trace import Node, Scalar, Trace
+from screwgauge.reference.traced.tracing import dependent
+
+#: Emitted with every sample, as squares without dimension: the last step of Newton's method, the step that would
+#: follow it, and what all rows are open by.
+CHECKS = ("step", "next", "open")
+#: Steps of Newton's method; further ones take the matrix of the last, which is as near as makes no difference by then.
+NEWTON = 2
+#: Nodes that a trace may have: derivatives make some times as many as quantities.
+MOST = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Closed poses of the nominal machine in motion.
+
+    Attributes:
+        y, yd, ydd: Independent coordinates and derivatives. Shape (n, k).
+        q: All joint coordinates. Shape (n, n_q).
+    """
+
+    y: Array
+    yd: Array
+    ydd: Array
+    q: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+class Symbols:
+    """A trace of the equations at poses near those of the nominal machine, whose numbers are inputs.
+
+    Inputs are y, yd, ydd, time, the dependent coordinates that Newton's method starts from, angles of joints that close
+    loops, which say what of several equal angles is meant, and the numbers.
+
+    Attributes:
+        loops: Those of the machine of symbols; nothing rests where placements are among the numbers.
+        predicted, near: Columns of the dependent coordinates, and of those angles.
+        at: The machine in motion after all steps.
+    """
+
+    def __init__(
+        self,
+        loops: Loops,
+        applied: Applied,
+        nominal: Mapping[str, float],
+        anchors: Samples,
+        *,
+        steps: int,
+        axial: bool = False,
+    ) -> None:
+        """Traces the equations.
+
+        Args:
+            loops: Of the nominal machine.
+            nominal: Numbers that become inputs.
+            anchors: Where pivots are chosen.
+            steps: Of Newton's method; with none the pose is taken to be closed.
+        """
+        n, self.trace = len(anchors), Trace(MOST)
+        self.trace.kept = np.ones(n, dtype=bool)
+        if any(map(geometric, nominal)):
+            loops = Loops(loops.lay, ())
+        self.predicted, mechanism = dependent(loops), loops.lay.mechanism
+        self.y, self.yd, self.ydd = (self._inputs(array.T) for array in (anchors.y, anchors.yd, anchors.ydd))
+        (self.t,) = self._inputs(np.zeros((1, n)))
+        self.near = [c for c in loops.owner if loops.lay.turns[c]]
+        self.start, near = (self._inputs(anchors.q[:, columns].T) for columns in (self.predicted, self.near))
+        self.numbers = self._inputs(
+            np.full((len(nominal), n), [[x] for x in nominal.values()]).reshape(len(nominal), n)
+        )
+        values = dict(zip(nominal, self.numbers, strict=True))
+        loads = tuple(load.at(self.t, TRACE.cos, TRACE.sin) for load in applied.loads)
+        subject = Subject(mechanism, replace(applied, loads=loads)).with_numbers(values, symbolic=True)
+        self.loops = _of_symbols(loops, subject.mechanism)
+        self.folds = [float(x.flat[0]) for x in loops.folds(anchors.q)]
+        self.last: Array | None = None
+        q = mechanism.home.astype(object)
+        q[self.predicted], q[loops.y_columns] = self.start, self.y
+        solver: Closed | None = None
+        for step in range(steps if self.predicted else 0):
+            at = Closed(self.loops, coordinates(q, TRACE), self.folds, TRACE)
+            solver = solver if solver is not None and step >= NEWTON else at
+            self.last = at.spread(solver.system.solve(-at.residual(self.y)))
+            q = q + self.last
+        self.at = Dynamics(self.loops, coordinates(q, TRACE), self.yd, self.ydd, self.folds, TRACE, subject.applied)
+        self.at.near, self.at.axial, self.at.t = dict(zip(self.near, near, strict=True)), axial, self.t
+
+    def _inputs(self, rows: Array) -> Array:
+        return np.array([self.trace.input(np.ascontiguousarray(row)) for row in rows], dtype=object)
+
+    @property
+    def reached(self) -> list[Scalar]:
+        """The dependent coordinates after all steps."""
+        return [self.at.q[c] for c in self.predicted]
+
+    def checks(self) -> list[Scalar]:
+        """See `CHECKS`."""
+        if not self.predicted:
+            return [0.0, 0.0, 0.0]
+        loops, residual = self.loops, self.at.residual(self.y)
+        moving = loops.columns[: loops.moving]
+        following = self.at.spread(self.at.system.solve(-residual))
+        last = 0.0 if self.last is None else squares(self.last[moving], loops.sizes[moving])
+        return [last, squares(following[moving], loops.sizes[moving]), squares(residual, loops.unit)]
+
+    def program(self, outputs: Sequence[Scalar]) -> Program:
+        return program(len(self.trace.inputs), outputs)
+
+
+def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
+    """The same loops of a mechanism with other numbers, lengths and units being those of the nominal one."""
+    joints, lay = {joint.name: joint for joint in mechanism.joints}, loops.lay
+    edges = tuple(Edge(joints[edge.joint.name], edge.near) for edge in lay.edges)
+    other = Layout(mechanism, edges, tuple(joints[joint.name] for joint in lay.cuts))
+    vars(other).update(path=lay.path, loop=lay.loop, columns=lay.columns, turns=lay.turns)
+    made = copy(loops)
+    made.lay, made.cuts = other, other.cuts
+    return made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sparse:
+    """A matrix of which most entries are zero, as a program of the others.
+
+    Attributes:
+        places: Row and column of each output.
+        shape: Of the matrix.
+    """
+
+    program: Program
+    places: tuple[tuple[int, int], ...]
+    shape: tuple[int, int]
+
+    def filled(self, entries: Array) -> Array:
+        """The matrix at samples, from outputs of shape (len(places), n). Shape (n, *shape)."""
+        out = np.zeros((entries.shape[1], *self.shape))
+        for (i, k), values in zip(self.places, entries, strict=True):
+            out[:, i, k] = values
+        return out
+
+
+def residual_slopes(symbols: Symbols) -> Sparse:
+    """Derivative of the rows of the loops by the numbers, at a closed pose (`Symbols` with no steps)."""
+    residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
+    places, entries = list[tuple[int, int]](), list[Scalar]()
+    for i, row in enumerate(residual):
+        for k, slope in enumerate(adjoints([(row, 1.0)], numbers) if isinstance(row, Node) else ()):
+            if isinstance(slope, Node) or slope:
+                places.append((i, k))
+                entries.append(slope)
+    return Sparse(symbols.program(entries), tuple(places), (len(residual), len(numbers)))
+
+
+def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:
+    """Derivative of a weighted sum of quantities by the numbers, loops closing anew.
+
+    By the implicit function theorem: ``dr/dq dq/dp = -dr/dp``, so that the sum's slope by q is pulled back once
+    through the transposed equations of the loops, by the factors at hand.
+
+    Args:
+        symbols: At a closed pose, traced without steps.
+    """
+    numbers, start = [*symbols.numbers], [*symbols.start]
+    pairs = [*zip(values, weights, strict=True)]
+    slopes = adjoints(pairs, numbers + start)
+    direct, by_pose = slopes[: len(numbers)], slopes[len(numbers) :]
+    if not start:
+        return direct
+    loops, residual = symbols.loops, symbols.at.residual(symbols.y)
+    right = np.zeros(len(symbols.at.q), dtype=object)
+    right[symbols.predicted] = by_pose
+    back = symbols.at.system.solve_transposed(right[loops.columns])
+    through = adjoints([(row, -x) for row, x in zip(residual, back, strict=True)], numbers)
+    return [a + b for a, b in zip(direct, through, strict=True)]

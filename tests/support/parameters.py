@@ -1,0 +1,56 @@
+"""Numbers of machines by name, and derivatives by them without any traced derivative."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge import Scene
+from screwgauge.engines.screw.nominal import COSTS, stacked
+from screwgauge.engines.screw.variants import Variants
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.graph import layout
+from screwgauge.reference.parameters import Subject, numbers
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import OPERATIONS
+
+#: Steps of Newton's method through which complex steps go, and their size.
+STEPS, STEP = 6, 1e-30
+
+
+def gaps_open(scene: Scene, names: tuple[str, ...], step: float = 1e-6) -> dict[str, float]:
+    """Number -> how far loops open per change of it, less what motions of the joints close, by central differences."""
+    lay, known = layout(scene.mechanism), numbers(scene.mechanism)
+    free = loop_equations(lay)
+    q = positions(lay, scene.motion.y, scene.t)
+    A = free.matrix(q)
+    back, opened = np.linalg.pinv(A, rcond=1e-10), dict[str, float]()
+    for name in names:
+        ends = []
+        for sign in (1.0, -1.0):
+            changed = Subject(scene.mechanism, scene.applied).with_numbers({name: known[name] + sign * step}).mechanism
+            system = loop_equations(layout(changed))
+            ends.append(system.closed(q).residual(q[:, system.y_columns]) / free.unit)
+        slope = (ends[0] - ends[1]) / (2.0 * step)
+        left = slope - (A @ (back @ slope[..., None]))[..., 0]
+        opened[name] = float(np.abs(left).max())
+    return opened
+
+
+def complex_numbers(variants: Variants, motion: GivenMotion, k: int) -> Array:
+    """Derivative of all values by number k, by a complex step. Shape (n, m)."""
+    machine = variants._machine
+    symbols = machine.symbols(variants._known, STEPS)
+    program = symbols.program(machine.outputs(symbols))
+    poses = machine.at(motion.y, motion.yd, motion.ydd, None)
+    values = [*stacked(symbols, poses, variants.nominal).astype(complex)]
+    row = len(values) - len(variants.names) + k
+    values[row] = values[row] + 1j * STEP
+    for op, args in program.code:
+        values.append(OPERATIONS[op](*(values[x] if isinstance(x, int) else x for x in args)))
+    out = [values[x] if isinstance(x, int) else x + 0j for x in program.outputs]
+    return np.array([np.broadcast_to(np.imag(x), len(motion)) for x in out]).T / STEP
+
+
+__all__ = ["COSTS", "complex_numbers", "gaps_open"]
