@@ -235,6 +235,14 @@ def test_hinges_between_the_same_bodies_follow_each_other_and_it_is_said(tmp_pat
     assert "j, k" in found.remarks[0]
 
 
+def test_two_hinges_of_a_door_are_one_freedom(tmp_path):
+    high = "point3f physics:localPos0 = (0, 2, 0)\npoint3f physics:localPos1 = (0, 2, 0)\n"
+    door = HINGE + HINGE.replace('"j"', '"k"').replace("uniform", f"{high}uniform")
+    (tmp_path / "m.usda").write_text(stage(body("a") + door), encoding="utf-8")
+    assert not read(tmp_path / "m.usda", "screwgauge").remarks
+    assert [*import_model(tmp_path / "m.usda").mechanism.independent] == ["j"]
+
+
 def test_what_is_excluded_from_the_articulation_closes_a_loop(tmp_path):
     slide = 'uniform token physics:axis = "X"\nbool physics:excludeFromArticulation = 1'
     bodies = body("a") + body("b", "1, 0, 0")

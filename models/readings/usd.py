@@ -99,16 +99,20 @@ def read_usd(path: Path, name: str) -> Reading:
 
 
 def _in_series(joints: Mapping[str, GraphJoint]) -> tuple[dict[str, GraphJoint], list[str]]:
-    """Joints of which several between the same two bodies are one, as Newton reads them, and a sentence on these."""
+    """Joints of which several between the same two bodies are one, as Newton reads them, and a sentence on these.
+
+    Those that repeat a freedom, as two hinges of a door do, are no series: they close a loop.
+    """
     found, pairs = dict[str, GraphJoint](), dict[tuple[str, str], list[str]]()
     for name, joint in joints.items():
-        if joint.loop or not joint.freedoms:
+        same = pairs.get((joint.parent, joint.child), [])
+        freedoms = {**found[same[0]].freedoms, **joint.freedoms} if same else joint.freedoms
+        screws = np.array([freedom.screw for freedom in freedoms.values()])
+        if joint.loop or not freedoms or (same and np.linalg.matrix_rank(screws, ROUNDING) < len(screws)):
             found[name] = joint
             continue
-        same = pairs.setdefault((joint.parent, joint.child), [])
-        same.append(name)
-        first = found.get(same[0], joint)
-        found[same[0]] = replace(first, freedoms={**first.freedoms, **joint.freedoms})
+        pairs[joint.parent, joint.child] = [*same, name]
+        found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
     several = [names for names in pairs.values() if len(names) > 1]
     return found, [
         f"Joints {', '.join(names)} join the same bodies: they are read as one after the other." for names in several
@@ -215,7 +219,7 @@ class _Stage:
             matter = self.stated(prim, scale, whole)
         if value(prim, "physics:kinematicEnabled"):
             self.content.append(Content("bodies moved from outside", "kinematic body", f" {name}"))
-        return link(matter, T, weightless=value(prim, "physxRigidBody:disableGravity", False))
+        return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
         """Matter of a body or collider: as the file states it, and the rest as shapes have it."""
