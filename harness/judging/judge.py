@@ -10,13 +10,13 @@ import pandas as pd
 
 from screwgauge.judging import residuals
 from screwgauge.judging.answer import Answer, answer_at, largest, timed
+from screwgauge.judging.idle import idle_residuals, least_inertia, of_bodies
 from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
 from screwgauge.judging.trust import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
@@ -106,6 +106,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
         if not some.has("joint_velocity"):
             yield from closure(some, motion, [2])
     yield from body_motions(whole)
+    yield from idle_residuals(some, motion)
     if forces:
         yield from _forces(whole, some, admissible)
     if whole.has("resistance"):
@@ -198,7 +199,7 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
             answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_few(rows)])
             sizes = _summands(answer)
             if isinstance(problem.task, GivenMotion) and problem.task.idle:
-                push = sizes["N m"] / residuals.least_inertia(answer, admissible, [*problem.task.idle])
+                push = sizes["N m"] / least_inertia(answer, admissible, problem.task.idle)
                 pushed = {"rad/s^2": push, "m/s^2": push * answer.scales["m"]}
                 sizes |= {unit: max(size, sizes[unit]) for unit, size in pushed.items()}
             found.append(sizes)
@@ -235,22 +236,5 @@ def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) 
         still = answer.moving(joints)
         joints[2] = admissible.joints(given.ydd, residual(still.tree, still.states, still.motion, 2))
         if given.idle:
-            joints[2] += _of_idle(answer.moving(joints), admissible, [*given.idle])
+            joints[2] += of_bodies(answer.moving(joints), admissible, given.idle)
     return answer.moving(joints)
-
-
-def _of_idle(answer: Answer, admissible: AdmissibleMotion, idle: list[int]) -> Array:
-    """What accelerations of idle coordinates, which are the engine's own, add to those given: as bodies say. (n, n_q).
-
-    Args:
-        answer: With the accelerations that are given.
-    """
-    n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
-    for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
-        if answer.has(name := BODY_MOTION[what]):
-            missing.append((answer[name] - residuals.body_motion(answer, what).reshape(n, -1)) / size)
-            columns.append(admissible.bodies[:, :, part][..., idle].reshape(n, -1, m) / size)
-    if not missing:
-        return np.zeros_like(answer.q)
-    x = np.linalg.pinv(np.concatenate(columns, axis=1)) @ np.concatenate(missing, axis=1)[..., None]
-    return np.asarray((admissible.partial[..., idle] @ x)[..., 0])

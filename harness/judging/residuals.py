@@ -178,19 +178,11 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
 
-def _inertia(answer: Answer, admissible: AdmissibleMotion) -> Array:
+def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
     """Inertia of all bodies and rotors in the motions that the loops admit. Shape (n, k, k)."""
     partial = admissible.partial
     M = inertia(answer.motion) + np.diag(answer.mechanism.rotors)
     return np.asarray(partial.swapaxes(1, 2) @ M @ partial)
-
-
-def least_inertia(answer: Answer, admissible: AdmissibleMotion, numbers: list[int]) -> float:
-    """The smallest inertia of some of the independent coordinates at any sample [kg m^2]."""
-    mechanism, L = answer.mechanism, answer.scales["m"]
-    size = np.array([arm(mechanism.units[column], L) for column in mechanism.independent_columns])
-    own = np.diagonal(_inertia(answer, admissible), axis1=1, axis2=2) * size**2
-    return max(float(own[:, numbers].min()), np.finfo(float).tiny)
 
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
@@ -198,7 +190,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     mechanism, length = answer.mechanism, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
-    M = _inertia(answer, admissible)
+    M = inertia_of(answer, admissible)
     right = M[(..., *np.triu_indices(M.shape[-1]))]
     missing = answer.values["mass_matrix"].pick(names).array - right
     load = largest(right / [arm(unit, length) for unit in units])

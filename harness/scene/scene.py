@@ -282,7 +282,7 @@ class Scene:
     def _moves_as(self, table: dict[str, Any]) -> bool:
         """Whether the scene moves as in the table; False for samples, and for what follows from forces, whose doubles
         are what is meant."""
-        if "csv" in table or isinstance(self.drive, Followed):
+        if "csv" in table or {*table} != {*self.mechanism.independent}:
             return False
         stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
         pairs = ((motion.y, stated.y), (motion.yd, stated.yd), (motion.ydd, stated.ydd))

@@ -1,0 +1,171 @@
+"""Coordinates that no actuator drives: is their motion the one that the forces make?
+
+Their accelerations are solved here once more, by the witness. Integrated over some steps of the given motion, they have
+to lead from its rates to its rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.judging import residuals
+from screwgauge.judging.answer import Answer
+from screwgauge.judging.residual import Residuals
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import BODY_MOTION, FORCE, G0, arm
+from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
+
+#: Steps that are looked at, and points of each at which accelerations are solved.
+STEPS, POINTS = 5, 8
+#: Largest share of the time in which anything turns by a radian that a step takes: eight points leave rounding.
+SHARE = 0.25
+#: Steps of Newton's method from the pose of a sample.
+NEWTON = 6
+#: What counts of the largest force in the work on a motion that does not meet it: some units in the last place, over
+#: the tolerance of residuals.
+ROUNDED = 1e-3
+_ABOUT = ("joint_acceleration", *BODY_MOTION.values())
+
+
+def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
+    """Motions of y that move no actuator, one for each idle coordinate. Shape (n, k, m)."""
+    B = admissible.partial[:, answer.mechanism.actuated_columns]
+    given = [k for k in range(B.shape[2]) if k not in idle]
+    N = np.zeros((len(B), B.shape[2], len(idle)))
+    N[:, [*idle]] = np.eye(len(idle))
+    N[:, given] = -np.linalg.pinv(B[..., given], rcond=1e-9) @ B[..., [*idle]]
+    return N
+
+
+def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
+    """What accelerations of idle coordinates add to those that are given, as an engine says of bodies. Shape (n, n_q).
+
+    Args:
+        answer: With the accelerations that are given.
+    """
+    n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
+    for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
+        if answer.has(name := BODY_MOTION[what]):
+            missing.append((answer[name] - residuals.body_motion(answer, what).reshape(n, -1)) / size)
+            columns.append(admissible.bodies[:, :, part][..., [*idle]].reshape(n, -1, m) / size)
+    if not missing:
+        return np.zeros_like(answer.q)
+    x = np.linalg.pinv(np.concatenate(columns, axis=1)) @ np.concatenate(missing, axis=1)[..., None]
+    return np.asarray((admissible.partial[..., [*idle]] @ x)[..., 0])
+
+
+def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> float:
+    """The smallest inertia of some of the independent coordinates at any sample [kg m^2]."""
+    mechanism, L = answer.mechanism, answer.scales["m"]
+    size = np.array([arm(mechanism.units[column], L) for column in mechanism.independent_columns])
+    own = np.diagonal(residuals.inertia_of(answer, admissible), axis1=1, axis2=2) * size**2
+    return max(float(own[:, [*idle]].min()), float(np.finfo(float).tiny))
+
+
+def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
+    """Residuals of the accelerations of idle coordinates, if they are the engine's own, and of their motion.
+
+    Args:
+        answer: With all joint coordinates, rates and accelerations.
+        given: The motion at the same samples.
+    """
+    if given.idle:
+        if any(answer.has(name) for name in _ABOUT):
+            yield from _balance(answer, given.idle)
+        if given.drive is not None:
+            yield from _motion(answer, given, given.drive)
+
+
+def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
+    """Work of what the bodies require on motions that move no actuator: nothing can do it."""
+    missing, terms = _work(answer, _admitted(answer), idle)
+    mechanism = answer.mechanism
+    labels, columns = [*mechanism.independent], mechanism.independent_columns
+    units = [mechanism.units[columns[k]] for k in idle]
+    for unit in dict.fromkeys(units):
+        some = [j for j, has in enumerate(units) if has == unit]
+        names = [labels[idle[j]] for j in some]
+        yield answer.residual("idle_balance", FORCE[unit], names, missing[:, some], float(terms[some].max()), _ABOUT)
+
+
+def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> tuple[Array, Array]:
+    """Work of what the bodies require on motions that move no actuator, shape (n, m), and its largest terms, (m,).
+
+    Rounding of these motions works against the whole weight, though a rod that spins weighs on its bearings alone.
+    """
+    required, sizes = residuals.required_wrenches(answer)
+    load = residuals.levelled(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
+    bodies = admissible.bodies @ neutral(answer, admissible, idle)[:, None]
+    terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies))
+    columns = [answer.mechanism.independent_columns[k] for k in idle]
+    arms = np.array([arm(answer.mechanism.units[column], answer.scales["m"]) for column in columns])
+    return np.einsum("nbx,nbxj->nj", required, bodies), np.maximum(terms.max(axis=0), ROUNDED * load / arms)
+
+
+def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMotion]) -> Residuals:
+    """Rates of idle coordinates after a step less those before it and the integral of their accelerations."""
+    rows = np.unique(np.linspace(0, len(given) - 1, STEPS).astype(int))
+    h = _steps(answer, given)[rows]
+    x, weights = np.polynomial.legendre.leggauss(POINTS)
+    inside = replace(drive((given.t[rows] + 0.5 * h * (1.0 + x[:, None])).ravel()), idle=given.idle)
+    a, push = _accelerations(_at(answer, inside, np.tile(rows, POINTS)), inside)
+    gained = 0.5 * h[:, None] * np.einsum("p,prm->rm", weights, a.reshape(POINTS, len(rows), -1))
+    missing = (drive(given.t[rows] + h).yd - given.yd[rows])[:, [*given.idle]] - gained
+    mechanism, some = answer.mechanism, replace(answer, t=given.t[rows])
+    labels, units = [*mechanism.independent], [mechanism.units[column] for column in mechanism.independent_columns]
+    for unit in dict.fromkeys(units[k] for k in given.idle):
+        part = [j for j, k in enumerate(given.idle) if units[k] == unit]
+        size = max(answer.fastest(1, f"{unit}/s"), float(np.abs(h).max() * push[part].max()))
+        names = [labels[given.idle[j]] for j in part]
+        yield some.residual("idle_motion", f"{unit}/s", names, missing[:, part], size, ())
+
+
+def _steps(answer: Answer, given: GivenMotion) -> Array:
+    """Durations of steps from each sample, at most to the next one, back from the last [s]. Shape (n,)."""
+    fall = (G0 / answer.scales["m"]) ** 0.5
+    speed = max(fall, answer.fastest(1, "rad/s"), answer.fastest(2, "rad/s^2") ** 0.5)
+    h = np.full(len(given), SHARE / speed)
+    if len(given) > 1:
+        gaps = np.diff(given.t)
+        h = np.minimum(h, np.append(gaps, gaps[-1]))
+        h[-1] *= -1.0
+    return h
+
+
+def _at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
+    """An answer at other states of a motion, closed from the poses of some of its samples. Shape (n,)."""
+    mechanism = answer.mechanism
+    joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
+    joints[0] = answer.q[rows]
+    other = replace(answer, t=given.t, values={}).moving(joints)
+    for _ in range(NEWTON):
+        gaps = residual(other.tree, other.states, other.motion)
+        missing = given.y - other.q[:, mechanism.independent_columns]
+        joints[0] += _admitted(other).joints(missing, gaps)
+        other = other.moving(joints)
+    admissible = _admitted(other)
+    joints[1] = admissible.joints(given.yd)
+    other = other.moving(joints)
+    still = given.ydd * ~np.isin(np.arange(given.ydd.shape[1]), given.idle)
+    joints[2] = admissible.joints(still, residual(other.tree, other.states, other.motion, 2))
+    return other.moving(joints)
+
+
+def _admitted(answer: Answer) -> AdmissibleMotion:
+    mechanism = answer.mechanism
+    return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
+
+
+def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
+    """Accelerations of idle coordinates, solved, shape (n, m), and the largest of what they are sums of, shape (m,)."""
+    idle, admissible = [*given.idle], _admitted(answer)
+    missing, terms = _work(answer, admissible, idle)
+    M = residuals.inertia_of(answer, admissible)[..., idle]
+    own = np.diagonal(M[:, idle], axis1=1, axis2=2).min(axis=0)
+    back = neutral(answer, admissible, idle).swapaxes(1, 2)
+    x = -np.linalg.solve(back @ M, missing[..., None])[..., 0]
+    return np.asarray(x, dtype=float), np.asarray(terms / np.maximum(own, np.finfo(float).tiny))
