@@ -5,6 +5,7 @@ The equations are those of the package `equations`; closed poses come from the p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -126,6 +127,23 @@ class ClosedMotion(Forward):
         for spring in self.applied.springs:
             if isinstance(spring, PointSpring) and not np.all(distance(self, spring) > 0.0):
                 raise spring.no_direction()
+
+
+def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
+    """Numbers of the independent coordinates that actuators drive at home, those of actuators themselves first.
+
+    Args:
+        among: Those that are looked at; all by default.
+    """
+    mechanism, k = lay.mechanism, len(lay.mechanism.independent)
+    if "driven" not in lay.kept:
+        lay.kept["driven"] = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
+    rows, driven = lay.kept["driven"], list[int]()
+    own = [column in mechanism.actuated_columns for column in mechanism.independent_columns]
+    for i in sorted(among or range(k), key=lambda i: not own[i]):
+        if linear.rank(rows[:, [*driven, i]]) > len(driven):
+            driven.append(i)
+    return driven
 
 
 def motion_at(

@@ -209,3 +209,18 @@ def test_judge_sees_a_motion_that_forces_do_not_make(cart):
     solution = screwgauge.run(other, engines=["screw"]).solutions["screw"]
     table = judge(scene.mechanism, replace(scene.problem([*solution.values]), task=mixed), solution)
     assert "idle_motion" in set(table["residual"][~table["ok"]])
+
+
+@pytest.mark.parametrize("backend", ["numpy", "llvm"])
+def test_programs_solve_idle_accelerations(cart, backend):
+    scene = cart()
+    motion = scene.motion
+    solver = screwgauge.compile(scene, ("actuator_force", "joint_acceleration"), backend=backend)
+    assert not solver.notes
+    asked = motion.ydd.copy()
+    asked[:, 1] = 7.0  # of no account
+    answer = solver(motion.y.copy(), motion.yd.copy(), asked)
+    assert not answer.by_array
+    np.testing.assert_allclose(answer["joint_acceleration"], motion.ydd, rtol=0, atol=IDLE_MOTION)
+    force = screwgauge.run(scene, engines=["screw"]).values("actuator_force", "screw")
+    np.testing.assert_allclose(answer["actuator_force"], force, rtol=0, atol=IDLE_MOTION)

@@ -12,11 +12,10 @@ import numpy as np
 
 from screwgauge.models.home import check_home
 from screwgauge.problem import GivenMotion
-from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch
 from screwgauge.reference.closed.loops import home_equations
-from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.closed_motion import driven_at_home, motion_at
 from screwgauge.reference.equations.screws import transpose
 from screwgauge.reference.errors import ClosureError, DescriptionError, first_few
 from screwgauge.reference.expressions import number
@@ -103,35 +102,23 @@ def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> N
     Raises:
         DescriptionError: A coordinate without a motion is driven, or one with a motion is not.
     """
-    every, rows = [*mechanism.independent], _rates(mechanism)
-    given, rank = [every.index(label) for label in labels], linear.rank(rows)
+    lay, every = check_home(mechanism), [*mechanism.independent]
+    given = [every.index(label) for label in labels]
+    driven = driven_at_home(lay, given)
     for k, label in enumerate(every):
-        if label not in labels and linear.rank(rows[:, [*given, k]]) > linear.rank(rows[:, given]):
+        if label not in labels and len(driven_at_home(lay, [*given, k])) > len(driven):
             required({}, label, where)
-    undriven = [label for label in labels if label in undriven_labels(mechanism)]
-    if len(given) > rank:
-        names = first_few((f"'{label}'" for label in undriven), 4)
+    if len(driven) < len(given):
+        names = first_few((f"'{every[k]}'" for k in given if k not in driven), 4)
         raise DescriptionError(
             f"no actuator drives {names}", where, "leave it out of [motion]: its motion follows from the forces"
         )
 
 
 def undriven_labels(mechanism: Mechanism) -> list[str]:
-    """Independent coordinates that actuators do not drive at home, those that are no actuators' own first."""
-    rows, labels, driven = _rates(mechanism), [*mechanism.independent], list[int]()
-    own = [column in mechanism.actuated_columns for column in mechanism.independent_columns]
-    for k in sorted(range(len(labels)), key=lambda k: not own[k]):
-        if linear.rank(rows[:, [*driven, k]]) > len(driven):
-            driven.append(k)
-    return [label for k, label in enumerate(labels) if k not in driven]
-
-
-def _rates(mechanism: Mechanism) -> Array:
-    """Rates of the actuators per rate of each independent coordinate at home, without dimension. (n_act, k)."""
-    lay = check_home(mechanism)
-    at = motion_at(lay, mechanism.home[None], np.zeros((1, len(mechanism.independent))))
-    sizes = at.loops.sizes
-    return np.asarray(at.B[0] * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None])
+    """Independent coordinates that actuators do not drive at home."""
+    driven = driven_at_home(check_home(mechanism))
+    return [label for k, label in enumerate(mechanism.independent) if k not in driven]
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,9 +72,9 @@ class Forward(Dynamics):
     def neutral(self) -> Array:
         """Motions of y that move no actuator, one for each idle coordinate, whose rate is one. Shape (..., k, m)."""
         unit, idle, driven = self.loops.sizes[self.loops.y_columns], [*self.idle], self.driven
-        N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self._rates[..., idle]
-        if self._redundant_rates:
-            moved = transpose(self._rates[..., driven]) @ moved
+        N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self.rates_of_actuators[..., idle]
+        if self._oversteered:
+            moved = transpose(self.rates_of_actuators[..., driven]) @ moved
         for j, i in enumerate(idle):
             N[..., driven, j] = self.steering.solve(moved[..., j]) * unit[driven] / unit[i]
             N[..., i, j] = 1.0
@@ -83,17 +83,17 @@ class Forward(Dynamics):
     @cached_property
     def steering(self) -> System:
         """Rates of actuators per rate of the coordinates that they drive, or their square, without dimension."""
-        B = self._rates[..., self.driven]
-        return self.ops.square(transpose(B) @ B if self._redundant_rates else B)
+        B = self.rates_of_actuators[..., self.driven]
+        return self.ops.square(transpose(B) @ B if self._oversteered else B)
 
     @cached_property
-    def _rates(self) -> Array:
+    def rates_of_actuators(self) -> Array:
         """B without dimension. Shape (..., n_act, k)."""
         sizes = self.loops.sizes
         return self.B * sizes[self.loops.y_columns] / sizes[self.mechanism.actuated_columns, None]
 
     @property
-    def _redundant_rates(self) -> bool:
+    def _oversteered(self) -> bool:
         return len(self.mechanism.actuator_names) > len(self.driven)
 
     @cached_property

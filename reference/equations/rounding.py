@@ -90,6 +90,20 @@ def drive_gain(at: Dynamics) -> Any:
     return at.ops.sqrt(squares) if at.surplus else squares
 
 
+def idle_gain(at: Forward) -> Any:
+    """Square of the inertia of bodies that idle coordinates turn, at the length of the mechanism, over what resists.
+
+    Of the worst of them, times the condition of all. It is as `idle_rounding`, in few operations. Shape (...).
+    """
+    mechanism, L, m = at.mechanism, at.loops.length, len(at.idle)
+    whole = mechanism.masses * L**2 + np.trace(mechanism.inertias, axis1=1, axis2=2)
+    (v, w), sizes = (part[..., [*at.idle], :, :] for part in at.partial_motion), at.idle_sizes
+    moved = (v * v).sum(-1) / L**2 + (w * w).sum(-1)
+    share = (moved * whole).sum(-1) / (sizes * sizes)
+    worst = reduce(at.ops.maximum, [share[..., j] for j in range(m)]) * at.idle_masses.response(np.ones(m)).sum(-1)
+    return worst * worst
+
+
 def idle_rounding(at: Forward) -> Array:
     """Errors of the accelerations of idle coordinates over eps, without dimension, over floats. Shape (n, m).
 

@@ -20,7 +20,7 @@ from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward as Response
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE
-from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, squares
+from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, idle_gain, squares
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.points import Point
 from screwgauge.reference.traced.program import Program, program
@@ -80,6 +80,7 @@ class TracedQuantities:
         tree: Coordinates of that tree.
         loaded: Whether the loads are inputs, the last: force and torque of each.
         points: Named ones.
+        idle, resting: Numbers of the coordinates that no actuator drives, see `Dynamics`.
     """
 
     quantities: Collection[str]
@@ -88,6 +89,8 @@ class TracedQuantities:
     tree: Sequence[int] = ()
     loaded: bool = False
     points: tuple[Point, ...] = ()
+    idle: tuple[int, ...] = ()
+    resting: tuple[int, ...] = ()
 
 
 def traced(
@@ -140,8 +143,9 @@ def _traced(
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
-    motion = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
+    motion = Response(loops, at, yd, ydd, folds, TRACE, applied)
     motion.near, motion.t, motion.axial, motion.points = near, t, wanted.axial, wanted.points
+    motion.idle, motion.resting = wanted.idle, wanted.resting
     reached = [at.q[c] for c in guess] + [motion.w[c] for c in guess]
     outputs = {"reached": reached} | quantities(motion, wanted)
     checks = _checks(motion, y, guess, outputs)
@@ -215,7 +219,7 @@ def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
 
 
 def _checks(
-    at: Dynamics, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
+    at: Response, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
 ) -> dict[str, list[Any]]:
     """Per-sample diagnostics, see `CHECKS`."""
     loops, by = at.loops, extent(at.loops.lay)
@@ -234,6 +238,8 @@ def _checks(
         "speed": squares(at.w[moving], loops.sizes[moving]),
         "rush": squares(at.beta[moving], loops.sizes[moving]),
     }
+    if at.idle:
+        numbers["drive"] = TRACE.maximum(numbers["drive"], idle_gain(at))
     return {name: [numbers[name]] for name in CHECKS}
 
 

@@ -119,7 +119,8 @@ class Solver:
         """Answers samples in any order: a function of each row, whatever came before.
 
         Args:
-            y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives; second ones of what no actuator drives do
+                not count. Shape (n, k).
             t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
             load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
                 (n, 6 n_load).

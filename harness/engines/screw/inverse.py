@@ -10,6 +10,7 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import Part, Trust, amplified, examined
+from screwgauge.engines.screw.programs import left_to_forces
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import ACTUATED, OF_MOTION, QUANTITIES, Names, component_names, stages
@@ -66,6 +67,7 @@ class Work:
         self.loops = self.mode.system
         self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
+        self.idle, self.resting = left_to_forces(lay, problem)
 
     def predict(self, motion: GivenMotion) -> Poses:
         """Predictions of samples that follow those before."""
@@ -111,7 +113,8 @@ class Work:
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
-            at.axial, at.points, at.idle = problem.rule == "spherical_axial", problem.points, motion.idle
+            at.axial, at.points = problem.rule == "spherical_axial", problem.points
+            at.idle, at.resting = self.idle, self.resting
         out, conditions = dict[str, Array](), dict[str, Array]()
         moving = loops.unknown
         speed: Array | float = 0.0

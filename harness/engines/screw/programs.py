@@ -14,10 +14,20 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import NDArray
 
-from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
+from screwgauge.engines.error_estimate import (
+    ACCELERATED,
+    CLEAR,
+    CLEAR_FORCES,
+    Part,
+    Trust,
+    absolute,
+    by_powers,
+    summand,
+)
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import ACTUATED, arm
 from screwgauge.reference import linear
+from screwgauge.reference.closed_motion import driven_at_home
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
@@ -56,6 +66,7 @@ class Bounds:
 
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
+        self.idle = bool(left_to_forces(lay, problem)[0])
         self.stretch = extent(lay).stretch
         # all weights and loads [N]
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + _largest(problem, length)
@@ -78,6 +89,9 @@ class Bounds:
         if self.wanted & ACTUATED:
             driven = "actuator_force", "axis_moment", "jacobian"
             forces |= dict.fromkeys(driven, SAFETY * apply("max", out["drive"], 1.0))
+        if self.idle:
+            drive = SAFETY * apply("max", out["drive"], 1.0)
+            forces |= {name: apply("max", drive, forces.get(name, 1.0)) for name in ACCELERATED}
         numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
         return Trust(CONDITION * gain, gain, *numbers)
 
@@ -296,14 +310,26 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
     return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 
+def left_to_forces(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Numbers of the independent coordinates that no actuator drives: idle ones, and others of a motion, which rest."""
+    if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
+        return (), ()
+    idle, k = problem.task.idle, len(lay.mechanism.independent)
+    others = [i for i in range(k) if i not in idle]
+    driven = driven_at_home(lay, others)
+    # too few actuators for a motion that leaves nothing to the forces come as near as they can
+    rest = [i for i in others if i not in driven] if idle or len(lay.mechanism.actuator_names) > len(driven) else []
+    return idle, tuple(rest)
+
+
 def check_traceable(lay: Layout, problem: Problem) -> None:
     """Refuses what no program answers.
 
     Raises:
         NotTraceableError: With the reason.
     """
-    mechanism = lay.mechanism
-    if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent):
+    mechanism, undriven = lay.mechanism, sum(map(len, left_to_forces(lay, problem)))
+    if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent) - undriven:
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
     if "mass_matrix" in problem.wanted:

@@ -91,7 +91,8 @@ class TracedWork:
             some, q = anchors(self.work, motion)
             shares, tree = open_tree(self.lay)
             axial, points = self.problem.rule == "spherical_axial", self.problem.points
-            wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points)
+            left = self.work.idle, self.work.resting
+            wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points, *left)
             samples = (some.y, some.yd, some.ydd, q)
             applied = self.problem.applied if self.varying is None else self.varying.at(some.t[:1])
             self.traced = traced(self.work.loops, applied, wanted, samples, self._further)
