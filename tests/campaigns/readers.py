@@ -56,8 +56,9 @@ class ReaderRow:
 
 
 def reader_matrix(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """A row for each file and library, a column for each field of `ReaderRow`."""
-    table = rows_in_turn([(model.name, partial(reader_rows, model)) for model in models], progress)
+    """A row for each URDF or MJCF and library, a column for each field of `ReaderRow`."""
+    both = [model for model in models if model.file.suffix in (".urdf", ".xml")]
+    table = rows_in_turn([(model.name, partial(reader_rows, model)) for model in both], progress)
     return frame(chain.from_iterable(table), columns_of(ReaderRow))
 
 
@@ -93,6 +94,8 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
     elif isinstance(first, Reading):
         two = compared(model.file, first, reading, floating=model.floating)
         torque, rigid, causes = two.torque, two.rigid, [*two.causes]
+    else:
+        causes = [f"{first.engine} does not read it"]
     dropped = [phrase for phrase in reading.ignored if phrase.endswith(" drops")]
     return replace(
         blank,
