@@ -171,6 +171,12 @@ def beyond(loops: Loops, q: Array) -> list[str]:
     return [name for name, (low, high) in limits(loops) if name in at and low < high and not low <= at[name] <= high]
 
 
+def _stopped(loops: Loops, q: Array) -> bool:
+    """True where a joint is at a limit, or outside."""
+    at = loops.values(q)
+    return any(name in at and low < high and not low < at[name] < high for name, (low, high) in limits(loops))
+
+
 def some(phrases: Sequence[str]) -> str:
     """The first of some phrases, and how many more there are."""
     return first_few(phrases, SHOWN)
@@ -196,8 +202,8 @@ def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
         if np.abs(wish).max() < 1e-6:
             break
         trial, left = loops.newton(loops.stepped(q, wish))
-        # within the limits room is worth less than a good condition
-        floor = REGULAR if beyond(loops, q) else min(least, WELL)
+        # within the limits room is worth less than a good condition, but at a limit nothing moves
+        floor = REGULAR if _stopped(loops, q) else min(least, WELL)
         worse = rank and _rank(loops, trial)[1] < floor
         if not left <= max(error, 1e-9) or worse or _lack(loops, trial) >= _lack(loops, q):
             break
