@@ -479,14 +479,13 @@ def test_limits_without_room_are_said_to_be_left_out(tmp_path):
     assert "Limits of 'hip' leave no room, and are left out." in imported.remarks
 
 
-HAND = """<mujoco model="hand"><compiler angle="radian"/><worldbody><body name="arm">
-<joint name="shoulder" axis="0 1 0"/><inertial pos="0 0 0.4" mass="1" diaginertia="0.1 0.1 0.1"/><body name="driver" pos="0 0.035 0.859">
-<joint name="driven" axis="1 0 0" range="0 0.85"/><inertial pos="0 0.02 0.02" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
-<body name="finger" pos="0 0.035 0.042"><joint name="tip" axis="-1 0 0" range="0 0.85"/>
-<inertial pos="0 0 0.02" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/></body></body><body name="knuckle" pos="0 0.02 0.874">
-<joint name="link" axis="1 0 0" range="0 0.85"/><inertial pos="0 0.02 0.02" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
-</body></body></worldbody><equality><connect body1="finger" body2="knuckle" anchor="0 -0.015 0.015"/></equality>
-</mujoco>"""
+SMALL = '<inertial pos="0 0.02 0.02" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>'
+HAND = f"""<mujoco model="hand"><compiler angle="radian"/><worldbody><body name="arm">
+<joint name="shoulder" axis="0 1 0"/><inertial pos="0 0 0.4" mass="1" diaginertia="0.1 0.1 0.1"/>
+<body name="driver" pos="0 0.035 0.859"><joint name="driven" axis="1 0 0" range="0 0.85"/>{SMALL}
+<body name="finger" pos="0 0.035 0.042"><joint name="tip" axis="-1 0 0" range="0 0.85"/>{SMALL}</body></body>
+<body name="knuckle" pos="0 0.02 0.874"><joint name="link" axis="1 0 0" range="0 0.85"/>{SMALL}</body></body></worldbody>
+<equality><connect body1="finger" body2="knuckle" anchor="0 -0.015 0.015"/></equality></mujoco>"""
 
 
 def test_a_loop_at_its_limits_gets_room_though_it_is_conditioned_worse_there(tmp_path):
