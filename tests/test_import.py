@@ -484,8 +484,8 @@ HAND = f"""<mujoco model="hand"><compiler angle="radian"/><worldbody><body name=
 <joint name="shoulder" axis="0 1 0"/><inertial pos="0 0 0.4" mass="1" diaginertia="0.1 0.1 0.1"/>
 <body name="driver" pos="0 0.035 0.859"><joint name="driven" axis="1 0 0" range="0 0.85"/>{SMALL}
 <body name="finger" pos="0 0.035 0.042"><joint name="tip" axis="-1 0 0" range="0 0.85"/>{SMALL}</body></body>
-<body name="knuckle" pos="0 0.02 0.874"><joint name="link" axis="1 0 0" range="0 0.85"/>{SMALL}</body></body></worldbody>
-<equality><connect body1="finger" body2="knuckle" anchor="0 -0.015 0.015"/></equality></mujoco>"""
+<body name="knuckle" pos="0 0.02 0.874"><joint name="link" axis="1 0 0" range="0 0.85"/>{SMALL}</body></body>
+</worldbody><equality><connect body1="finger" body2="knuckle" anchor="0 -0.015 0.015"/></equality></mujoco>"""
 
 
 def test_a_loop_at_its_limits_gets_room_though_it_is_conditioned_worse_there(tmp_path):
