@@ -187,16 +187,38 @@ def test_contacts_that_cannot_be_are_refused_by_name(stand, lines, says):
     assert says in str(caught.value)
 
 
-def test_contacts_that_leave_no_freedom_are_refused(tmp_path):
-    (tmp_path / "rod.toml").write_text(
-        'name = "rod"\nindependent = { a = "a" }\n[bodies.rod]\nmass = 1\ninertia = { xx = 1, yy = 1, zz = 1 }\n'
-        '[joints.a]\nkind = "R"\nparent = "ground"\nchild = "rod"\naxes = [[0, 0, 1]]\nactuated = true\n'
-    )
-    (tmp_path / "held.toml").write_text(
-        f'mechanism = "rod.toml"\n{TIME}motion.a.offset = 0.3\n[[contacts]]\nbody = "rod"\nkind = "weld"\n'
-    )
-    with pytest.raises(ScrewgaugeError, match="no degree of freedom"):
+ROD = """
+[bodies.{0}]
+mass = 1
+inertia = {{ xx = 1, yy = 1, zz = 1 }}
+[joints.{0}]
+kind = "R"
+parent = "{1}"
+child = "{0}"
+axes = [[0, 0, 1]]
+"""
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [("", "no degree of freedom"), (ROD.format("b", "a"), "hold a, so that nothing")],
+    ids=["all", "b"],
+)
+def test_contacts_that_hold_what_is_driven_are_refused(more, says, tmp_path):
+    independent = "independent = { a = 'a', b = 'b' }" if more else "independent = { a = 'a' }"
+    rods = f'name = "rods"\n{independent}\n{ROD.format("a", "ground")}actuated = true\n{more}'
+    (tmp_path / "rods.toml").write_text(rods)
+    lines = 'motion.a.offset = 0.3\n[[contacts]]\nbody = "a"\nkind = "weld"\n'
+    (tmp_path / "held.toml").write_text(f'mechanism = "rods.toml"\n{TIME}{lines}')
+    with pytest.raises(ScrewgaugeError, match=says):
         screwgauge.load_scene(tmp_path / "held.toml")
+
+
+@pytest.mark.slow
+def test_foot_on_a_hinge_tips_by_the_forces(stand):
+    scene = stand("time = { duration = 0.2, step = 0.05 }\n" + gait(1) + contact("foot1", "hinge", "axis = [0, 1, 0]"))
+    assert [freedom.label for freedom in scene.undriven] == ["foot1.contact"]
+    agreed(screwgauge.run(scene))
 
 
 @pytest.mark.slow

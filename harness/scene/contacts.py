@@ -167,8 +167,8 @@ def independent_of(
     first = [names.index(labels[label]) for label in named]
     own = mechanism.columns(name for name in mechanism.independent.values() if name not in base)
     contacts = [i for i in range(len(mechanism.coordinates), len(names)) if names[i] in touching.moving]
-    rest = [*touching.actuated_columns, *own, *contacts, *range(len(names))]
-    chosen = _first_of(K, [(first, OWN_SHARE), (rest, PREFERRED), (rest, 0.0)])
+    rest = [*own, *contacts, *range(len(names))]
+    chosen = _first_of(K, [([*first, *touching.actuated_columns], OWN_SHARE), (rest, PREFERRED), (rest, 0.0)])
     by_name = {name: label for label, name in mechanism.independent.items()}
     found = {by_name.get(names[i], names[i]): names[i] for i in sorted(chosen)}
     return found, tuple(label for label, i in zip(named, first, strict=True) if i not in chosen)

@@ -228,9 +228,14 @@ def _follow(
         what = f"'{beyond[0]}' follows from {first_few([*touching.independent], SHOWN)}"
         raise DescriptionError(what, where, "remove it")
     leads = [label for label in touching.independent if label in named.labels]
+    if not leads and named.drive is not None:
+        what = f"contacts hold {first_few(surplus, SHOWN)}, so that nothing with a motion moves"
+        raise DescriptionError(what, where, "remove a contact, or let the rest move by [forward]")
     said = f"with contacts {first_few(surplus, SHOWN)} follow from {first_few(leads, SHOWN)}"
-    if named.drive is None or named.t is None or len(leads) < len(touching.independent):
+    if named.drive is None or named.t is None:
         return [said]
+    if len(leads) < len(touching.independent):
+        return [f"{said}; how far the motion given would slide contacts depends on what no actuator drives"]
     ways, t = _slides(mechanism, touching, named.drive(named.t), named.labels, contacts), named.t
     ways[:, :, 0] /= (size := length(layout(mechanism)))
     far = [
