@@ -267,6 +267,30 @@ def test_drives_move_joints_and_their_gains_are_kept(tmp_path):
     assert (gains["stiffness"], gains["damping"]) == (3.0, 2.0)
 
 
+def test_actuators_of_newton_and_mujoco_drive_the_joints_that_they_name(tmp_path):
+    motors = (
+        'def NewtonActuator "m" {\nrel newton:targets = </w/j>\nfloat newton:kp = 5\n}\n'
+        'def MjcActuator "n" {\nrel mjc:target = </w/k>\ndouble[] mjc:gear = [30, 0, 0, 0, 0, 0]\n}\n'
+    )
+    ball = joint("s", "Spherical", "b", "c") + 'def MjcActuator "o" {\nrel mjc:target = </w/s>\n}\n'
+    parts = body("a") + body("b") + body("c") + HINGE + joint("k", "Revolute", "a", "b") + ball
+    found = reading(tmp_path, stage(parts + motors))
+    assert {name: tuple(one) for name, one in found.actuators.items()} == {"m": ("j", 1.0), "n": ("k", 30.0)}
+    assert "newton:kp" in " ".join(each.what for each in found.content)
+
+
+@pytest.mark.parametrize("shell", ['token newton:massModel = "shell"', "bool mjc:shellinertia = 1"])
+def test_shells_give_no_mass(shell, tmp_path):
+    assert "shell" in refusal(tmp_path, stage(body("a", more=f"double size = 2\n{shell}", kind="Cube") + HINGE))
+
+
+def test_joints_between_the_same_bodies_close_a_loop_where_the_file_says_that_they_add_no_mobility(tmp_path):
+    two = HINGE + joint("k", "Prismatic", "", "a", 'uniform token physics:axis = "Y"')
+    said = 'def Xform "root" {\nuniform bool newton:jointsAddMobility = 0\n}\n'
+    assert not reading(tmp_path, stage(body("a") + two)).closures
+    assert reading(tmp_path, stage(body("a") + two + said)).closures
+
+
 def test_gains_of_drives_are_compared_between_two_usds(tmp_path):
     for name, gain in (("a", 3), ("b", 4)):
         more = f'uniform token physics:axis = "Y"\nfloat drive:angular:physics:stiffness = {gain}'

@@ -108,7 +108,7 @@ def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
         ModelFileError: The value is something else.
     """
     for name in names:
-        if (found := value(prim, name)) is not None:
+        if (found := value(prim, name)) is not None and np.size(found):
             words = [found.GetReal(), *found.GetImaginary()] if hasattr(found, "GetReal") else np.atleast_1d(found)
             where, infinite = prim.GetStage().GetRootLayer().realPath, bool(np.isinf(default).any())
             kind = str(prim.GetAttribute(name).GetTypeName().cppTypeName)

@@ -95,6 +95,30 @@ class Mimic(NamedTuple):
         return CouplingReading(self.coordinate, law)
 
 
+def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[str, GraphJoint], list[str]]:
+    """Return joints of which several between the same two links are one, and a sentence on these.
+
+    Those of several freedoms, and those that repeat one, as two hinges of a door do, are no series: they close a loop.
+
+    Args:
+        rounding: See `read_graph`.
+    """
+    found, pairs = dict[str, GraphJoint](), dict[tuple[str, str], list[str]]()
+    for name, joint in joints.items():
+        same = pairs.get((joint.parent, joint.child), [])
+        freedoms = {**found[same[0]].freedoms, **joint.freedoms} if same else joint.freedoms
+        screws = np.array([freedom.screw for freedom in freedoms.values()])
+        if joint.loop or len(joint.freedoms) != 1 or (same and np.linalg.matrix_rank(screws, rounding) < len(screws)):
+            found[name] = joint
+            continue
+        pairs[joint.parent, joint.child] = [*same, name]
+        found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
+    several = [names for names in pairs.values() if len(names) > 1]
+    return found, [
+        f"Joints {', '.join(names)} join the same bodies: they are read as one after the other." for names in several
+    ]
+
+
 def read_graph(
     links: Mapping[str, BodyReading],
     joints: Mapping[str, GraphJoint],

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from screwgauge.models.files.usd import (
 from screwgauge.models.formats import tensor
 from screwgauge.models.matter import NOTHING, Matter, displaced, joined, polyhedron, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
-from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, link, read_graph
+from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, in_series, link, read_graph
 from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array, quaternion_rotation, sequence_angles
@@ -55,6 +55,8 @@ _PASSIVE = {
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
 #: Shapes of which mass may come -> as `uniform` calls them.
 _SHAPES = {name: name for name in ("cylinder", "capsule", "cone", "mesh")} | {"cube": "box", "sphere": "ellipsoid"}
+#: Where MuJoCo's schema says that a shape is a shell.
+_SHELL = "mjc:shellinertia"
 #: How far a rotation may be from one; units between this and its inverse [m, kg].
 _SQUARE, _LARGEST = 1e-4, 1e9
 
@@ -68,7 +70,7 @@ def read_usd(path: Path, name: str) -> Reading:
     from pxr import Usd, UsdGeom, UsdPhysics
 
     stage = stage_of(path)
-    every = [*prims(stage.GetPseudoRoot())]
+    every = [*prims(stage.GetPseudoRoot())][1:]
     bodies = [
         each for each in every if each.HasAPI(UsdPhysics.RigidBodyAPI) and value(each, "physics:rigidBodyEnabled")
     ]
@@ -81,7 +83,9 @@ def read_usd(path: Path, name: str) -> Reading:
     found = [prim for prim in every if is_joint(prim)]
     joints = [one for one in map(read.joint, found, names_of(found)) if one is not None]
     placed = {one.name: one.placed() for one in joints}
-    edges, serial = _in_series({n: edge for n, (edge, _) in placed.items()})
+    edges, serial = {n: edge for n, (edge, _) in placed.items()}, list[str]()
+    if all(value(prim, "newton:jointsAddMobility", True) for prim in every):
+        edges, serial = in_series(edges, ROUNDING)
     paths = {one.prim.GetPath(): one for one in joints}
     return read_graph(
         {names[prim.GetPath()]: read.body(prim) for prim in bodies},
@@ -91,32 +95,22 @@ def read_usd(path: Path, name: str) -> Reading:
         rounding=ROUNDING,
         still={names[prim.GetPath()] for prim in bodies if value(prim, "physics:kinematicEnabled")},
         name=name,
-        actuators={n: ActuatorReading(n) for one in joints for n, _ in one.drives()},
+        actuators={n: ActuatorReading(n) for one in joints for n, _ in one.drives()} | _actuators(every, paths),
         gravity=read.gravity(next((prim for prim in every if prim.IsA(UsdPhysics.Scene)), None)),
         content=(*read.content, *(each for one in joints for each in one.content())),
         remarks=(*_apart({n: gap for n, (_, gap) in placed.items()}), *serial),
     )
 
 
-def _in_series(joints: Mapping[str, GraphJoint]) -> tuple[dict[str, GraphJoint], list[str]]:
-    """Joints of which several between the same two bodies are one, as Newton reads them, and a sentence on these.
-
-    Those that repeat a freedom, as two hinges of a door do, are no series: they close a loop.
-    """
-    found, pairs = dict[str, GraphJoint](), dict[tuple[str, str], list[str]]()
-    for name, joint in joints.items():
-        same = pairs.get((joint.parent, joint.child), [])
-        freedoms = {**found[same[0]].freedoms, **joint.freedoms} if same else joint.freedoms
-        screws = np.array([freedom.screw for freedom in freedoms.values()])
-        if joint.loop or not freedoms or (same and np.linalg.matrix_rank(screws, ROUNDING) < len(screws)):
-            found[name] = joint
-            continue
-        pairs[joint.parent, joint.child] = [*same, name]
-        found[[*same, name][0]] = replace(found[same[0]] if same else joint, freedoms=freedoms)
-    several = [names for names in pairs.values() if len(names) > 1]
-    return found, [
-        f"Joints {', '.join(names)} join the same bodies: they are read as one after the other." for names in several
-    ]
+def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, ActuatorReading]:
+    """Actuators of Newton and MuJoCo that drive a single freedom. joints: by their paths."""
+    driven = dict[Any, Any]()
+    for prim in prims:
+        for relationship in ("newton:targets", "mjc:target"):
+            target = next(iter(prim.GetRelationship(relationship).GetForwardedTargets()), None)
+            if (one := joints.get(target)) is not None and len(one.coordinates) == 1 and not one.is_ball:
+                driven[prim] = ActuatorReading(one.name, float([*value(prim, "mjc:gear", ()), 1.0][0]))
+    return dict(zip(names_of([*driven]), driven.values(), strict=True))
 
 
 def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
@@ -240,7 +234,8 @@ class _Stage:
 
         if not prim.IsA(UsdGeom.Gprim):
             return NOTHING
-        kind, (T, scale) = str(prim.GetTypeName()).lower(), self.placed(prim)
+        (T, scale), hollow = self.placed(prim), value(prim, "newton:massModel") == "shell" or value(prim, _SHELL)
+        kind = "shell" if hollow else str(prim.GetTypeName()).lower()
         size = self.unit * np.abs(scale)
         axis = AXES.index(axis_of(prim, "axis", "Z"))
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
