@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.errors import DescriptionError
 from support.geometry import Array
+from support.scene import assumptions
 from support.tolerances import LINEAR
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lagrange")
@@ -69,6 +71,7 @@ child_frame.position = [-0.07, {y}, 0]
 """
 SIDES = {1: 0.05, 2: -0.05}
 AXES = {"S": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "U": [[1, 0, 0], [0, 1, 0]]}
+MATTERS = "does not matter"
 HELD = "motion.roll.offset = 0.1\nmotion.pitch.offset = -0.2\n"
 MOVED = "motion.roll.harmonics = [[10, 0, 0.15]]\nmotion.pitch.harmonics = [[8, 0, 0.25]]\n"
 
@@ -81,7 +84,7 @@ def ankle(tmp_path) -> Callable[..., Any]:
         spins = "".join(f'spin{k} = "rod{k}.top.q3"\n' for k in SIDES) if kind == "S" else ""
         legs = (LEG.format(k=k, y=y, kind=kind, axial=axial, axes=AXES[kind]) for k, y in SIDES.items())
         (tmp_path / "ankle.toml").write_text("".join([FOOT.format(spins=spins), *legs]))
-        scene = f'mechanism = "ankle.toml"\n{motion}time = {{ duration = 0.6, step = 0.05 }}\n'
+        scene = f'mechanism = "ankle.toml"\ntime = {{ duration = 0.6, step = 0.05 }}\n{motion}'
         (tmp_path / "scene.toml").write_text(scene)
         found = screwgauge.run(screwgauge.load_scene(tmp_path / "scene.toml"), engines, QUANTITIES)
         assert found.ok, found.pairs
@@ -136,6 +139,25 @@ def spin(results: Any, k: int) -> tuple[Array, Array]:
         for name in ("body_angular_velocity", "body_angular_acceleration")
     )
     return (w * line).sum(axis=1), (b * line).sum(axis=1) + (w * np.cross(w, line)).sum(axis=1)
+
+
+def test_report_says_what_is_assumed_and_whether_it_matters(ankle, tmp_path):
+    def said(axial: float, motion: str = MOVED) -> tuple[str, ...]:
+        return assumptions(ankle("S", axial, motion, ("screw",)).scene)
+
+    assert all(MATTERS not in one and "without momentum" in one for one in said(1e-5))
+    assert all(MATTERS in one and "without momentum" in one for one in said(1e-5, HELD))
+    assert all(MATTERS in one and "rests" in one for one in said(0.0))
+    results = ankle("S", 1e-5, engines=("screw",))
+    results.write(tmp_path / "out")
+    assert said(1e-5)[0] in (tmp_path / "out" / "report.md").read_text()
+    assert "spin1 (idle)" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_what_has_no_inertia_cannot_rest_under_a_force(ankle):
+    pushed = HELD + '[[loads]]\non = "rod1"\nby = "environment"\ntorque = [0, 0, 0.1]\n'
+    with pytest.raises(DescriptionError, match="'spin1' has no inertia and cannot rest"):
+        ankle("S", 0.0, pushed)
 
 
 def test_rod_that_spins_bends_the_torques(ankle):

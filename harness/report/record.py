@@ -17,6 +17,7 @@ from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.rotations import Array
 from screwgauge.report import reviewed
 from screwgauge.report.verdict import first_difference
+from screwgauge.scene.assumed import assumptions
 from screwgauge.scene.observables import NOT_UNIQUE
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, TRUTH, Solution, Timing
@@ -201,6 +202,7 @@ def about(scene: Scene, t: Array) -> dict[str, Any]:
         "gravity": f"{vector(scene.applied.g)} m/s²",
         "load": [*map(_load, scene.applied.loads)],
         "motion": [f"{label} = {_inline(table)}" for label, table in scene.text.get("motion", {}).items()],
+        "left to the forces": [*assumptions(scene)],
         "spring and damper": [*map(_spring, scene.applied.springs)],
         "motor": [*map(_motor, scene.applied.motors)],
     }

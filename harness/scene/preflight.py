@@ -21,6 +21,7 @@ from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_d
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, mobility, near_singularity
 from screwgauge.reference.rotations import Array
+from screwgauge.scene.assumed import check_rest
 from screwgauge.scene.idle import undriven_labels
 from screwgauge.scene.scene import Scene
 
@@ -39,6 +40,7 @@ def check_scene(scene: Scene) -> Mobility:
     Raises:
         ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
     """
+    check_rest(scene)
     try:
         return _walked(scene.mechanism, scene.motion)
     except (ClosureError, JointLimitError, SingularPoseError) as error:

@@ -9,6 +9,7 @@ from screwgauge.models.home import check_home
 from screwgauge.problem import GivenMotion, InitialValue, Integration, States
 from screwgauge.quantities import BODY_UNITS, FLOOR, GIVEN, RATE, SIMULATED, SOLVED, digits, natural_scales
 from screwgauge.quantities import QUANTITIES as TABLE
+from screwgauge.scene.assumed import assumptions
 from screwgauge.scene.motion import read_columns
 from screwgauge.scene.observables import observe
 from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -82,12 +82,14 @@ def drawing(
     mechanism: Mechanism,
     others: Sequence[Shape] = (),
     coils: Sequence[Shape] = (),
+    idle: Collection[str] = (),
 ) -> str:
     """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
 
     Args:
         others: Of another mechanism, in the world.
         coils: Springs, in the frames of bodies.
+        idle: Labels of coordinates that no actuator drives.
     """
     direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, coils), *others]
     marks = joint_marks(mechanism)
@@ -117,7 +119,7 @@ def drawing(
     for joint, place, axis in joints:
         out.append(_joint(joint, place, view @ axis, float(axis @ direction), joint.name in cuts))
     few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
-    wanted = [*_wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints]), *sprung]
+    wanted = [*_wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints], idle), *sprung]
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
     out.append(corner(view, scale / length(layout(mechanism)), tall))
@@ -271,10 +273,14 @@ def labels(
 
 
 def _wanted(
-    mechanism: Mechanism, lines: Sequence[tuple[Shape, Array, Array]], joints: Sequence[tuple[Joint, Array]]
+    mechanism: Mechanism,
+    lines: Sequence[tuple[Shape, Array, Array]],
+    joints: Sequence[tuple[Joint, Array]],
+    idle: Collection[str],
 ) -> list[tuple[str, str, Array]]:
     """Texts with their colours and what they label; joints at one place have one text."""
-    label, texts = {name: text for text, name in mechanism.independent.items()}, dict[tuple[float, ...], list[str]]()
+    texts = dict[tuple[float, ...], list[str]]()
+    label = {name: f"{text}{' (idle)' * (text in idle)}" for text, name in mechanism.independent.items()}
     for joint, place in joints:
         own = [label[name] for name in joint.coordinates if name in label]
         if lines or own or joint.actuated:

@@ -77,7 +77,8 @@ def stage(
     coils = springs(mechanism, what.applied.springs) if isinstance(what, Scene) else []
     text = json.dumps(data(motion, [*coils, *other_shapes]), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
-    return Picture("mechanism", title, drawing(mechanism, other_shapes, coils), stage=text)
+    idle = [one.label for one in what.undriven] if isinstance(what, Scene) else []
+    return Picture("mechanism", title, drawing(mechanism, other_shapes, coils, idle), stage=text)
 
 
 def remarks(picture: Picture) -> list[Block]:

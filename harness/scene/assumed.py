@@ -1,0 +1,107 @@
+"""What is assumed of coordinates that no actuator drives, in words, and whether it matters."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from screwgauge.problem import GivenMotion, Rows, spread
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed_motion import ClosedMotion
+from screwgauge.reference.equations.screws import times, transpose
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.idle import Freedom
+from screwgauge.scene.scene import Scene
+
+#: Samples that are looked at; how far coordinates and rates are moved there [rad or lengths of the mechanism, per s].
+MOST, AWAY = 8, 0.1
+#: What forces may differ by, of the largest.
+NOTHING = 1e-9
+
+
+def assumptions(scene: Scene) -> tuple[str, ...]:
+    """A sentence on each coordinate that no actuator drives: where it starts, how, and whether that matters."""
+    if not scene.undriven:
+        return ()
+    numbers = tuple(one.number for one in scene.undriven)
+    idle = _idle(scene.mechanism, scene.motion, scene.applied, numbers)
+    return tuple(
+        _sentence(scene, one) + " It does not matter to the actuators." * (one.number in idle) for one in scene.undriven
+    )
+
+
+def _sentence(scene: Scene, one: Freedom) -> str:
+    mechanism = scene.mechanism
+    unit = mechanism.units[mechanism.independent_columns[one.number]]
+    at = f"{one.start:.6g} {unit}"
+    if one.rests:
+        return f"No actuator drives '{one.label}', and it has no inertia: it rests at {at}."
+    start = f"{at} at {one.rate:.6g} {unit}/s, {'as the scene says' if one.chosen else 'without momentum along it'}"
+    return f"No actuator drives '{one.label}': its motion follows from the forces, from {start}."
+
+
+def check_rest(scene: Scene) -> None:
+    """Refuses a force along a coordinate that rests because it has no inertia.
+
+    Raises:
+        DescriptionError: It cannot rest.
+    """
+    resting = [one for one in scene.undriven if one.rests]
+    if not resting:
+        return
+    motion = scene.motion.part(spread(len(scene.motion), MOST))
+    numbers = tuple(one.number for one in scene.undriven)
+    along, size = _along(_at(scene.mechanism, motion, scene.applied), numbers)
+    for one in resting:
+        force = np.abs(along[:, numbers.index(one.number)])
+        if force.max() > NOTHING * size:
+            what = f"'{one.label}' has no inertia and cannot rest: a force of {force.max():.3g} acts along it"
+            where = f"t = {motion.t[int(np.argmax(force))]:g} s"
+            raise DescriptionError(what, where, "give its bodies inertia, or take away what acts along it")
+
+
+@lru_cache(maxsize=1)  # of the same objects, which nothing changes
+def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
+    """Those of the coordinates along which nothing acts, and that move no force of an actuator where they are moved."""
+    rows: Rows = spread(len(motion), MOST)
+    some = motion.part(rows)
+    at = _at(mechanism, some, applied)
+    (along, size), unit = _along(at, numbers), at.loops.sizes[at.loops.y_columns]
+    resting = tuple(k for k in numbers if k not in motion.idle)
+
+    def forces(y: Array, yd: Array) -> Array:
+        moved = _at(mechanism, GivenMotion(some.t, y, yd, some.ydd), applied)
+        moved.idle, moved.resting = motion.idle, resting
+        return np.asarray(moved.actuator_force)
+
+    found, right = set[int](), forces(some.y, some.yd)
+    for j, k in enumerate(numbers):
+        way = AWAY * np.eye(len(unit))[k] * unit
+        others = forces(some.y + way, some.yd), forces(some.y, some.yd + way)
+        still = np.abs(along[:, j]).max() <= NOTHING * size
+        if still and all(np.abs(other - right).max() <= NOTHING * np.abs(right).max() for other in others):
+            found.add(k)
+    return frozenset(found)
+
+
+def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMotion:
+    """A mechanism in a motion, whose accelerations are taken as they are given."""
+    mode = AssemblyMode(layout(mechanism))
+    q = mode.motion(motion.y, motion.t, (motion.yd, motion.ydd))
+    return ClosedMotion(mode.system, q, motion.yd, motion.ydd, applied, motion.t)
+
+
+def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
+    """Forces along motions that move no actuator, shape (n, m), at no acceleration of these; and the largest of all."""
+    ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
+    still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
+    unit = at.loops.sizes[at.loops.y_columns]
+    at.idle = numbers
+    along = times(transpose(at.neutral), still.generalized_force) * unit[[*numbers]]
+    size = np.abs(still.tau * still.loops.size).max(initial=0.0)
+    return np.asarray(along), max(float(size), float(np.finfo(float).tiny))
