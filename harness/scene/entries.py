@@ -25,16 +25,18 @@ from screwgauge.scene.motion import read_column, read_course
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Curves of one quantity and unit, in panels side by side.
+    """Curves of one quantity and unit, in panels side by side, or a contour plot over a grid.
 
     Attributes:
         panels: Label and the patterns (``leg1.*``) of the components of each panel.
+        contour: Component that is drawn over the two coordinates of a grid; empty for curves.
     """
 
     title: str
     quantity: str
     unit: str
     panels: tuple[tuple[str, tuple[str, ...]], ...]
+    contour: str = ""
 
 
 GRID = "take a longer step or a shorter duration"
@@ -82,8 +84,11 @@ def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
 
 
 def read_figure(table: Any, where: str) -> Figure:
-    check_keys(table, {"title", "quantity", "unit", "panels"}, where)
+    check_keys(table, {"title", "quantity", "unit", "panels", "contour"}, where)
     quantity = check_quantities([required(table, "quantity", where)], where)[0]
+    if "contour" in table:
+        check_keys(table, {"title", "quantity", "contour"}, where)
+        return Figure(read_text(table, "title", where), quantity, "", (), read_text(table, "contour", where))
     panels = required(table, "panels", where)
     lists = panels.values() if isinstance(panels, dict) else [None]
     check_count(len(lists), "panels", where)

@@ -34,8 +34,10 @@ from screwgauge.reference.tables import (
 )
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
+from screwgauge.scene.grid import GridMotion, check_contours, check_timeless, is_grid, read_grid_motion
 from screwgauge.scene.grounding import grounded
 from screwgauge.scene.idle import Followed, read_given, read_undriven
+from screwgauge.scene.motion import Analytic, Sampled
 from screwgauge.scene.observables import Recorded, read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
@@ -103,6 +105,7 @@ def _read(path: Path) -> Scene:
         file=path,
         **read(data, path, mechanism),
     )
+    check_contours(scene.figures, scene.grid, where)
     return scene.beside(**scene.tables) if scene.tables else scene
 
 
@@ -139,9 +142,17 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         if key in data:
             raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
-    given, sampled, labels = read_given(motion, mechanism, path.parent, f"{where}, motion")
+    given: Analytic | Sampled | GridMotion
+    sampled: Array | None
+    if is_grid(motion, mechanism):
+        given = read_grid_motion(motion, mechanism, f"{where}, motion")
+        sampled, labels = np.arange(float(len(given.cells))), tuple(mechanism.independent)
+    else:
+        given, sampled, labels = read_given(motion, mechanism, path.parent, f"{where}, motion")
     tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
     applied = _applied(data, mechanism, where)
+    if isinstance(given, GridMotion):
+        check_timeless(data, applied, where)
     rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
@@ -149,8 +160,9 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     t = _grid(data, sampled, tables, applied, where)
     applied.at(t)  # refuses times that a file of loads has not
     stated = read_undriven(data.get("idle", {}), labels, mechanism, f"{where}, idle")
-    whole = len(labels) == len(mechanism.independent)
-    drive = given if whole else Followed(given, labels, stated, float(t[0]), mechanism, applied)
+    drive: Analytic | Sampled | GridMotion | Followed = given
+    if not isinstance(given, GridMotion) and len(labels) < len(mechanism.independent):
+        drive = Followed(given, labels, stated, float(t[0]), mechanism, applied)
     return {
         "applied": applied,
         "task": drive(t),

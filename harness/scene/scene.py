@@ -24,6 +24,7 @@ from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
 from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
+from screwgauge.scene.grid import GridMotion
 from screwgauge.scene.idle import Followed, Freedom
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
@@ -73,7 +74,7 @@ class Scene:
     figures: tuple[Figure, ...]
     allow: tuple[str, ...] = ()
     file: Path | None = None
-    drive: Drive | Followed | None = field(default=None, repr=False)
+    drive: Drive | Followed | GridMotion | None = field(default=None, repr=False)
     text: Mapping[str, Any] = field(default_factory=dict, repr=False)
     observables: tuple[Observable, ...] = ()
     known: Known | None = None
@@ -147,7 +148,12 @@ class Scene:
     @property
     def undriven(self) -> tuple[Freedom, ...]:
         """Independent coordinates that no actuator drives and that the motion leaves to the forces."""
-        return self.drive.freedoms if isinstance(self.drive, Followed) else ()
+        return self.drive.freedoms if isinstance(self.drive, Followed | GridMotion) else ()
+
+    @property
+    def grid(self) -> GridMotion | None:
+        """The grid of poses that is its motion, if it is one."""
+        return self.drive if isinstance(self.drive, GridMotion) else None
 
     @property
     def simulated(self) -> bool:

@@ -345,7 +345,8 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     every = described(mechanism, scene.points)
     given = {name: named for name, named in every.items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
-    return _Checked(counted, given, wanted, (*left, *far_from_home(scene), *sampled, *rest_warning(scene)))
+    missing = () if scene.grid is None else scene.grid.warnings
+    return _Checked(counted, given, wanted, (*left, *missing, *far_from_home(scene), *sampled, *rest_warning(scene)))
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:

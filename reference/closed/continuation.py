@@ -187,6 +187,8 @@ class Continuation(Walk):
         ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
         rows = slice(0 if known else 1, None)
         moving[rows] = consistent(h, *ends)
+        if drive is not None:  # which leads from rest to rest, too
+            moving[rows] |= (h > 0.0) & ~np.concatenate([x for end in ends for x in end[1:]], axis=1).any(axis=1)
         points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
         if drive is not None and len(h):
             miss[rows] = np.where(moving[rows, None], drive(t[:-1] + 0.5 * h)[0] - HALF @ points[rows], 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
@@ -22,6 +22,7 @@ class Drawing:
         panels: Labels and names of components.
         unique: Whether each component has a unique value; else it has no tolerance.
         others: How many components of the figure are not here, as they are of the other sort.
+        contour: Whether its one component is drawn over a grid.
     """
 
     title: str
@@ -30,6 +31,7 @@ class Drawing:
     panels: tuple[tuple[str, tuple[str, ...]], ...]
     unique: bool = True
     others: int = 0
+    contour: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -64,8 +66,9 @@ def drawings(
     Args:
         not_unique: Quantity -> components without a unique value.
     """
-    values, selected = _first_values(solutions), list[Drawing]()
-    for figure in drawable(figures, solutions):
+    values = _first_values(solutions)
+    selected = [one for figure in figures for one in _contours(figure, values)]
+    for figure in drawable(figures, solutions, selected):
         open_ = not_unique.get(figure.quantity, ())
         names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
         n = sum(len(some) for _, some in names)
@@ -84,20 +87,32 @@ def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
     return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
-def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
-    """The figures with the panels for which an engine has values; defaults if none is left."""
+def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]:
+    """The contour plot of a figure, if it is one of a component that an engine gives."""
+    known = values.get(figure.quantity)
+    if known is not None and figure.contour in known.components:
+        unit = known.units[known.components.index(figure.contour)]
+        yield Drawing(figure.title, figure.quantity, unit, (("", (figure.contour,)),), contour=True)
+
+
+def drawable(
+    figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
+) -> tuple[Figure, ...]:
+    """The figures of curves with the panels for which an engine has values; defaults if nothing is left to draw."""
     values, kept = _first_values(solutions), []
     for figure in (figure for figure in figures if figure.quantity in values):
         has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
         kept += [replace(figure, panels=tuple(has))] if has else []
-    return tuple(kept) or default_figures(solutions)
+    return tuple(kept) or (() if others else default_figures(solutions))
 
 
 def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
     """Sentences on figures of quantities that nobody gives, and on patterns that no component matches."""
     values = _first_values(solutions)
     missing = [figure for figure in figures if figure.quantity not in values]
+    strange = [figure for figure in figures if figure.contour and not [*_contours(figure, values)]]
     return [
+        *(f"figure '{x.title}': {x.quantity} has no component {x.contour}" for x in strange if x not in missing),
         *(f"figure '{each.title}' is left out: {each.quantity} is not asked for, or not given" for each in missing),
         *_no_component([figure for figure in figures if figure.quantity in values], values),
     ]

@@ -13,6 +13,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered, thin
+from screwgauge.report.figures.contour import contour_picture
 from screwgauge.report.figures.drawings import Drawing, named, short_labels
 from screwgauge.solution import common_rows
 from screwgauge.study.comparison import Comparison
@@ -66,6 +67,11 @@ def make_plots(comparison: Comparison) -> list[Picture]:
 
 
 def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
+    if (grid := comparison.scene.grid) is not None and drawing.contour:
+        subject, (component,) = _subject(drawing, comparison), drawing.names
+        engine, values = next(iter(subject.values.items()))
+        picture = contour_picture(name, drawing.title, grid, (engine, component, drawing.unit), values[component])
+        return replace(picture, of=drawing.quantity)
     return _drawn(name, drawing, _subject(drawing, comparison), *_compared(drawing, comparison))
 
 

@@ -145,6 +145,10 @@ def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}
     config["line"]["strokeWidth"] = 1.0
     panel = view.get("spec", view)
+    if panel["layer"][0]["mark"]["type"] == "rect":  # a contour plot is its cells and lines
+        panel["layer"][0]["encoding"]["color"]["legend"]["gradientLength"] = 0.35 * wide
+        kept = {key: view[key] for key in KEPT if key in view}
+        return {**kept, "columns": 1, "width": 0.8 * wide, "config": {**config, "font": font, "padding": 1}}
     panel["layer"] = [layer for layer in panel["layer"] if layer["mark"]["type"] == "line"]
     channels = [panel["layer"][0]["encoding"][name] for name in ("color", "strokeDash")]
     entry = 0.6 * size * max(map(len, channels[0]["scale"]["domain"])) + 40.0

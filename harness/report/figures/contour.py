@@ -1,0 +1,128 @@
+"""Contour plots: a component of a quantity over the cells of a grid of two coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.rotations import Array
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec
+from screwgauge.scene.grid import GridMotion
+from screwgauge.study.formatting import number, unit_text
+
+LEVELS = 8  # about so many lines
+SEAM = 0.04  # of a cell, by which it reaches under the next one: no seams are seen
+#: Share of the cells at either end that colours leave out, if the others take less than this part of the range.
+TAIL, PART = 0.02, 0.25
+
+
+def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str, str], values: Array) -> Picture:
+    """A component over the two coordinates of a grid; cells without numbers are grey.
+
+    Args:
+        name: Of the picture.
+        of: Engine, component and unit.
+        values: Of the cells in the order of the walk; NaN where there is none. Shape (n,).
+    """
+    engine, component, unit = of
+    table = np.full([len(axis) for axis in grid.axes], np.nan)
+    table[tuple(grid.cells.T)] = values
+    ends, cut = _ends(table)
+    levels = _levels(*ends)
+    units = [unit_text(each) for each in grid.units]
+
+    def build(moving: bool) -> Spec:
+        (x, y), edges = grid.axes, [_edges(axis) for axis in grid.axes]
+        return chart.filled(
+            "contour",
+            cells=[_cell(grid, edges, at, v=float(f"{table[*at]:.6g}")) for at in np.argwhere(np.isfinite(table))],
+            missing=[_cell(grid, edges, at, reason=_reason(grid, at)) for at in np.argwhere(np.isnan(table))],
+            lines=[
+                dict(zip(("x", "y", "x2", "y2"), (float(f"{c:.6g}") for c in one), strict=True))
+                for one in lines(x, y, table, levels)
+            ],
+            ends=ends,
+            title=f"{component} [{unit_text(unit)}]",
+            **{f"{key}_title": f"{label} [{each}]" for key, label, each in zip("xy", grid.labels, units, strict=True)},
+            **{f"{key}_ends": [float(some[0]), float(some[-1])] for key, some in zip("xy", edges, strict=True)},
+        )
+
+    notes = [f"By {engine}."]
+    if len(levels) > 1:
+        notes.append(f"Lines every {number(float(levels[1] - levels[0]), 3)}.")
+    if lost := int(np.isnan(table).sum()):
+        notes.append(f"Grey: {lost} of {table.size} cells without numbers.")
+    if cut:
+        notes.append(f"Colours leave out {TAIL:.0%} of the values at either end.")
+    return chart.picture(name, title, build, notes)
+
+
+def _cell(grid: GridMotion, edges: Sequence[Array], at: NDArray[np.intp], **more: Any) -> dict[str, Any]:
+    i, j = (int(k) for k in at)
+    x, y = edges
+    place = ", ".join(f"{label} = {axis[k]:.6g}" for label, axis, k in zip(grid.labels, grid.axes, (i, j), strict=True))
+    ends = {"x": x[i], "x2": x[i + 1] + SEAM * (x[1] - x[0]), "y": y[j], "y2": y[j + 1] + SEAM * (y[1] - y[0])}
+    return {**{key: float(f"{value:.7g}") for key, value in ends.items()}, "at": place, **more}
+
+
+def _reason(grid: GridMotion, at: NDArray[np.intp]) -> str:
+    cell = tuple(int(k) for k in at)
+    return next((one.reason for one in grid.missing if one.cell == cell), "the engine gives none")
+
+
+def _edges(axis: Array) -> Array:
+    """Ends of the cells around values of an axis. Shape (n,) -> (n + 1,)."""
+    middle = 0.5 * (axis[1:] + axis[:-1])
+    return np.concatenate([[2 * axis[0] - middle[0]], middle, [2 * axis[-1] - middle[-1]]])
+
+
+def _ends(table: Array) -> tuple[list[float], bool]:
+    """Ends of the colours, and whether they leave out values."""
+    known = table[np.isfinite(table)]
+    if not len(known):
+        return [0.0, 1.0], False
+    low, high = float(known.min()), float(known.max())
+    inner = np.quantile(known, [TAIL, 1.0 - TAIL])
+    if inner[1] - inner[0] < PART * (high - low):
+        return [float(inner[0]), float(inner[1])], True
+    return ([low, high] if high > low else [low - 0.5, low + 0.5]), False
+
+
+def _levels(low: float, high: float) -> Array:
+    """Round values between two numbers."""
+    rough = (high - low) / LEVELS
+    size = 10.0 ** np.floor(np.log10(rough))
+    step = size * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * size >= rough)
+    return np.asarray(np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step)
+
+
+def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[float, float, float, float]]:
+    """Straight pieces of the lines on which a function, linear along the sides of squares between cells, has values.
+
+    Args:
+        x, y: Where the function is known. Shapes (n,), (m,).
+        table: Its values; no line passes a square with NaN at a corner. Shape (n, m).
+        levels: These values.
+    """
+    for i, j in product(range(len(x) - 1), range(len(y) - 1)):
+        corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+        v = np.array([table[at] for at in corners])
+        if not np.isfinite(v).all():
+            continue
+        for level in levels[(levels >= v.min()) & (levels <= v.max())].tolist():
+            points = list[tuple[float, float]]()
+            for (one, va), (other, vb) in pairwise([*zip(corners, v, strict=True), (corners[0], v[0])]):
+                if (va < level) != (vb < level):
+                    share = (level - va) / (vb - va)
+                    ends = (axis[one[k]] + share * (axis[other[k]] - axis[one[k]]) for k, axis in enumerate((x, y)))
+                    points.append((float(next(ends)), float(next(ends))))
+            if len(points) == 4 and (v.mean() < level) != (v[0] < level):
+                points = points[1:] + points[:1]  # across a saddle, the corners next to each other that are alike
+            for (a, b), (c, d) in zip(points[::2], points[1::2], strict=True):
+                yield a, b, c, d

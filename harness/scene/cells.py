@@ -1,0 +1,251 @@
+"""Cells of a grid of poses: which of them are reached from home, and an order in which each is beside one before."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.models.home import check_home
+from screwgauge.problem import Rows
+from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.loops import LoopEquations
+from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.graph import Layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+
+#: Condition number of loops or actuators beyond which a cell is singular: half of the digits are lost there.
+SINGULAR = 1e8
+#: Share of a step by which a pose may miss the tangents at both of its ends, rounding, and the longest step [rad or
+#: lengths of the mechanism].
+BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
+#: Steps of Newton's method; pieces of the way between two cells, where one step does not lead over, and at last.
+NEWTON, PIECES, FINEST = 8, (1, 8), 64
+#: Cells near home that are tried as the first.
+FIRST = 20
+NOT_REACHED = "the loops do not close there, or not without passing a singular pose on the way from home"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Closed:
+    """Closed poses of some cells, without dimension.
+
+    Attributes:
+        z: Unknowns. Shape (n, n_z).
+        K: Their rates per rate of y. Shape (n, n_z, k).
+        matrix: Closing system. Shape (n, m, n_z').
+    """
+
+    z: Array
+    K: Array
+    matrix: Array
+
+
+def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
+    """Pairs of cells that lie side by side along an axis. `counts`: cells along each axis."""
+    numbers = np.arange(int(np.prod(counts))).reshape(counts)
+    first, second = [], []
+    for axis in range(len(counts)):
+        first.append(np.delete(numbers, -1, axis).ravel())
+        second.append(np.delete(numbers, 0, axis).ravel())
+    return np.concatenate(first), np.concatenate(second)
+
+
+def examine(
+    mechanism: Mechanism, y: Array, counts: Sequence[int], undriven: Collection[int]
+) -> tuple[list[str], tuple[Rows, Rows], int]:
+    """Closes all cells that are reached from home, from cell to cell.
+
+    Args:
+        y: Independent coordinates of the cells, the last axis running fastest [rad or m]. Shape (n, k).
+        counts: Cells along each axis.
+        undriven: Numbers of coordinates that no actuator has to drive.
+
+    Returns:
+        Why each cell has no numbers, empty where it has; pairs of cells with a way between them; the first cell.
+    """
+    lay = check_home(mechanism)
+    mode, sides = AssemblyMode(lay, strict=True), edges(counts)
+    home, unit = mechanism.home[mechanism.independent_columns], np.maximum(np.ptp(y, axis=0), 1e-300)
+    nearest = np.argsort(np.abs((y - home) / unit).sum(axis=1), kind="stable")
+    if mode.in_closed_form(y) is not None:
+        q = np.tile(mechanism.home, (len(y), 1))
+        q[:, mode.columns] = y
+        return _doubts(lay, q, None, undriven), sides, int(nearest[0])
+    first = _first(mode, y, nearest)
+    if first is None:
+        return [NOT_REACHED] * len(y), (sides[0][:0], sides[1][:0]), int(nearest[0])
+    known, closed, passed = _flooded(mode.system, y / mode.unit, first, sides)
+    reasons, rows = [NOT_REACHED] * len(y), np.flatnonzero(known)
+    q = mode.system.coordinates(closed.z[rows], np.tile(mechanism.home, (len(rows), 1)))
+    for row, why in zip(rows.tolist(), _doubts(lay, q, closed.matrix[rows], undriven), strict=True):
+        reasons[row] = why
+    known[rows] = linear.inverted_along(closed.matrix[rows])[1] <= SINGULAR
+    ways = np.flatnonzero(known[sides[0]] & known[sides[1]])
+    a, b = (side[ways] for side in sides)
+    near = _linked(closed.z[b] - closed.z[a], [closed.K[a], closed.K[b]], (y[b] - y[a]) / mode.unit)
+    passed = np.sort(passed[:, known[passed].all(axis=0)], axis=0)
+    begin, end = np.unique(np.concatenate([np.stack([a[near], b[near]]), passed], axis=1), axis=1)
+    return reasons, (begin, end), first[0]
+
+
+def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | None:
+    """A cell that is reached from home, and its unknowns there. Shape (n_z,)."""
+    for row in nearest[:FIRST].tolist():
+        mode.restart()
+        try:
+            q = mode.motion(y[row][None], np.zeros(1))
+        except ClosureError:
+            continue
+        return row, mode.system.unknowns(q[0])
+    return None
+
+
+def _flooded(
+    system: LoopEquations, y: Array, first: tuple[int, Array], sides: tuple[Rows, Rows]
+) -> tuple[NDArray[np.bool_], Closed, Rows]:
+    """Goes from cell to cell, from all that were reached last to those beside them, until no more are reached.
+
+    Args:
+        y: Without dimension. Shape (n, k).
+        first: The first cell and its unknowns.
+        sides: Pairs of cells side by side.
+
+    Returns:
+        Which cells were reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
+    """
+    start, n = _closed(system, first[1][None], y[first[0]][None])[0], len(y)
+    all_cells = Closed(*(np.full((n, *part.shape[1:]), np.nan) for part in (start.z, start.K, start.matrix)))
+    known, wave, passed = np.zeros(n, dtype=bool), np.array([first[0]]), [np.zeros((2, 0), dtype=np.intp)]
+    _keep(all_cells, wave, start)
+    known[wave] = True
+    ends = np.concatenate(sides), np.concatenate(sides[::-1])
+    last = False
+    while len(wave):
+        out = np.flatnonzero((last | np.isin(ends[0], wave)) & known[ends[0]] & ~known[ends[1]])
+        before = known.copy()
+        for pieces in (FINEST,) if last else PIECES:
+            out = out[~known[ends[1][out]]]
+            a, b = ends[0][out], ends[1][out]
+            begin = Closed(all_cells.z[a], all_cells.K[a], all_cells.matrix[a])
+            found, good = _advanced(system, begin, (y[a], y[b]), pieces)
+            reached, at = np.unique(b[good], return_index=True)
+            some = np.flatnonzero(good)[at]
+            _keep(all_cells, reached, Closed(found.z[some], found.K[some], found.matrix[some]))
+            known[reached] = True
+            passed.append(np.stack([a[some], reached]))
+        wave = np.flatnonzero(known & ~before)
+        if last := not len(wave) and not last:  # what is left lies next to singular poses
+            wave = np.flatnonzero(known)
+    return known, all_cells, np.concatenate(passed, axis=1)
+
+
+def _keep(cells: Closed, rows: Rows, found: Closed) -> None:
+    cells.z[rows], cells.K[rows], cells.matrix[rows] = found.z, found.K, found.matrix
+
+
+def _closed(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
+    """Closes poses near predictions, and whether they close. Shapes (n, n_z), (n, k)."""
+    with np.errstate(all="ignore"):
+        z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
+        K = velocity_map(J, y.shape[1])
+    return Closed(z, K, more[0] if more else J), (error < OPEN) & np.isfinite(K).all(axis=(1, 2))
+
+
+def _advanced(
+    system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
+) -> tuple[Closed, NDArray[np.bool_]]:
+    """Goes straight from cells to others, piece by piece, and whether each way leads there. Shape (n, k) each."""
+    step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
+    at = Closed(at.z.copy(), at.K.copy(), at.matrix.copy())
+    for i in range(1, pieces + 1):
+        rows = np.flatnonzero(good)
+        if not len(rows):
+            break
+        ahead = at.z[rows] + (at.K[rows] @ step[rows][..., None])[..., 0]
+        found, closes = _closed(system, ahead, way[0][rows] + i * step[rows])
+        good[rows] = closes & _linked(found.z - at.z[rows], [at.K[rows], found.K], step[rows])
+        _keep(at, rows, found)
+    return at, good
+
+
+def _linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
+    """Whether steps are short, and along the tangents at both of their ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
+    size = np.abs(step).max(axis=1, initial=0.0)
+    good = size <= LONGEST
+    for K in tangents:
+        missed = np.abs(step - (K @ way[..., None])[..., 0]).max(axis=1, initial=0.0)
+        good &= missed <= BEND * size + SLACK
+    return np.asarray(good)
+
+
+def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[int]) -> list[str]:
+    """Why closed poses have no numbers, empty where they have.
+
+    Args:
+        q: Shape (n, n_q).
+        matrix: Closing system, if there is one. Shape (n, m, n_z).
+    """
+    mechanism, found = lay.mechanism, [""] * len(q)
+    at, (low, high) = motion_at(lay, q, np.zeros((len(q), len(mechanism.independent)))), mechanism.limits.T
+    sizes, conditions = at.loops.sizes, list[tuple[Array, str]]()
+    if matrix is not None:
+        conditions.append((linear.inverted_along(matrix)[1], "its loops do not determine the motion"))
+    given = [k for k in range(len(mechanism.independent)) if k not in undriven]
+    if given and len(mechanism.actuators) >= len(given):
+        driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
+        driven = driven[..., given]
+        rates = np.linalg.svd(driven, compute_uv=False)  # a single rate is small against 1
+        with np.errstate(divide="ignore"):
+            share = np.maximum(rates[:, 0], 1.0) / rates[:, -1]
+        conditions.append((share, "its actuators do not determine the motion"))
+    for condition, why in conditions:
+        for i in np.flatnonzero(~(condition <= SINGULAR)).tolist():
+            found[i] = found[i] or f"the pose is singular: {why}"
+    margin = SLACK * sizes  # at a limit rounding decides
+    for i, k in np.argwhere((q < low + margin) | (q > high - margin)).tolist():
+        limits = f"[{low[k]:g}, {high[k]:g}]"
+        found[i] = found[i] or f"'{mechanism.coordinates[k]}' is not within its limits {limits}"
+    return found
+
+
+def walk(
+    counts: Sequence[int], wanted: NDArray[np.bool_], ways: tuple[Rows, Rows], first: int
+) -> tuple[Rows, Rows, Rows]:
+    """An order of the cells in which each is beside one before: along the last axis, then over to the next row.
+
+    Args:
+        wanted: Cells that have numbers; others may be passed. Shape (n,).
+        ways: Pairs of cells with a way between them.
+        first: Where the walk begins.
+
+    Returns:
+        Cells in order, cells of the whole path, ways back included, and where on it each is first reached.
+    """
+    beside: list[dict[int, int]] = [{} for _ in wanted]  # difference of the numbers -> the cell
+    for a, b in zip(*(side.tolist() for side in ways), strict=True):
+        beside[a][b - a], beside[b][a - b] = b, a
+    steps = [sign * int(np.prod(counts[axis + 1 :])) for axis in reversed(range(len(counts))) for sign in (1, -1)]
+    path, stack, known, heading = [first], [first], {first}, steps[0]
+    order, reached = ([first], [0]) if wanted[first] else (list[int](), list[int]())
+    while stack:
+        near = beside[stack[-1]]
+        step = next((step for step in (heading, *steps) if step in near and near[step] not in known), None)
+        if step is None:
+            stack.pop()
+            path += stack[-1:]
+            continue
+        heading = step if abs(step) == 1 else heading
+        stack.append(near[step])
+        known.add(stack[-1])
+        path.append(stack[-1])
+        if wanted[stack[-1]]:
+            order.append(stack[-1])
+            reached.append(len(path) - 1)
+    return np.array(order, dtype=int), np.array(path[: max(reached, default=0) + 1]), np.array(reached, dtype=int)

@@ -1,0 +1,198 @@
+"""A grid of poses as a motion: all cells that are reached from home, each at rest, in an order that keeps the assembly.
+
+Cells that no engine could answer are found when a scene is read, and named: where the loops do not close, or a pose is
+singular, or beyond the limits of a joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from screwgauge.problem import GivenMotion, Rows
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.courses import Course
+from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.expressions import number
+from screwgauge.reference.files import check_count
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, required
+from screwgauge.scene.cells import examine, walk
+from screwgauge.scene.entries import Figure
+from screwgauge.scene.idle import Followed, Freedom, undriven_labels
+from screwgauge.scene.motion import Analytic, read_course
+
+KEY = "grid"
+
+Cell = tuple[int, ...]
+"""Number of a cell along each axis."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Missing:
+    """A cell without numbers.
+
+    Attributes:
+        cell: Its number along each axis.
+        pose: Its coordinates in words.
+        reason: Why it has none.
+    """
+
+    cell: Cell
+    pose: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridMotion:
+    """A walk over the cells of a grid as a function of time; the i-th cell is reached, at rest, at t = i.
+
+    Attributes:
+        labels: Independent coordinates that the grid is over.
+        units: Theirs, rad or m.
+        axes: Values along each axis.
+        cells: The cells in the order of the walk. Shape (n, n_axis).
+        path: Independent coordinates of the cells that the walk passes, also again on its way back. Shape (p, k).
+        reached: Where each cell is first reached on the path. Shape (n,).
+        missing: Cells without numbers.
+        freedoms: Coordinates that no actuator drives and the grid is not over; they rest, and may accelerate.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    axes: tuple[Array, ...]
+    cells: Rows
+    path: Array
+    reached: Rows
+    missing: tuple[Missing, ...]
+    freedoms: tuple[Freedom, ...] = ()
+
+    def __call__(self, t: Array) -> GivenMotion:
+        """The motion at times [s], from rest to rest between cells that lie side by side. Shape (n,)."""
+        last = len(self.reached) - 1
+        time = np.clip(np.asarray(t, dtype=float), 0.0, last)
+        i = np.minimum(time.astype(np.intp), max(last - 1, 0))
+        hops = np.diff(self.reached, append=self.reached[-1])[i]
+        way = (time - i) * hops
+        hop = np.minimum(way.astype(np.intp), np.maximum(hops - 1, 0))
+        s, at = (way - hop)[:, None], self.reached[i] + hop
+        begin, step = self.path[at], self.path[np.minimum(at + 1, len(self.path) - 1)] - self.path[at]
+        hops = hops[:, None]
+        y = begin + step * (s**3 * (10.0 - 15.0 * s + 6.0 * s * s))
+        yd = step * (30.0 * s * s * (1.0 - s) ** 2) * hops
+        ydd = step * (60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)) * hops**2
+        return GivenMotion(t, y, yd, ydd, self, tuple(one.number for one in self.freedoms if not one.rests))
+
+    @property
+    def extent(self) -> str:
+        """How many cells there are, and what was assumed of them."""
+        n = len(self.missing) + len(self.cells)
+        return f"{len(self.cells)} of {n} cells, each at rest; t counts them in the order of a walk from home"
+
+    @property
+    def told(self) -> list[str]:
+        """Every cell without numbers, by reason."""
+        poses = dict[str, list[str]]()
+        for one in self.missing:
+            poses.setdefault(one.reason, []).append(one.pose)
+        return [f"{reason} ({len(some)}): {'; '.join(some)}" for reason, some in poses.items()]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence on cells without numbers, if there are any."""
+        if not self.missing:
+            return ()
+        first, n = self.missing[0], len(self.missing) + len(self.cells)
+        told = f"{len(self.missing)} of {n} cells of the grid have no numbers, all named in the report; the first is"
+        return (f"{told} {first.pose}: {first.reason}",)
+
+
+def is_grid(table: Any, mechanism: Mechanism) -> bool:
+    """Whether ``[motion]`` is a grid."""
+    return isinstance(table, Mapping) and KEY in table and KEY not in mechanism.independent
+
+
+def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) -> GridMotion:
+    """Reads ``[motion.grid]``; coordinates that are not in it keep a constant ``offset``, or that of home.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, or has no cell that is reached from home.
+    """
+    every, entries = [*mechanism.independent], table[KEY]
+    check_keys(table, [*every, KEY], where)
+    check_keys(entries, every, f"{where}.{KEY}")
+    if not entries:
+        raise DescriptionError("has no coordinate", f"{where}.{KEY}", "write LABEL = { from, to, count }")
+    axes = {label: _axis(entry, f"{where}.{KEY}.{label}") for label, entry in entries.items()}
+    check_count(prod(map(len, axes.values())), "samples", f"{where}.{KEY}", "take fewer cells")
+    rest = mechanism.home[mechanism.independent_columns].copy()
+    for label in every:
+        if label in table:
+            if label in axes or not (course := read_course(table[label], f"{where}.{label}")).constant:
+                raise DescriptionError("moves beside a grid", f"{where}.{label}", "give a constant offset")
+            rest[every.index(label)] = course(0.0)
+    places = [every.index(label) for label in axes]
+    cells = np.array([*product(*(range(len(values)) for values in axes.values()))])
+    y = np.tile(rest, (len(cells), 1))
+    y[:, places] = np.stack([values[row] for values, row in zip(axes.values(), cells.T, strict=True)], axis=1)
+    counts, freedoms = [*map(len, axes.values())], _undriven(mechanism, axes)
+    reasons, ways, first = examine(mechanism, y, counts, [one.number for one in freedoms])
+    order, path, reached = walk(counts, np.array([not why for why in reasons]), ways, first)
+    for row in {*range(len(y))} - {*order.tolist()}:
+        reasons[row] = reasons[row] or "it is not reached from home over neighbouring cells"
+    if not len(order):
+        what = f"no cell has numbers; the one next to home, {mechanism.described(y[first])}: {reasons[first]}"
+        raise DescriptionError(what, f"{where}.{KEY}", "move or refine the grid")
+    lost = [
+        Missing(tuple(cells[row].tolist()), mechanism.described(y[row]), why) for row, why in enumerate(reasons) if why
+    ]
+    units = tuple(mechanism.units[mechanism.independent_columns[k]] for k in places)
+    return GridMotion(tuple(axes), units, tuple(axes.values()), cells[order], y[path], reached, tuple(lost), freedoms)
+
+
+def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
+    """Coordinates that no actuator drives and the grid is not over."""
+    undriven = {*undriven_labels(mechanism)} - {*axes}
+    if not undriven:
+        return ()
+    home = zip(mechanism.independent, mechanism.home[mechanism.independent_columns], strict=True)
+    driven = {label: Course.of(value) for label, value in home if label not in undriven}
+    still = Analytic(tuple(driven.values()), KEY)
+    return Followed(still, tuple(driven), {}, 0.0, mechanism, Applied()).freedoms
+
+
+def check_contours(figures: Sequence[Figure], grid: GridMotion | None, where: str) -> None:
+    """Refuses contour plots where there is no grid over two coordinates."""
+    if any(one.contour for one in figures) and (grid is None or len(grid.axes) != 2):
+        what = "a contour plot is drawn over a grid of two coordinates"
+        raise DescriptionError(what, f"{where}, figures", "add [motion.grid] over two, or remove contour")
+
+
+def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
+    """Refuses what goes by time in the file of a scene with a grid.
+
+    Args:
+        data: Its keys.
+    """
+    timed = [key for key in ("time", "idle") if key in data]
+    timed += ["motors"] * any(not motor.course.constant for motor in applied.motors)
+    timed += ["loads"] * any(load.courses for load in applied.loads)
+    if timed:
+        raise DescriptionError(f"'{timed[0]}' goes by time, which a grid does not know", where, "remove it")
+
+
+def _axis(entry: Any, where: str) -> Array:
+    check_keys(entry, {"from", "to", "count"}, where)
+    begin, end = (number(required(entry, key, where), f"{where}.{key}") for key in ("from", "to"))
+    count = required(entry, "count", where)
+    if type(count) is not int or count < 2:
+        raise DescriptionError(f"count is {shown(count)}", where, "give a whole number of at least 2")
+    if begin == end:
+        raise DescriptionError("from and to are the same", where, "write motion.LABEL = { offset }")
+    return np.linspace(begin, end, count)
