@@ -6,6 +6,7 @@ The equations are those of the package `equations`; closed poses come from the p
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, PointSpring
+from screwgauge.reference.closed.assembly_mode import Branch
 from screwgauge.reference.closed.loops import home_equations, loop_equations
 from screwgauge.reference.equations.applied_forces import check_applied, distance
 from screwgauge.reference.equations.closure import Loops
@@ -21,8 +23,11 @@ from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import Array
-from screwgauge.reference.errors import DescriptionError, SingularPoseError
+from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
+
+#: How far a pose beside home is from it [rad or lengths of the mechanism].
+ASIDE = 0.05
 
 
 class ClosedMotion(Forward):
@@ -132,18 +137,35 @@ class ClosedMotion(Forward):
 def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
     """Numbers of the independent coordinates that actuators drive at home, those of actuators themselves first.
 
+    Where actuators drive less there than they might, the pose is one beside home if they drive more in that.
+
     Args:
         among: Those that are looked at; all by default.
     """
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     if "driven" not in lay.kept:
-        lay.kept["driven"] = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
+        lay.kept["driven"] = _rates_near_home(lay)
     rows, driven = lay.kept["driven"], list[int]()
     own = [column in mechanism.actuated_columns for column in mechanism.independent_columns]
     for i in sorted(among or range(k), key=lambda i: not own[i]):
         if linear.rank(rows[:, [*driven, i]]) > len(driven):
             driven.append(i)
     return driven
+
+
+def _rates_near_home(lay: Layout) -> Array:
+    """Rates of actuators per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
+    mechanism, k = lay.mechanism, len(lay.mechanism.independent)
+    most: Array = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
+    if linear.rank(most) < min(most.shape):
+        branch, columns = Branch(lay, mechanism.home), mechanism.independent_columns
+        with suppress(ClosureError):
+            branch.move(
+                mechanism.home[columns] + ASIDE * branch.system.sizes[columns] * np.cos(1.0 + 1.7 * np.arange(k))
+            )
+            beside = motion_at(lay, branch.q[None], np.zeros((1, k))).rates_of_actuators[0]
+            most = beside if linear.rank(beside) > linear.rank(most) else most
+    return most
 
 
 def motion_at(
