@@ -21,7 +21,7 @@ DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
 GROUPS = {
     "use": ("run", "review", "diagnose", "casebook", "check", "import", "view"),
-    "study": ("bench", "stress", "matrix"),
+    "study": ("bench", "stress", "sweep", "matrix"),
     "export": ("models", "list"),
 }
 #: An example of each, after its name.
@@ -35,6 +35,7 @@ EXAMPLES = {
     "view": "delta --out delta.html",
     "bench": "slider-crank --quick",
     "stress": "wrist-chart --severity 1e-3,1e-6",
+    "sweep": "sweep.toml --out variants",
     "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
     "models": "delta --include geoms --check",
     "list": "scenes",
@@ -254,6 +255,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     add("--severity", metavar="A,B", help="these rungs of the one case named")
     executed(add, "rungs")
+
+    add = command(commands.sweep, "many variants of a scene: which number costs most", out="SWEEP")
+    add("plan", type=_path, metavar="SWEEP.toml", help="scene, numbers that scatter, how many variants")
+    executed(add, "chunks of variants")
 
     add = command(
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS

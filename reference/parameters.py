@@ -82,6 +82,27 @@ def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
     yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
 
 
+#: Last part of a name, or the one before it, -> unit.
+_UNITS = {
+    "mass": "kg",
+    "com": "m",
+    "inertia": "kg m^2",
+    "parent": "m",
+    "child": "m",
+    "tilt1": "rad",
+    "tilt2": "rad",
+    "gravity": "m/s^2",
+    "force": "N",
+    "torque": "N m",
+}
+
+
+def unit(name: str) -> str:
+    """Unit of a number by its whole name; empty where it depends on what it belongs to."""
+    *_, before, last = name.split(".")
+    return _UNITS.get(last, _UNITS.get(before, ""))
+
+
 def inertial(name: str) -> bool:
     """Whether a number is one of a body's matter: forces are linear in it and motions do not know it."""
     return name.startswith("bodies.")

@@ -228,6 +228,29 @@ def stress(options: argparse.Namespace) -> int:
     return 0 if table.ok else 1
 
 
+def sweep(options: argparse.Namespace) -> int:
+    """Answers many variants of a scene, and says which number costs most."""
+    from screwgauge.report.pages import sweep as page
+    from screwgauge.study.sweep.plan import read_plan
+    from screwgauge.study.sweep.run import sweep
+
+    plan = read_plan(options.plan)
+    out = options.out or OUT / options.plan.stem
+    more: dict[str, Any] = {"place": out}
+    if options.jobs is not None or options.cluster is not None:
+        more["execute"] = executor(options)
+    found = carry_out(
+        page,
+        out,
+        lambda progress: sweep(plan, progress=progress, **more),
+        files=Files([plan.file, *_files(plan.scene)], {}),
+        again=True,
+        force=options.force,
+        samples=plan.table == "parquet",
+    )
+    return int(found.exit_status)
+
+
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
     from screwgauge.diagnosis.diagnose import diagnose

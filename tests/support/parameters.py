@@ -53,4 +53,4 @@ def complex_numbers(variants: Variants, motion: GivenMotion, k: int) -> Array:
     return np.array([np.broadcast_to(np.imag(x), len(motion)) for x in out]).T / STEP
 
 
-__all__ = ["COSTS", "complex_numbers", "gaps_open"]
+__all__ = ["COSTS", "complex_numbers", "gaps_open", "numbers"]

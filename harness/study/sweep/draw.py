@@ -1,0 +1,123 @@
+"""Draws: numbers of each variant as a function of its place in the sweep alone, whoever works on it, in what order."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from screwgauge.engines.screw.matter import moments, numbers_of
+from screwgauge.problem import Rows
+from screwgauge.reference.parameters import numbers
+from screwgauge.reference.rotations import Array
+from screwgauge.study.sweep.plan import Plan, Scatter
+
+#: Numbers of a body that scatter together.
+BODY = 10
+_LOWER = np.tril_indices(4)
+#: Where each second moment stands, in the order of `ENTRIES`.
+_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+class Draw:
+    """The draws of a plan.
+
+    Attributes:
+        names: Numbers that change, whole names.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, known = plan, numbers(plan.scene.mechanism, plan.scene.applied)
+        self.bodies = {one.name: [known[name] for name in one.numbers] for one in plan.scatter if one.kind == "body"}
+        self.names = [*plan.grid, *(name for one in plan.scatter for name in one.numbers)]
+        self.dimensions = sum(BODY if one.kind == "body" else 1 for one in plan.scatter)
+
+    def values(self, rows: range) -> Array:
+        """Numbers of some variants. Shape (P, len(rows))."""
+        place = np.arange(rows.start, rows.stop)
+        sizes = [len(values) for values in self.plan.grid.values()]
+        at = np.unravel_index(place // self.plan.count, sizes) if sizes else ()
+        grid = [values[i] for values, i in zip(self.plan.grid.values(), at, strict=True)]
+        return np.concatenate(
+            [np.reshape(grid, (-1, len(rows))), self.scattered(self._uniform(place % self.plan.count))]
+        )
+
+    def _uniform(self, draws: Rows) -> Array:
+        """Numbers between 0 and 1 of some draws, the same at each point of a grid. Shape (dimensions, n)."""
+        plan, out = self.plan, np.empty((self.dimensions, len(draws)))
+        if not self.dimensions:
+            return out
+        starts = np.flatnonzero(np.diff(draws, prepend=draws[0] - 2) != 1)
+        for first, end in zip(starts, [*starts[1:], len(draws)], strict=True):
+            begin, count = int(draws[first]), end - first
+            if plan.design == "sobol":
+                source = qmc.Sobol(self.dimensions, rng=plan.seed)
+                with warnings.catch_warnings():  # a part of a sequence is balanced with the rest of it
+                    warnings.simplefilter("ignore", UserWarning)
+                    part = (source.fast_forward(begin) if begin else source).random(count)
+            else:
+                bits = np.random.PCG64(plan.seed).advance(begin * self.dimensions)
+                part = np.random.Generator(bits).random((count, self.dimensions))
+            out[:, first:end] = part.T
+        return np.clip(out, 1e-16, 1.0 - 1e-16)
+
+    def scattered(self, uniform: Array) -> Array:
+        """Numbers for draws between 0 and 1. Shape (dimensions, n) -> (P without the grid's, n)."""
+        found, row = list[Array](), 0
+        for one in self.plan.scatter:
+            if one.kind == "body":
+                z = one.size * ndtri(uniform[row : row + BODY])
+                found.append(consistent(np.array(self.bodies[one.name]), z))
+                row += BODY
+                continue
+            way = 2.0 * uniform[row] - 1.0 if one.kind == "uniform" else ndtri(uniform[row])
+            found.append((one.value + one.size * way)[None])
+            row += 1
+        return np.concatenate(found) if found else np.empty((0, uniform.shape[1]))
+
+    def deviations(self) -> list[tuple[Scatter, Array]]:
+        """What one standard deviation of each scatter does to all numbers, a column a dimension. Shape (P, 1 or 10)."""
+        found, row = list[tuple[Scatter, Array]](), len(self.plan.grid)
+        for one in self.plan.scatter:
+            width = BODY if one.kind == "body" else 1
+            ways = np.zeros((len(self.names), width))
+            if one.kind == "body":
+                step = 1e-6 * np.eye(BODY)
+                ends = [consistent(np.array(self.bodies[one.name]), sign * step) for sign in (1.0, -1.0)]
+                ways[row : row + width] = one.size * (ends[0] - ends[1]) / 2e-6
+            else:
+                ways[row, 0] = one.deviation
+            found.append((one, ways))
+            row += width
+        return found
+
+
+def consistent(body: Array, z: Array) -> Array:
+    """Bodies that can exist, near one: its pseudo-inertia is ``L (1 + z) (1 + z)^T L^T``, L that of the body.
+
+    Args:
+        body: Numbers in the order of `ENTRIES`. Shape (10,).
+        z: Entries of a lower triangular matrix without dimension. Shape (10, n).
+
+    Returns:
+        Numbers. Shape (10, n).
+    """
+    moment = moments(body)
+    second = np.zeros((3, 3))
+    for (i, k), value in zip(_PAIRS, moment[4:], strict=True):
+        second[i, k] = second[k, i] = value
+    P = np.zeros((4, 4))
+    P[:3, :3] = 0.5 * np.trace(second) * np.eye(3) - second
+    P[:3, 3] = P[3, :3] = moment[1:4]
+    P[3, 3] = moment[0]
+    values, vectors = np.linalg.eigh(P)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # also of thin bodies, whose matrix is singular
+    ways = np.zeros((z.shape[1], 4, 4))
+    ways[:, _LOWER[0], _LOWER[1]] = z.T
+    half = root @ (np.eye(4) + ways)
+    made = half @ half.swapaxes(1, 2)
+    sums = np.trace(made[:, :3, :3], axis1=1, axis2=2)
+    entries = [(sums if i == k else 0.0) - made[:, i, k] for i, k in _PAIRS]
+    return numbers_of(np.stack([made[:, 3, 3], *made[:, :3, 3].T, *entries], axis=1)).T

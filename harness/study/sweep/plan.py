@@ -1,0 +1,212 @@
+"""The file of a sweep: which numbers of a scene scatter, how, and what is kept of each variant."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from screwgauge.engines.screw.matter import ENTRIES
+from screwgauge.quantities import OF_MOTION, check_quantities
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice, first_few, shown
+from screwgauge.reference.expressions import number
+from screwgauge.reference.files import is_path, named_file
+from screwgauge.reference.parameters import chosen, numbers
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_name, read_text, read_toml, required
+from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
+
+DESIGNS = ("random", "sobol")
+TABLES = ("csv", "parquet")
+#: How numbers scatter: standard deviation, half of the width, or consistent bodies, see `Body`.
+KINDS = ("normal", "uniform", "body")
+_KEYS = ("scene", "title", "quantities", "statistics", "variants", "seed", "design", "check", "table", "indices")
+_GRID = ("from", "to", "count", "values")
+#: Variants that a file may ask for, and points of a grid.
+MOST = 10_000_000
+STATISTICS = ("peak", "rms")
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """How numbers of the scene scatter.
+
+    Attributes:
+        name: A number by its whole name; of a body ``bodies.NAME``, whose ten numbers scatter together so that every
+            draw is a body that can exist.
+        kind: One of `KINDS`.
+        size: Standard deviation or half width in the unit of the number; of a body without dimension.
+        value: Of the number in the scene; zero of a body.
+    """
+
+    name: str
+    kind: str
+    size: float
+    value: float
+
+    @property
+    def numbers(self) -> list[str]:
+        """Numbers of the scene that it changes."""
+        return [f"{self.name}.{entry}" for entry in ENTRIES] if self.kind == "body" else [self.name]
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation."""
+        return self.size / 3.0**0.5 if self.kind == "uniform" else self.size
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """What a sweep asks. It pickles.
+
+    Attributes:
+        scene: The scene, its own numbers being those that all others scatter about.
+        count: Draws; of each point of the grid, if there is one.
+        scatter: Numbers that scatter, one a dimension of the draw (ten of a body).
+        grid: Number by its whole name -> its values.
+        check: Variants that the engines of the scene are asked for, too.
+        indices: Draws of Sobol's indices; none if zero.
+    """
+
+    scene: Scene
+    title: str
+    quantities: tuple[str, ...]
+    statistics: tuple[str, ...]
+    count: int
+    seed: int
+    design: str
+    scatter: tuple[Scatter, ...]
+    grid: Mapping[str, Array]
+    check: int
+    table: str
+    indices: int
+    file: Path
+
+    @property
+    def variants(self) -> int:
+        """How many there are."""
+        return self.count * int(np.prod([len(values) for values in self.grid.values()], dtype=int))
+
+
+def read_plan(file: Path) -> Plan:
+    """Reads the file of a sweep.
+
+    Raises:
+        ScrewgaugeError: It is none, or asks for numbers that the scene has not.
+    """
+    data, where = read_toml(file), str(file)
+    check_keys(data, [*_KEYS, "scatter", "grid"], where)
+    name = read_text(data, "scene", where)
+    scene = load_scene(named_file(file.parent, name) if is_path(name) else name)
+    if scene.simulated:
+        raise DescriptionError("a simulated scene cannot be swept", f"{where}, scene", "give it a motion")
+    known = numbers(scene.mechanism, scene.applied)
+    scatter = tuple(
+        one for item in data.get("scatter", {}).items() for one in _scatter(item, known, f"{where}, scatter")
+    )
+    grid = {
+        key: values for item in data.get("grid", {}).items() for key, values in _grid(item, known, f"{where}, grid")
+    }
+    if not (scatter or grid):
+        raise DescriptionError("no number changes", where, "add [scatter] or [grid]")
+    names = [name for one in scatter for name in one.numbers] + [*grid]
+    if twice := [one for one in dict.fromkeys(names) if names.count(one) > 1]:
+        raise DescriptionError(f"{first_few(twice, 3)} scatter twice", where, "write narrower patterns")
+    plan = Plan(
+        scene=scene,
+        title=read_text(data, "title", where, f"Variants of {scene.title}"),
+        quantities=check_quantities(data.get("quantities", ["actuator_force"]), where, OF_MOTION),
+        statistics=tuple(check_choice("statistic", data.get("statistics", list(STATISTICS)), _statistics(), where)),
+        count=_whole(data, "variants", 1000 if scatter else 1, 1, where),
+        seed=_whole(data, "seed", 0, 0, where),
+        design=check_name("design", data.get("design", DESIGNS[0]), DESIGNS, where),
+        scatter=scatter,
+        grid=grid,
+        check=_whole(data, "check", 2, 0, where),
+        table=check_name("table", data.get("table", TABLES[0]), TABLES, where),
+        indices=_whole(data, "indices", 0, 0, where),
+        file=file,
+    )
+    if plan.variants > MOST:
+        raise DescriptionError(f"{plan.variants} variants", where, f"ask for {MOST} at the most")
+    return plan
+
+
+def _statistics() -> Sequence[str]:
+    from screwgauge.engines.screw.variants import STATISTICS as KNOWN
+
+    return [*KNOWN]
+
+
+def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str) -> int:
+    value = data.get(key, usual)
+    count = value if isinstance(value, int) and not isinstance(value, bool) else number(value, f"{where}, {key}")
+    if count != int(count) or not least <= count <= MOST:
+        raise DescriptionError(f"{shown(value)} is no count", f"{where}, {key}", f"give a whole number from {least} on")
+    return int(count)
+
+
+def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[Scatter]:
+    """Entries of one line of ``[scatter]``."""
+    pattern, table = item
+    where = f"{where}.{pattern}"
+    check_keys(table, KINDS, where)
+    if len(table) != 1:
+        raise DescriptionError(f"{len(table)} distributions", where, "give one: { normal = 0.001 }")
+    ((kind, size),) = table.items()
+    if kind == "body":
+        bodies = _bodies(pattern, known, where)
+        return [Scatter(name, kind, _share(size, where), 0.0) for name in bodies]
+    found = [
+        Scatter(name, kind, _size(size, known[name], where), known[name]) for name in chosen(known, [pattern], where)
+    ]
+    if still := [one.name for one in found if not one.size]:
+        what = f"{first_few(still, 3)}: a share of zero is no scatter"
+        raise DescriptionError(what, where, "give it in the unit of the number")
+    return found
+
+
+def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
+    """Bodies of a pattern, ``bodies.NAME`` or ``NAME``, that have mass."""
+    bodies = [name.removesuffix(".mass") for name, value in known.items() if name.endswith(".mass") and value]
+    short = {f"{name}.mass": value for name, value in zip(bodies, [1.0] * len(bodies), strict=True)}
+    try:
+        return [name.removesuffix(".mass") for name in chosen(short, [f"{pattern}.mass"], where)]
+    except UnknownNameError:
+        raise UnknownNameError("body with mass", pattern, bodies, where) from None
+
+
+def _share(value: Any, where: str) -> float:
+    """A positive share, ``"2 %"`` or 0.02."""
+    match = re.fullmatch(r"\s*(.+?)\s*%\s*", value) if isinstance(value, str) else None
+    share = number(match[1], where) / 100.0 if match else number(value, where)
+    if not share > 0.0:
+        raise DescriptionError(f"{shown(value)} is no scatter", where, 'give a positive number, or "1 %"')
+    return share
+
+
+def _size(value: Any, nominal: float, where: str) -> float:
+    """Size of a scatter: a number, or a percentage of the nominal one."""
+    share = _share(value, where)
+    return share * abs(nominal) if isinstance(value, str) and "%" in value else share
+
+
+def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[tuple[str, Array]]:
+    """Values of one line of ``[grid]``."""
+    pattern, table = item
+    where = f"{where}.{pattern}"
+    check_keys(table, _GRID, where)
+    if "values" in table:
+        listed = table["values"]
+        if not isinstance(listed, list) or not listed or len(table) > 1:
+            raise DescriptionError(f"{shown(listed)} are no values", where, "give a list, and nothing beside it")
+        values = np.array([number(x, where) for x in listed])
+    else:
+        first, last = (number(required(table, key, where), f"{where}.{key}") for key in ("from", "to"))
+        values = np.linspace(first, last, _whole(table, "count", 2, 2, where))
+    return [(name, values) for name in chosen(known, [pattern], where)]

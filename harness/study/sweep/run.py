@@ -1,0 +1,320 @@
+"""A sweep: chunks of variants as tasks, and what of their scatter is whose."""
+
+from __future__ import annotations
+
+from base64 import b64decode, b64encode
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.environment import environment
+from screwgauge.problem import Progress, Report, Rows, silent, spread
+from screwgauge.quantities import described, digits
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, first_few
+from screwgauge.reference.rotations import Array
+from screwgauge.study.address import address
+from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
+from screwgauge.study.store import Journal
+from screwgauge.study.sweep.draw import Draw
+from screwgauge.study.sweep.plan import Plan
+
+if TYPE_CHECKING:
+    from screwgauge.engines.screw.variants import Variants
+
+#: Variants of a task: seconds of work, and a row of the journal.
+CHUNK = 4096
+#: Numbers that a sentence names.
+NAMED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A statistic of a component."""
+
+    statistic: str
+    quantity: str
+    component: str
+    unit: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.statistic} {self.quantity}/{self.component} [{self.unit}]"
+
+
+def columns(plan: Plan) -> list[Column]:
+    """Columns of the table, statistic after statistic."""
+    known = described(plan.scene.mechanism)
+    each = [(quantity, *pair) for quantity in plan.quantities for pair in zip(*known[quantity], strict=True)]
+    return [Column(statistic, *one) for statistic in plan.statistics for one in each]
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Statistics of some variants. It pickles.
+
+    Attributes:
+        key: Of the plan; a process compiles it once.
+    """
+
+    plan: Plan
+    key: str
+    first: int
+    stop: int
+
+    def __call__(self, progress: Progress) -> dict[str, Any]:
+        """Values row by row, each a variant, as text of their bytes, and why a variant has none."""
+        draw, variants = _compiled(self.plan, self.key)
+        motion, values = self.plan.scene.motion, draw.values(range(self.first, self.stop))
+        given = dict(zip(draw.names, values, strict=True))
+        found = variants.statistics(motion.y, motion.yd, motion.ydd, self.plan.statistics, parameters=given, t=motion.t)
+        table = np.concatenate([found[one][name] for one in self.plan.statistics for name in self.plan.quantities], 1)
+        why = next(iter(found.values())).why
+        text = b64encode(np.ascontiguousarray(table).tobytes()).decode()
+        return {"values": text, "why": {str(i): str(why[i]) for i in np.flatnonzero(why != "")}}
+
+
+#: What a process has compiled last.
+_known: dict[str, tuple[Draw, Variants]] = {}
+
+
+def _compiled(plan: Plan, key: str) -> tuple[Draw, Variants]:
+    if key not in _known:
+        from screwgauge.engines.screw.variants import Variants
+
+        draw = Draw(plan)
+        _known.clear()
+        _known[key] = draw, Variants(plan.scene, plan.quantities, draw.names, "llvm")
+    return _known[key]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """What one standard deviation of a scatter changes, to first order.
+
+    Attributes:
+        deviation: In the unit of the number; of a body without dimension.
+        changes: Of each column. Shape (C,).
+    """
+
+    name: str
+    kind: str
+    deviation: float
+    changes: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A variant that the engines of the scene were asked for, too, each from model files of its own."""
+
+    variant: int
+    ok: bool
+    digits: float
+    what: str
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All variants.
+
+    Attributes:
+        values: Statistics. Shape (V, C).
+        why: Why a variant has none; empty where it has. Shape (V,).
+        nominal: Statistics of the scene as it is. Shape (C,).
+        effects: Of each scatter.
+        indices: Sobol's indices of first order and in total of each number, of the column that scatters most; if asked.
+    """
+
+    plan: Plan
+    columns: Sequence[Column]
+    values: Array
+    why: Array
+    nominal: Array
+    effects: Sequence[Effect]
+    checked: Sequence[Checked]
+    indices: Mapping[str, tuple[float, float]]
+    note: str
+    environment: Mapping[str, Any] = field(default_factory=environment)
+
+    @property
+    def exit_status(self) -> int:
+        return 0 if all(one.ok for one in self.checked) else 1
+
+    @cached_property
+    def numbers(self) -> pd.DataFrame:
+        """Numbers of all variants."""
+        draw = Draw(self.plan)
+        return pd.DataFrame(draw.values(range(len(self.values))).T, columns=draw.names)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each variant: its numbers, its statistics, and why it has none."""
+        found = pd.DataFrame(self.values, columns=[column.name for column in self.columns])
+        return pd.concat([self.numbers, found.assign(why=self.why)], axis=1)
+
+    @property
+    def sizes(self) -> Array:
+        """What each column is measured by: the largest nominal number of its statistic and unit. Shape (C,)."""
+        keys = [(column.statistic, column.unit) for column in self.columns]
+        largest = dict.fromkeys(keys, 0.0)
+        for key, value in zip(keys, self.nominal, strict=True):
+            largest[key] = max(largest[key], abs(float(value)))
+        return np.array([largest[key] or 1.0 for key in keys])
+
+    @property
+    def ranked(self) -> list[tuple[Effect, int]]:
+        """Effects by what they cost most, the largest first, each with the column that it changes most."""
+        some = [i for i, column in enumerate(self.columns) if column.statistic == self.plan.statistics[0]]
+        shares = [np.abs(effect.changes / self.sizes)[some] for effect in self.effects]
+        order = sorted(range(len(shares)), key=lambda i: -float(shares[i].max(initial=0.0)))
+        return [(self.effects[i], some[int(np.argmax(shares[i]))]) for i in order]
+
+    def worst(self, column: int) -> int | None:
+        """The variant whose statistic is farthest from the nominal one."""
+        away = np.abs(self.values[:, column] - self.nominal[column])
+        return int(np.nanargmax(away)) if np.isfinite(away).any() else None
+
+
+def sweep(
+    plan: Plan, *, progress: Report = silent, execute: Executor | None = None, place: Path | None = None
+) -> Sweep:
+    """Answers all variants of a plan.
+
+    Args:
+        execute: Where chunks are worked on; in this process by default.
+        place: Folder of the report, of which chunks are kept until all are there; by default none are.
+
+    Raises:
+        ScrewgaugeError: Numbers cost the machine its mobility, or the scene's motion cannot be followed.
+    """
+    key = address("sweep", _content(plan), files=[plan.file, *_files(plan)])
+    draw, variants = _compiled(plan, key)
+    _check_mobility(plan, variants)
+    kept, count = Journal(place, key), plan.variants
+    chunks = [Chunk(plan, key, i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
+    rows = run_tasks(
+        [Task(f"variants {one.first + 1} to {one.stop}", one, str(one.first), _files(plan)) for one in chunks],
+        execute or InTurn(),
+        lost=lambda name, reason: {"values": "", "why": {"": reason}},
+        before=kept.results,
+        keep=kept.keep,
+        progress=progress,
+    )
+    known = columns(plan)
+    parts = [_read(row, one.stop - one.first, len(known)) for row, one in zip(rows, chunks, strict=True)]
+    values, why = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+    nominal, slopes = _slopes(plan, variants)
+    slopes = slopes[:, [variants.names.index(name) for name in draw.names]]
+    effects = [
+        Effect(one.name, one.kind, one.deviation, np.linalg.norm(slopes @ ways, axis=1) * _sign(slopes @ ways))
+        for one, ways in draw.deviations()
+    ]
+    progress("checks", 0.99)
+    checked = [*_checked(plan, draw, np.flatnonzero(why == ""))]
+    found = Sweep(plan, known, values, why, nominal, effects, checked, {}, kept.note)
+    if plan.indices:
+        found = Sweep(plan, known, values, why, nominal, effects, checked, _indices(found, draw, variants), kept.note)
+    kept.remove()
+    return found
+
+
+def _content(plan: Plan) -> list[Any]:
+    scatter = [[one.name, one.kind, one.size, one.value] for one in plan.scatter]
+    grid, t = [[name, values.tolist()] for name, values in plan.grid.items()], plan.scene.t
+    return [plan.count, plan.seed, plan.design, [*plan.quantities], [*plan.statistics], scatter, grid, t.tobytes()]
+
+
+def _files(plan: Plan) -> list[Path]:
+    scene = plan.scene
+    return [file for file in (scene.file, scene.mechanism_file) if file is not None]
+
+
+def _check_mobility(plan: Plan, variants: Variants) -> None:
+    """Refuses numbers that cost an overconstrained machine its mobility, before any variant."""
+    if costs := [*variants.cannot_change]:
+        where = str(plan.file)
+        what = f"{first_few(costs, NAMED)} cannot change alone: the loops would stay open"
+        raise DescriptionError(what, where, "leave these out, or move what is left as a whole")
+
+
+def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
+    """Values and reasons of a chunk. Shapes (count, width), (count,)."""
+    why = np.full(count, row["why"].get("", ""), dtype=object)
+    for i, reason in row["why"].items():
+        if i:
+            why[int(i)] = reason
+    data = np.frombuffer(b64decode(row["values"]))
+    return (data.reshape(count, width) if data.size else np.full((count, width), np.nan)), why
+
+
+def _sign(ways: Array) -> Array:
+    """Sign of a change by one number; a body has none. Shape (C, 1 or 10) -> (C,)."""
+    return np.where(ways[:, 0] < 0.0, -1.0, 1.0) if ways.shape[1] == 1 else np.ones(len(ways))
+
+
+def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
+    """Statistics of the scene as it is, and their derivatives by all numbers. Shapes (C,), (C, P)."""
+    motion, nominal, slopes = plan.scene.motion, list[float](), list[Array]()
+    given = motion.y, motion.yd, motion.ydd
+    values = variants(*given, parameters={}, t=motion.t)
+    by_quantity = {name: (values[name][0], variants.jacobian(name, *given, motion.t)) for name in plan.quantities}
+    for statistic in plan.statistics:
+        for f, J in by_quantity.values():
+            for x, slope in zip(f.T, np.moveaxis(J, 1, 0), strict=True):
+                value, weights = _statistic(statistic, x)
+                nominal.append(value)
+                slopes.append(weights @ slope)
+    return np.array(nominal), np.array(slopes)
+
+
+def _statistic(name: str, x: Array) -> tuple[float, Array]:
+    """A statistic of a course, and its derivative by each of its values. Shape (n,)."""
+    n, at = len(x), np.zeros(len(x))
+    if name == "mean":
+        return float(x.mean()), at + 1.0 / n
+    if name == "rms":
+        rms = float(np.sqrt(np.mean(x * x)))
+        return rms, x / (n * rms) if rms else at
+    i = int({"peak": np.argmax(np.abs(x)), "min": np.argmin(x), "max": np.argmax(x)}[name])
+    at[i] = np.sign(x[i]) if name == "peak" else 1.0
+    return float(at[i] * x[i]), at
+
+
+def _checked(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
+    """Some of the variants by the engines of the scene, each from model files of its own."""
+    from screwgauge.study.run import run
+
+    for i in rows[spread(len(rows), plan.check)].tolist() if len(rows) and plan.check else ():
+        given = dict(zip(draw.names, draw.values(range(i, i + 1))[:, 0].tolist(), strict=True))
+        try:
+            with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+                results = run(plan.scene.with_(given), quantities=plan.quantities)
+        except ScrewgaugeError as error:
+            yield Checked(i, False, np.nan, str(error))
+            continue
+        worst = float(results.pairs["max_scaled"].max()) if len(results.pairs) else np.nan
+        yield Checked(i, results.exit_status == 0, digits(worst), ", ".join(results.solutions))
+
+
+def _indices(found: Sweep, draw: Draw, variants: Variants) -> dict[str, tuple[float, float]]:
+    """Sobol's indices of the column that scatters most, over its measure."""
+    from scipy.stats import sobol_indices, uniform
+
+    plan, motion = found.plan, found.plan.scene.motion
+    column = int(np.nanargmax(np.nanstd(found.values, axis=0) / found.sizes))
+    one = found.columns[column]
+    place = [c.component for c in found.columns if (c.statistic, c.quantity) == (one.statistic, one.quantity)]
+
+    def measured(u: Array) -> Array:
+        given = dict(zip(draw.names, draw.scattered(u), strict=True))
+        got = variants.statistics(motion.y, motion.yd, motion.ydd, [one.statistic], parameters=given, t=motion.t)
+        return got[one.statistic][one.quantity][:, place.index(one.component)]
+
+    rng = np.random.default_rng(plan.seed)
+    result = sobol_indices(func=measured, n=plan.indices, dists=[uniform()] * draw.dimensions, rng=rng)
+    pairs = zip(plan.scatter, result.first_order, result.total_order, strict=True)
+    return {number.name: (float(first), float(total)) for number, first, total in pairs}

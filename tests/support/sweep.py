@@ -1,0 +1,10 @@
+"""Sweeps and their draws."""
+
+from __future__ import annotations
+
+from screwgauge.reference.mechanism import triangle_excess
+from screwgauge.study.sweep.draw import Draw, consistent
+from screwgauge.study.sweep.plan import read_plan
+from screwgauge.study.sweep.run import CHUNK, sweep
+
+__all__ = ["CHUNK", "Draw", "consistent", "read_plan", "sweep", "triangle_excess"]
