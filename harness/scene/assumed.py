@@ -42,9 +42,7 @@ def _sentence(scene: Scene, one: Freedom) -> str:
     if one.rests:
         return f"No actuator drives '{one.label}', and it has no inertia: it rests at {at}."
     if scene.grid is not None:
-        return (
-            f"No actuator drives '{one.label}': it rests at {at} in each cell, and accelerates as the forces make it."
-        )
+        return f"No actuator drives '{one.label}': it rests at {at} in each cell, and accelerates by forces."
     start = f"{at} at {one.rate:.6g} {unit}/s, {'as the scene says' if one.chosen else 'without momentum along it'}"
     return f"No actuator drives '{one.label}': its motion follows from the forces, from {start}."
 
