@@ -12,6 +12,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.biped import BASE, LINK, SOLE, biped, contact, gait
 from support.engines import IN_DOUBLES
+from support.gate import Item, files_in
 from support.judging import agreed
 from support.stance import needed, unbalanced
 
@@ -256,3 +257,10 @@ def test_gate_says_what_contacts_are_taken_for(stand):
     row = screwgauge.check(stand(one_foot()).file).rows[0]
     assert row.ok
     assert any("pull as well as push" in sentence for sentence in row.remarks)
+
+
+def test_gate_finds_its_rows_again_though_descriptions_are_made_anew(stand):
+    item = Item("stand", (str(stand(one_foot()).file),))
+    before = files_in(item)
+    assert {path.name for path in before} == {"stand.toml", "biped.toml"}
+    assert files_in(item) == before

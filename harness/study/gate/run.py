@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 
 from screwgauge.models.importing import MESHES, is_model
-from screwgauge.models.importing.model import imported_file
+from screwgauge.models.importing.model import imported_file, is_scratch
 from screwgauge.models.readings.loops import loops_for
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
@@ -91,7 +91,10 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
-    """All files that an item is made of and that do not come with this package: loops files, what models name, too."""
+    """All files that an item is made of and that do not come with this package: loops files, what models name, too.
+
+    Descriptions that are made of these for one process only are not among them.
+    """
     with files_read() as read, suppress(ScrewgaugeError):
         models = []
         for name in item.files:
@@ -105,4 +108,5 @@ def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
             read += filter(None, [loops_for(model)])
     every = dict.fromkeys([*map(Path, item.files), *read])
     loops = (path.with_suffix(".loops.toml") for path in [*every])
-    return [path for path in dict.fromkeys([*every, *loops]) if is_file(path) and not built_in(path.absolute())]
+    known = (path for path in dict.fromkeys([*every, *loops]) if is_file(path) and not is_scratch(path))
+    return [path for path in known if not built_in(path.absolute())]
