@@ -15,13 +15,19 @@ from screwgauge import ScrewgaugeError
 from screwgauge.study.run import run
 
 ENGINES = ("screw", "pinocchio", "mujoco", "lagrange")
-COUNT = 100
+COUNT = 200
 #: Kinds of joint with their axes; two of three are hinges.
 KINDS = [*["R"] * 4, "P", "U", "S"]
 AXES = {"U": "[[1, 0, 0], [0, 1, 0]]", "S": "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"}
 BASE = [f"base.{name}" for name in ("x", "y", "z", "q1", "q2", "q3")]
-#: True reasons for which a scene is refused: contacts hold all that is driven, or what falls freely falls too fast.
-REFUSED = ("no degree of freedom", "so that nothing with a motion moves", "breaks off", "leave one of these out")
+#: True reasons for a refusal: contacts hold all that is driven, a motion leaves what loops reach, something falls fast.
+REFUSED = (
+    "no degree of freedom",
+    "nothing with a motion moves",
+    "cannot close",
+    "breaks off",
+    "leave one of these out",
+)
 
 
 def vector(x: np.ndarray) -> str:
