@@ -92,6 +92,15 @@ def test_a_usd_is_the_mechanism_that_it_was_made_of(name, last, bound, unit, tmp
     assert worst(one, other) < bound
 
 
+@pytest.mark.parametrize(
+    ("seed", "family"), [(12, "planar-4"), (11, "planar-5"), (19, "planar-6"), (2, "delta"), (22, "sarrus")]
+)
+def test_slides_and_hinges_of_loops_stand_at_right_angles_in_spite_of_32_bits(seed, family, tmp_path):
+    mechanism = screwgauge.random(seed, family).mechanism
+    (tmp_path / "m.usda").write_text(usd_of(mechanism), encoding="utf-8")
+    assert len(import_model(tmp_path / "m.usda").mechanism.independent) == len(mechanism.independent)
+
+
 def test_engines_agree_on_a_usd(tmp_path):
     imported("five-bar", "R", 1.0, tmp_path)
     results = screwgauge.run(screwgauge.load_scene(str(tmp_path / "m.usda")), ("screw", "pinocchio", "mujoco"))

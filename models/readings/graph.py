@@ -34,8 +34,8 @@ from screwgauge.reference.rotations import Array
 
 #: The world, where a joint names it in place of a link.
 WORLD = ""
-#: Limits that mean none [rad or m].
-_BOUNDLESS = 1e16
+#: Limits that mean none [rad or m]; directions that are that near to a plane are in it.
+_BOUNDLESS, _DEPENDENT = 1e16, 1e-5
 
 
 def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
@@ -193,14 +193,18 @@ def _unused(name: str, names: Collection[str]) -> str:
 
 
 def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Joints with one direction for all that are parallel but for rounding: loops hang on that."""
+    """Joints with one direction for all that are parallel but for rounding, or right angles: loops hang on that."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
         if rounding and way.any():
             near = (sign * other for other in known for sign in (1.0, -1.0))
-            way = next((other for other in near if np.abs(other - way).max() <= rounding), way)
-            known += [way] if way is joint.direction or not known else []
+            parallel = next((other for other in near if np.abs(other - way).max() <= rounding), None)
+            if parallel is None:
+                square = np.array([other for other in known if abs(other @ way) <= rounding]).reshape(-1, 3)
+                way = way - np.linalg.pinv(square, _DEPENDENT) @ (square @ way)
+                known.append(way := way / np.linalg.norm(way))
+            way = way if parallel is None else parallel
             joint = replace(joint, screw=screw(joint.kind == "hinge", way, joint.centre))
         aligned[name] = joint
     return aligned
