@@ -237,6 +237,13 @@ def test_bad_grids_are_refused(write, text):
         screwgauge.load_scene(write("s.toml", f'mechanism = "five-bar"\n{text}\n'))
 
 
+def test_a_grid_with_contacts_is_refused_by_name(write):
+    grid = "[motion.grid]\nq1 = { from = 0, to = 1, count = 3 }\n"
+    text = f'mechanism = "arm7"\n{grid}[[contacts]]\nbody = "link7"\nkind = "point"\n'
+    with pytest.raises(DescriptionError, match="grid"):
+        screwgauge.load_scene(write("s.toml", text))
+
+
 def test_a_grid_without_a_cell_is_refused(ankle):
     with pytest.raises(DescriptionError, match="no cell has numbers"):
         ankle(1.5, 2)

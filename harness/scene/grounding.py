@@ -28,6 +28,7 @@ from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, read_list, required
 from screwgauge.scene.contacts import Contact, independent_of, read_contacts, touching_at
+from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
@@ -81,6 +82,9 @@ def grounded(
     if not data.get("contacts") and ("forward" in data or all(joint.constrains for joint in mechanism.joints)):
         read_list(data, "contacts", str(path))
         return file, mechanism, data
+    if is_grid(data.get("motion"), mechanism):
+        what = "a grid knows no contacts and no base that floats"
+        raise DescriptionError(what, f"{path}, motion", "describe what holds the mechanism by joints")
     contacts = read_contacts(mechanism, data, str(path))
     named, said = _named(mechanism, [contact.name for contact in contacts], data, path, times), list[str]()
     at = mechanism
