@@ -122,7 +122,7 @@ def test_every_engine_agrees_and_satisfies_the_judge(scene, name, engine):
 def test_random_mechanisms_agree(family):
     drawn = screwgauge.random(4, family)
     if len(drawn.mechanism.actuators) < len(drawn.mechanism.independent):
-        with pytest.raises(ScrewgaugeError, match="actuate more joints"):
+        with pytest.raises(ScrewgaugeError, match="jacobian"):
             screwgauge.run(drawn, ["screw"], ASKED)
         return
     agreed(screwgauge.run(drawn, ENGINES, ASKED))
