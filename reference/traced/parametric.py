@@ -28,9 +28,9 @@ from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, Scalar, Trace
 from screwgauge.reference.traced.tracing import dependent
 
-#: Emitted with every sample, as squares without dimension: the last step of Newton's method, the step that would
-#: follow it, and what all rows are open by.
-CHECKS = ("step", "next", "open")
+#: Emitted with every sample, as squares without dimension: the first two steps of Newton's method, the last one, the
+#: step that would follow it, and what all rows are open by.
+CHECKS = ("first", "second", "step", "next", "open")
 #: Steps of Newton's method; further ones take the matrix of the last, which is as near as makes no difference by then.
 NEWTON = 2
 #: Nodes that a trace may have: derivatives make some times as many as quantities.
@@ -102,15 +102,15 @@ class Symbols:
         subject = Subject(mechanism, replace(applied, loads=loads)).with_numbers(values, symbolic=True)
         self.loops = _of_symbols(loops, subject.mechanism)
         self.folds = [float(x.flat[0]) for x in loops.folds(anchors.q)]
-        self.last: Array | None = None
+        self.steps = list[Array]()
         q = mechanism.home.astype(object)
         q[self.predicted], q[loops.y_columns] = self.start, self.y
         solver: Closed | None = None
         for step in range(steps if self.predicted else 0):
             at = Closed(self.loops, coordinates(q, TRACE), self.folds, TRACE)
             solver = solver if solver is not None and step >= NEWTON else at
-            self.last = at.spread(solver.system.solve(-at.residual(self.y)))
-            q = q + self.last
+            self.steps.append(at.spread(solver.system.solve(-at.residual(self.y))))
+            q = q + self.steps[-1]
         self.at = Dynamics(self.loops, coordinates(q, TRACE), self.yd, self.ydd, self.folds, TRACE, subject.applied)
         self.at.near, self.at.axial, self.at.t = dict(zip(self.near, near, strict=True)), axial, self.t
 
@@ -125,12 +125,13 @@ class Symbols:
     def checks(self) -> list[Scalar]:
         """See `CHECKS`."""
         if not self.predicted:
-            return [0.0, 0.0, 0.0]
+            return [0.0] * len(CHECKS)
         loops, residual = self.loops, self.at.residual(self.y)
         moving = loops.columns[: loops.moving]
         following = self.at.spread(self.at.system.solve(-residual))
-        last = 0.0 if self.last is None else squares(self.last[moving], loops.sizes[moving])
-        return [last, squares(following[moving], loops.sizes[moving]), squares(residual, loops.unit)]
+        steps = [*self.steps[:2], *self.steps[-1:], following]
+        sizes = [squares(step[moving], loops.sizes[moving]) for step in steps]
+        return [*[0.0] * (len(CHECKS) - 1 - len(sizes)), *sizes, squares(residual, loops.unit)]
 
     def program(self, outputs: Sequence[Scalar]) -> Program:
         return program(len(self.trace.inputs), outputs)

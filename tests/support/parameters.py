@@ -6,13 +6,14 @@ import numpy as np
 
 from screwgauge import Scene
 from screwgauge.engines.screw.nominal import COSTS, stacked
-from screwgauge.engines.screw.variants import Variants
+from screwgauge.engines.screw.variants import Lanes, Variants
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import layout
 from screwgauge.reference.parameters import Subject, numbers
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.parametric import CHECKS
 from screwgauge.reference.traced.trace import OPERATIONS
 
 #: Steps of Newton's method through which complex steps go, and their size.
@@ -53,4 +54,23 @@ def complex_numbers(variants: Variants, motion: GivenMotion, k: int) -> Array:
     return np.array([np.broadcast_to(np.imag(x), len(motion)) for x in out]).T / STEP
 
 
-__all__ = ["COSTS", "complex_numbers", "gaps_open", "numbers"]
+def along_a_path(variants: Variants, motion: GivenMotion, given: dict[str, Array], steps: int) -> Array:
+    """Values of variants by the same program, its poses followed from the nominal machine in many small changes.
+
+    Shape (V, n, m).
+    """
+    machine, p = variants._machine, variants._numbers(given)
+    poses, (symbols, made) = machine.at(motion.y, motion.yd, motion.ydd, None), variants._program(variants._steps)
+    lanes, out = Lanes.of(made, symbols, p.shape[1]), list[Array]()
+    for row, q in zip(poses.rows, poses.q, strict=True):
+        lanes.given[:], lanes.near[:] = row[:, None], q[symbols.near, None]
+        lanes.start[:] = q[symbols.predicted, None]
+        for share in [*np.linspace(1.0 / steps, 1.0, steps), 1.0]:
+            lanes.numbers[:] = variants.nominal[:, None] + share * (p - variants.nominal[:, None])
+            lanes.run()
+            lanes.start[:] = lanes.out[machine.count + len(CHECKS) :]
+        out.append(lanes.out[: machine.count].copy())
+    return np.moveaxis(np.array(out), 2, 0)
+
+
+__all__ = ["COSTS", "along_a_path", "complex_numbers", "gaps_open", "numbers"]

@@ -77,24 +77,30 @@ class _Worst:
     def of(cls, count: int) -> _Worst:
         return cls(*np.zeros((3, count)))
 
-    def meet(self, step: Array, following: Array, rows: Array) -> None:
+    def meet(self, first: Array, second: Array, step: Array, following: Array, rows: Array) -> None:
         """Takes the checks of a sample; one that is no number stays none."""
         np.maximum(self.following, following, out=self.following)
         np.maximum(self.open, rows, out=self.open)
-        np.maximum(self.ratio, following / np.where(step > TESTED**2, step, np.inf), out=self.ratio)
+        for before, after in ((first, second), (step, following)):
+            np.maximum(self.ratio, after / np.where(before > TESTED**2, before, np.inf), out=self.ratio)
+
+    @property
+    def contracts(self) -> NDArray[np.bool_]:
+        """Whether each step of Newton's method is much smaller than the one before: it stays on its assembly."""
+        return self.ratio <= QUARTER**2
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        return (self.following <= CLOSED**2) & (self.ratio <= QUARTER**2) & (self.open <= OPEN**2)
+        return (self.following <= CLOSED**2) & self.contracts & (self.open <= OPEN**2)
 
     @property
     def stays_open(self) -> NDArray[np.bool_]:
         """Whether Newton's method has come to its end, and rows are open there."""
-        return (self.following <= CLOSED**2) & (self.ratio <= QUARTER**2) & ~(self.open <= OPEN**2)
+        return (self.following <= CLOSED**2) & self.contracts & ~(self.open <= OPEN**2)
 
 
 @dataclass(slots=True, eq=False)
-class _Lanes:
+class Lanes:
     """A program bound to buffers of some lanes, a row a number."""
 
     given: Array
@@ -105,7 +111,7 @@ class _Lanes:
     run: Any = field(init=False)
 
     @classmethod
-    def of(cls, program: Any, symbols: Symbols, lanes: int) -> _Lanes:
+    def of(cls, program: Any, symbols: Symbols, lanes: int) -> Lanes:
         of_pose = len(symbols.predicted), len(symbols.near)
         sizes = 3 * len(symbols.y) + 1, *of_pose, len(symbols.numbers)
         made = cls(*(np.zeros((size, lanes)) for size in (*sizes, len(program.program.outputs))))
@@ -136,7 +142,7 @@ class Variants:
         self.components = self._machine.components
         self._matter = Matter(self._machine, self.names, backend)
         self._programs: dict[int, tuple[Symbols, Any]] = {}
-        self._bound: dict[tuple[int, int], _Lanes] = {}
+        self._bound: dict[tuple[int, int], Lanes] = {}
         self._steps = STEPS[0]
         self._at: tuple[Poses | None, Array] = None, np.zeros(0)
 
@@ -265,28 +271,29 @@ class Variants:
             array[..., why != ""] = np.nan
 
     def _answer(self, poses: Poses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fills in values by the program, of variants that it cannot close by the array solver."""
-        left = np.flatnonzero(why == "")
+        """Fills in values by the program; variants that it leads elsewhere are followed by the array solver."""
+        left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
             some = [np.empty((*array.shape[:2], len(left))) for array in into]
             worst = self._run(poses, p[:, left], some, again)
-            if self._steps == STEPS[0] and np.mean(~worst.closed & ~worst.stays_open) > MANY:
+            if self._steps == STEPS[0] and np.mean(worst.contracts & ~(worst.closed | worst.stays_open)) > MANY:
                 self._steps = STEPS[1]
                 worst = self._run(poses, p[:, left], some, again)
             for array, found in zip(into, some, strict=True):
                 array[..., left] = found
             why[left[worst.stays_open]] = ROWS_OPEN
-            left = left[~worst.closed & ~worst.stays_open]
+            far += left[~worst.contracts].tolist()
+            left = left[worst.contracts & ~(worst.closed | worst.stays_open)]
             if not left.size:
-                return
-        for lane in left:
+                break
+        for lane in [*far, *left.tolist()]:
             why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
 
     def _run(self, poses: Poses, p: Array, into: Sequence[Array], again: int) -> _Worst:
         """Runs the program at all samples, `again` and again from where it came to, and fills in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
-        lanes, worst = self._bound.setdefault(key, _Lanes.of(made, symbols, key[1])), _Worst.of(count)
+        lanes, worst = self._bound.setdefault(key, Lanes.of(made, symbols, key[1])), _Worst.of(count)
         lanes.numbers[:] = self.nominal[:, None]
         lanes.numbers[:, :count] = p
         change, slopes = lanes.numbers - self.nominal[:, None], self._slopes_at(poses)
