@@ -56,7 +56,7 @@ def ask(path: Path, tree: ReadingTree, states: TreeStates) -> Forces:
         plant.CalcForceElementsContribution(context, forces)
         tau.append(plant.CalcInverseDynamics(context, B @ states.qdd[k] + extra, forces) @ B)
     left = np.array([name not in rows for name, at in tree.freedoms.items() for _ in range(at.stop - at.start)])
-    return Forces(np.where(left, passive, np.array(tau)), frozenset({"armature", "damping", "stiffness"}))
+    return Forces(np.where(left, passive, np.array(tau)), frozenset({"armature", "damping", "stiffness"}), False)
 
 
 def _loaded(file: Path, gravity: Array) -> Any:

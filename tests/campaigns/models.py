@@ -43,7 +43,7 @@ class ImportRow:
         verdict: As of a random mechanism (see `verdict.judged`), ``refused`` before any engine ran, or ``wrong`` where
             the library of its format has other inverse dynamics of the file.
         max_scaled: Largest scaled error of a pair of engines, of `quantity`.
-        library, apart, states: See `own_library.OwnLibrary`; none where it cannot be asked.
+        library, apart, states, untouched: See `own_library.OwnLibrary`; none where it cannot be asked.
         import_s, run_s: Processor time of this process [s].
     """
 
@@ -64,6 +64,7 @@ class ImportRow:
     library: str = ""
     apart: str = ""
     states: int = 0
+    untouched: bool = False
     reason: str = ""
     import_s: float = 0.0
     run_s: float = 0.0
@@ -83,7 +84,7 @@ def import_row(model: Public) -> ImportRow:
     row = ImportRow(model.name, model.source, model.version, model.path, form)
     begin = process_time()
     try:
-        imported = import_isolated(model.file, Options(floating=model.floating))
+        imported = import_isolated(model.file, Options(floating=model.floating, meshes=True))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
     row = replace(_counted(row, imported), import_s=round(process_time() - begin, 2))
@@ -113,7 +114,7 @@ def _beside(row: ImportRow, model: Public, imported: Imported) -> ImportRow:
         own = own_library(model.file, imported, floating=model.floating)
     except (ScrewgaugeError, ImportError, LookupError, ValueError) as error:
         return replace(row, reason=" ".join(filter(None, (row.reason, str(error)))))
-    row = replace(row, library=own.library, apart=f"{own.apart:.2g}", states=own.states)
+    row = replace(row, library=own.library, apart=f"{own.apart:.2g}", states=own.states, untouched=own.untouched)
     return replace(row, verdict="wrong") if own.wrong else row
 
 

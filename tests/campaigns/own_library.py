@@ -6,8 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
+import mujoco
 import numpy as np
+import pinocchio
 from numpy.typing import NDArray
 
 from screwgauge.diagnosis.facts.fact import Partner
@@ -20,7 +24,7 @@ from screwgauge.models.kinematics import ReadingTree, plant
 from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import libraries_of, read_source
 from screwgauge.models.readings.reading import FREEDOMS, Reading
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import Source, prepare
 from screwgauge.reference.left_out import BorneWeight, TurnResistance, damper_law
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.witness.dynamics import inverse_dynamics, passive_parts
@@ -41,10 +45,12 @@ class Forces:
     Attributes:
         tau: Shape (n, n_freedom).
         covers: What is in it besides inertia and gravity, as in `raw_queries.Answers`.
+        untouched: See `OwnLibrary`.
     """
 
     tau: Array
     covers: frozenset[str]
+    untouched: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +61,13 @@ class OwnLibrary:
         apart: Largest difference of inverse dynamics at random states, over the largest force of the unit, along
             motions that loops leave.
         states: At how many states both could be compared.
+        untouched: The library read the file itself, and nothing that was made of it.
     """
 
     library: str
     apart: float
     states: int
+    untouched: bool
 
     @property
     def wrong(self) -> bool:
@@ -75,17 +83,18 @@ def own_library(file: Path, imported: Imported, *, floating: bool = False) -> Ow
         ImportError: Its library is not installed.
         ValueError, LookupError: Its library refuses the file, or has other joints.
     """
-    source = prepare(file, floating=floating)
+    source = prepare(file, floating=floating, meshes=True)
     reading, loops, library = read_source(source, libraries_of(source.form)[0]), loops_for(file), OWN[source.form]
     reading = reading if loops is None else with_loops(reading, loops)
     torques = Torques(weighed(reading))
     tree, follower = plant(torques.reading), plant(weighed(_machine(imported, reading)))
     there = followed(tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names))
-    theirs = _forces(source.path, library, tree, torques.states, floating) - _turning(imported, tree, torques.states)
+    asked = _asked(source, library, tree, torques.states, floating)
+    theirs = _whole(asked, tree, torques.states) - _turning(imported, tree, torques.states)
     ours = (np.swapaxes(there.velocities, 1, 2) @ inverse_dynamics(follower, there.states)[..., None])[..., 0]
     fits = there.fits & _same(tree, torques.states, follower, there.states)
     apart = float(np.abs(torques.scaled(np.where(fits[:, None], theirs - ours, 0.0))).max(initial=0.0))
-    return OwnLibrary(library, apart, int(fits.sum()))
+    return OwnLibrary(library, apart, int(fits.sum()), asked.untouched)
 
 
 def _partners(reading: Reading, machine: Reading, names: Mapping[str, str]) -> Partners:
@@ -144,20 +153,33 @@ def _turning(imported: Imported, tree: ReadingTree, states: TreeStates) -> Array
     return force
 
 
-def _forces(file: Path, library: str, tree: ReadingTree, states: TreeStates, floating: bool) -> Array:
-    """All that the library has of the file, with what the reading knows of springs and dampers that it leaves out."""
-    asked = _asked(file, library, tree, states, floating)
+def _whole(asked: Forces, tree: ReadingTree, states: TreeStates) -> Array:
+    """What a library has, with what the reading knows of springs and dampers that it leaves out."""
     left = (force for name, force in passive_parts(tree, states).items() if name not in asked.covers)
     return asked.tau + sum(left, np.zeros_like(asked.tau))
 
 
-def _asked(file: Path, library: str, tree: ReadingTree, states: TreeStates, floating: bool) -> Forces:
+def _asked(source: Source, library: str, tree: ReadingTree, states: TreeStates, floating: bool) -> Forces:
     if library in FURTHER:
-        forces: Forces = import_module(FURTHER[library]).ask(file, tree, states)
+        forces: Forces = import_module(FURTHER[library]).ask(source.path, tree, states)
         return forces
-    bodies, joints = tuple(tree.reading.bodies), joint_states(tree, states)
-    answers = import_module(ASKED[library]).ask(file, bodies, joints, floating)
+    module, untouched = import_module(ASKED[library]), True
+    question = source.path, tuple(tree.reading.bodies), joint_states(tree, states), floating
+    with patch.object(module, "prepare", return_value=source):
+        try:
+            with patch.object(module, "loaded", return_value=_untouched(source.path, library, floating)):
+                answers = module.ask(*question)
+        except (ValueError, LookupError):  # a name that the file has twice, or not at all; or a texture is missing
+            answers, untouched = module.ask(*question), False
     if any(tree.reading.medium):  # of the drag a description has none
         tau = (answers.mass_matrix @ states.qdd[..., None])[..., 0] + answers.bias
-        return Forces(tau, frozenset({"armature"}))
-    return Forces(answers.tau, answers.covers)
+        return Forces(tau, frozenset({"armature"}), untouched)
+    return Forces(answers.tau, answers.covers, untouched)
+
+
+def _untouched(file: Path, library: str, floating: bool) -> Any:
+    """The file as its library loads it by itself, where the package prepares it first."""
+    if library == "mujoco":
+        return mujoco.MjModel.from_xml_path(str(file))
+    free = (pinocchio.JointModelFreeFlyer(), "root_joint") if floating else ()
+    return pinocchio.buildModelFromUrdf(str(file), *free)
