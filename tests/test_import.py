@@ -494,3 +494,12 @@ def test_a_loop_at_its_limits_gets_room_though_it_is_conditioned_worse_there(tmp
     low, high = mechanism.limits.T
     assert (low < mechanism.home).all()
     assert (mechanism.home < high).all()
+
+
+def test_meshes_of_what_is_fixed_to_the_world_are_not_asked_for(tmp_path):
+    base = '<body name="base"><geom type="mesh" mesh="m"/><body name="arm"><joint name="hinge"/>'
+    text = f'<asset><mesh name="m" file="../nowhere.stl"/></asset><worldbody>{base}{SMALL}</body></body></worldbody>'
+    (tmp_path / "arm.xml").write_text(f'<mujoco model="arm">{text}</mujoco>', encoding="utf-8")
+    imported = import_model(tmp_path / "arm.xml", Options(meshes=True))
+    assert imported.mechanism.mass == 0.1
+    assert "mass of body base, which is fixed and has it from meshes" in imported.left_out

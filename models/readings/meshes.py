@@ -179,12 +179,13 @@ _KEPT = ("compiler", "option", "default", "asset", "worldbody")
 _JOINTS = ("joint", "freejoint", "attach")
 
 
-def weigh(root: ET.Element, path: Path, folder: Path) -> list[str]:
+def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> list[str]:
     """Gives bodies of which meshes determine the mass an ``<inertial>`` with what MuJoCo makes of the meshes.
 
     Args:
         root: Of an MJCF, all bodies of it having names.
         folder: In which all meshes have to lie.
+        own: It is no model that another one attaches: what no joint moves is fixed to the world, and needs no mass.
 
     Returns:
         Names of these bodies.
@@ -192,7 +193,7 @@ def weigh(root: ET.Element, path: Path, folder: Path) -> list[str]:
     Raises:
         ModelFileError: A mesh lies outside the folder, cannot be read, or is refused by MuJoCo.
     """
-    weighing = [shape for shape in weighs(root) if shape.body.tag == "body"]
+    weighing = [shape for shape in weighs(root) if shape.body.tag == "body" and (shape.moves or not own)]
     if not weighing:
         return []
     force = [compiler for compiler in root.iterfind("compiler") if compiler.get("inertiafromgeom") == "true"]

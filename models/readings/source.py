@@ -215,7 +215,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
         where, own = str(part.path), part.root is root
         check_numbers(part.root, where)
         name_all(part.root, taken)
-        if meshes and (weighed := weigh(part.root, part.path, path.parent.resolve())):
+        if meshes and (weighed := weigh(part.root, part.path, path.parent.resolve(), own=own)):
             names = first_few(weighed, _NAMED)
             resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
         moving = () if own else ("body", "worldbody") if whole else ("body",)
@@ -249,7 +249,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
     names = list[str]()
     for part in files:
         name_all(part.root, taken)
-        names += weigh(part.root, part.path, home)
+        names += weigh(part.root, part.path, home, own=part.root is root)
         at = path.name if part.root is root else part.path.relative_to(home)
         for model in part.root.iterfind("asset/model"):  # without links, of which the copy has none
             file = part.models[model.get("name", "")]

@@ -47,6 +47,27 @@ def test_a_machine_is_wrong_beside_another_file(edit, tmp_path):
     assert own_library(other, imported).wrong
 
 
+SDF = """<sdf version="1.9"><model name="pendulum"><link name="base"/>
+<joint name="anchor" type="fixed"><parent>world</parent><child>base</child></joint>
+<link name="arm"><inertial><pose>0.1 0 -0.2 0 0 0.3</pose><mass>1</mass>
+<inertia><ixx>0.1</ixx><iyy>0.12</iyy><izz>0.09</izz></inertia></inertial></link>
+<joint name="hinge" type="revolute"><parent>base</parent><child>arm</child>
+<axis><xyz>0 1 0</xyz><dynamics><damping>0.1</damping></dynamics></axis></joint></model></sdf>"""
+
+
+@pytest.mark.parametrize(
+    "edit", [("<mass>1<", "<mass>1.000001<"), ("0 0 0.3", "0 0 0.31"), (">0.1</d", ">0.100001</d")]
+)
+def test_a_machine_is_wrong_beside_what_drake_reads_from_another_file(edit, tmp_path):
+    pytest.importorskip("pydrake")
+    one, other = tmp_path / "one.sdf", tmp_path / "other.sdf"
+    one.write_text(SDF, encoding="utf-8")
+    other.write_text(SDF.replace(*edit), encoding="utf-8")
+    imported = import_model(one)
+    assert not own_library(one, imported).wrong
+    assert own_library(other, imported).wrong
+
+
 def test_every_model_has_a_row_and_its_reason(tmp_path, monkeypatch):
     monkeypatch.setattr("campaigns.public.PACKAGES", {})
     (tmp_path / "pendulum.xml").write_text(PENDULUM, encoding="utf-8")
