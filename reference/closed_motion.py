@@ -120,8 +120,9 @@ class ClosedMotion(Forward):
 
     def _check_idle(self) -> None:
         """What actuators drive, and forces along what they do not, have to determine the motion."""
-        steered, moved = self.steering.condition, self.idle_masses.condition
-        for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, "no force moves it")):
+        steered, moved = self.steering.condition, self.idle_reluctance
+        unmoved = "forces do not determine the accelerations of what no actuator drives"
+        for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, unmoved)):
             if (bad := np.flatnonzero(~(condition < linear.SINGULAR))).size:
                 where = self.mechanism.described(self.q[bad[0], self.mechanism.independent_columns], 9)
                 remedy = "keep the motion away from that pose"

@@ -8,6 +8,7 @@ dampers ask for no short ones.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
@@ -16,12 +17,16 @@ import numpy as np
 from numpy.polynomial.legendre import legint, legroots, legvander
 
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch
+from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed.newton import OPEN, newton
 from screwgauge.reference.closed_motion import ClosedMotion
+from screwgauge.reference.equations.rounding import idle_rounding
 from screwgauge.reference.errors import ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import layout
+from screwgauge.reference.linear import EPS
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import near_singularity
 from screwgauge.reference.rotations import Array
 
 State = tuple[Array, Array, Array]
@@ -38,6 +43,11 @@ STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
 FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
 #: A stretch ends where something does that is nearly as far.
 ROUNDED = 0.1
+#: Condition of a pose, or of forces there, that no motion passes; and rates that none has, over that of a pendulum as
+#: long as the mechanism.
+NEARLY, RUNAWAY = 1e5, 1e4
+#: Terms of a piece are rounding up to so many times what is seen of it; how far poses are moved to see it.
+ROUNDINGS, ASIDE = 8.0, 1e-7
 #: How far a pose may be from the same in the step before [rad or lengths of the mechanism].
 NEAR = 0.3
 #: Relative step of differences: the root of the rounding error.
@@ -188,7 +198,9 @@ class _Integration:
         self.duration, self.begin = FIRST, motion.until
         last = motion.pieces[-1] if motion.pieces else None
         self.y, self.yd = (motion.start, motion.rates) if last is None else _end(last)
+        self.started = False
         self.start = self._at(np.array([self.begin]), self.y[None], self.yd[None])
+        self.started = True
         self.start.check()
 
     def stretch(self, end: float) -> list[Piece]:
@@ -197,7 +209,9 @@ class _Integration:
         Raises:
             ScrewgaugeError: It leads no further.
         """
-        jacobian, reason = self._jacobian(), ""
+        jacobian, reason = self._jacobian(), self._end_of_the_way()
+        if reason:
+            raise self._broken_off(reason)
         while True:
             ends, points = self._ends(end)
             if ends[-1] - self.begin < SHORTEST * max(end - self.motion.since, FIRST):
@@ -230,7 +244,7 @@ class _Integration:
         at, a, change, scale = self._found(sums, back)
         pieces = self._pieces([self.begin, *ends], by, a.reshape(len(h), -1, m))
         tail = max(float(np.abs(piece.terms[-2:] / self.unit[self.idle]).max()) for piece in pieces)
-        if tail > max(TOLERANCE * scale, 8.0 * change):
+        if tail > max(TOLERANCE * scale, ROUNDINGS * change) and tail > ROUNDINGS * self._noise(at):
             raise _Rejected("accelerations change too fast")
         at.check()
         y, yd = _end(pieces[-1])
@@ -270,6 +284,14 @@ class _Integration:
                 return at, a, change, scale
         raise _Rejected("accelerations are not found by iteration")
 
+    def _noise(self, at: ClosedMotion) -> float:
+        """What rounding of the poses makes of accelerations: these are closed once more, from elsewhere nearby."""
+        y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
+        aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
+        again = self._at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
+        rounded = np.abs((again.ydd - at.ydd)[:, self.idle] / unit).max()
+        return float(rounded) + EPS * float(idle_rounding(at).max())
+
     def _pieces(self, ends: list[float], by: Rule, a: Array) -> list[Piece]:
         pieces, y, yd = list[Piece](), self.y, self.yd
         for (since, until), each in zip(pairwise(ends), a, strict=True):
@@ -281,10 +303,16 @@ class _Integration:
         """Closed poses and accelerations at states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
         whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
         whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
-        q = self._closed(whole, near) if near is not None else self.mode.motion(whole, t, (rates, ydd))
+        q = self._begun(whole, t, (rates, ydd)) if near is None else self._closed(whole, near)
         at = ClosedMotion(self.loops, q, rates, ydd, self.motion.applied, t)
         at.idle, at.resting = self.motion.idle, self.motion.resting
         return at
+
+    def _begun(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
+        """Joint coordinates of closed poses one after the other: from home, then from the end of what is known."""
+        if not self.started:
+            return self.mode.motion(y, t, rates)
+        return read(self.loops.lay, Branch(self.loops.lay, self.start.q[0]).joints(y))
 
     def _closed(self, y: Array, near: Array) -> Array:
         """Joint coordinates of closed poses next to others. Shape (n, n_q)."""
@@ -301,10 +329,21 @@ class _Integration:
         m, state = len(self.idle), np.concatenate([self.y, self.yd])
         size = DIFFERENCE * np.maximum(np.abs(state), np.tile(self.unit[self.idle], 2))
         states = state + np.diag(size)
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), suppress(_Rejected, ScrewgaugeError):
             at = self._at(np.full(2 * m, self.begin), states[:, :m], states[:, m:], self.start.q.repeat(2 * m, axis=0))
             J = ((at.ydd - self.start.ydd)[:, self.idle] / size[:, None]).T
-        return J[:, :m], J[:, m:]
+            return J[:, :m], J[:, m:]
+        return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open
+
+    def _end_of_the_way(self) -> str:
+        """Why no motion leads on, empty where one may: a pose that it does not pass, or coordinates that run away."""
+        at = self.start
+        if at.condition[0] > NEARLY:
+            return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
+        if at.idle_reluctance[0] > NEARLY:
+            return "what is given and what follows move against each other there, so that forces do not determine it"
+        speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
+        return f"it runs away, at {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
 
     def _broken_off(self, reason: str) -> ScrewgaugeError:
         mechanism = self.motion.mechanism

@@ -119,6 +119,12 @@ class Forward(Dynamics):
         return self.ops.square(total / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
+    def idle_reluctance(self) -> Any:
+        """How little forces move the idle coordinates while the others move as they are given, 1 where these are apart:
+        the norm of the inverse of `idle_masses`, infinite where what moves one moves the others against it. (...)."""
+        return self.ops.sqrt(self.idle_masses.response(np.ones(len(self.idle))).sum(-1))
+
+    @cached_property
     def idle_sizes(self) -> Array:
         """Roots of the inertia of each idle coordinate alone. Shape (..., m)."""
         own = sum((part * momenta).sum(-1)[..., [*self.idle]] for part, momenta in self.momenta)
