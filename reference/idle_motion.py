@@ -46,6 +46,8 @@ ROUNDED = 0.1
 #: Condition of a pose, or of forces there, that no motion passes; and rates that none has, over that of a pendulum as
 #: long as the mechanism.
 NEARLY, RUNAWAY = 1e5, 1e4
+#: Condition that says why where no step leads on.
+SUSPECT = 1e3
 #: Terms of a piece are rounding up to so many times what is seen of it; how far poses are moved to see it.
 ROUNDINGS, ASIDE = 8.0, 1e-7
 #: How far a pose may be from the same in the step before [rad or lengths of the mechanism].
@@ -215,7 +217,7 @@ class _Integration:
         while True:
             ends, points = self._ends(end)
             if ends[-1] - self.begin < SHORTEST * max(end - self.motion.since, FIRST):
-                raise self._broken_off(reason)
+                raise self._broken_off(self._end_of_the_way(SUSPECT) or reason)
             try:
                 with np.errstate(all="ignore"):
                     pieces = self._solved(ends, rule(points), jacobian)
@@ -335,12 +337,12 @@ class _Integration:
             return J[:, :m], J[:, m:]
         return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open
 
-    def _end_of_the_way(self) -> str:
+    def _end_of_the_way(self, nearly: float = NEARLY) -> str:
         """Why no motion leads on, empty where one may: a pose that it does not pass, or coordinates that run away."""
         at = self.start
-        if at.condition[0] > NEARLY:
+        if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
-        if at.idle_reluctance[0] > NEARLY:
+        if at.idle_reluctance[0] > nearly:
             return "what is given and what follows move against each other there, so that forces do not determine it"
         speed = np.abs(self.yd / self.unit[self.idle]) / max(self.floor, 1.0) ** 0.5
         return f"it runs away, at {np.abs(self.yd).max():.3g} rad/s or m/s" if speed.max() > RUNAWAY else ""
