@@ -234,3 +234,9 @@ def test_pole_that_a_joint_damps_and_a_spring_turns_is_followed_however_stiff(ca
     )
     assert np.abs(scene.motion.yd[1:, 1]).max() < 1e-2
     assert screwgauge.run(scene).ok
+
+
+def test_exciting_motion_leaves_to_the_forces_what_the_scene_does(cart):
+    scene = screwgauge.exciting(cart())
+    assert scene.motion.idle == (1,)
+    assert screwgauge.run(scene.at(scene.t[:5]), engines=["screw"], quantities=["actuator_force"]).ok

@@ -36,6 +36,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import read_toml
+from screwgauge.scene.idle import Followed
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
@@ -110,6 +111,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(at, scene.applied, heights)
     stopped, mode = "", AssemblyMode(lay, strict=True)
+    labels = scene.drive.labels if isinstance(scene.drive, Followed) else tuple(mechanism.independent)
     for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
         tables = {
@@ -117,10 +119,11 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
             for label, home, rows in zip(
                 mechanism.independent, mechanism.home[columns], sines * [omega, amplitude, amplitude], strict=True
             )
+            if label in labels
         }
         step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
         drive, t = (
-            read_drive(tables, list(mechanism.independent), Path(), "motion")[0],
+            _whole(scene, read_drive(tables, [*labels], Path(), "motion")[0]),
             step * np.arange(float(samples)),
         )
         try:
@@ -135,6 +138,11 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
 
 
+def _whole(scene: Scene, given: Drive) -> Drive | Followed:
+    """A motion of what has one in a scene, with that of what no actuator drives."""
+    return replace(scene.drive, given=given, since=0.0) if isinstance(scene.drive, Followed) else given
+
+
 def _room(mechanism: Mechanism) -> Array:
     """Distance of the independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
     columns = mechanism.independent_columns
@@ -143,7 +151,7 @@ def _room(mechanism: Mechanism) -> Array:
     return np.where(room > 0.0, room, np.inf)
 
 
-def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, t: Array) -> Scene:
+def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Followed, t: Array) -> Scene:
     return replace(
         scene,
         name=f"{scene.name}-exciting-{seed}",
