@@ -342,6 +342,7 @@ BAD = {
         + LINK.format("b", "", 1)
         + joint("u.1", "revolute", "a", "b")
     ),
+    "called 'world'": model(arm(LINK.format("world", "0 0 0 0 0 0", 1))),
     "a link has no name": model(arm("<link><pose/></link>")),
     "'m::nowhere'": model(arm('<frame name="f"><pose relative_to="nowhere"/></frame>')),
     "'m::b'": model(arm(LINK.format("b", "0 0 0 0 0 0", 1))),
@@ -373,6 +374,13 @@ def test_what_stands_beside_the_world_is_left_out_by_name(tmp_path):
     said = " ".join(each.sentence for each in reading(tmp_path, text).content)
     assert "world v" in said
     assert "model n" in said
+
+
+def test_the_axis_of_a_ball_is_left_out_by_name(tmp_path):
+    ball = LINK.format("c", "", 1) + joint(
+        "l", "ball", "b", "c", axis("1 0 0", "<dynamics><damping>2</damping></dynamics>")
+    )
+    assert any("ball joint l" in each.sentence for each in reading(tmp_path, model(arm(ball))).content)
 
 
 def test_an_added_mass_is_refused_by_import(tmp_path):

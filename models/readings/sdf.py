@@ -69,6 +69,8 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
     links = {frames.short(n): f for n, f in frames.by_name.items() if f.element.tag == "link"}
     every = (_Joint(n, f, frames) for n, f in frames.by_name.items() if f.element.tag == "joint" and not f.still)
     joints = {one.name: one for one in every}
+    if any(f.element.get("name") == "world" for f in links.values()):
+        raise ModelFileError("a link is called 'world', as the ground is", where, "give it another name")
     reading = read_graph(
         {n: _link(n, f, frames) for n, f in links.items()},
         {n: GraphJoint(WORLD, n, {}) for n, f in links.items() if f.still}
@@ -77,7 +79,7 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         mimics=[mimic for one in joints.values() for mimic in one.mimics(joints)],
         name=frames.alone.removesuffix(OF) or name,
         gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
-        content=(*_beside(root, world), *(force_limits(*each) for one in joints.values() for each in one.efforts())),
+        content=(*_beside(root, world), *_unread(joints), *(force_limits(*each) for one in joints.values() for each in one.efforts())),
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
     )
     for n, body in reading.bodies.items():
@@ -91,6 +93,12 @@ def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
     """Worlds and models that stand beside the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
     return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
+
+
+def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
+    """Numbers of axes of ball joints, which have no axis to act along."""
+    balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
+    return (Content(OTHER, f"axis of ball joint {name}, which has none") for name in balls)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
