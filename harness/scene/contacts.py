@@ -36,8 +36,6 @@ CONTACTS = {"weld": "fixed", "hinge": "R", "point": "S"}
 ROUNDING = 1e-12
 #: Names in a sentence.
 SHOWN = 6
-#: Names in a sentence.
-SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
