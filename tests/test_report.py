@@ -125,6 +125,8 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         task=task,
         t=task.t,
         simulated=False,
+        grid=None,
+        undriven=(),
         published=(),
         tables={},
         rule="min_norm",

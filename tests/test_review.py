@@ -95,7 +95,7 @@ def other_masses(scene):
 
 def other_motion(scene):
     """The machine on another trajectory."""
-    terms = tuple((p, h * [1.3, 0.8, 0.9]) for p, h in scene.drive.terms)
+    terms = tuple(replace(one, harmonics=one.harmonics * [1.3, 0.8, 0.9]) for one in scene.drive.terms)
     drive = replace(scene.drive, terms=terms)
     return replace(scene, drive=drive, task=drive(scene.t), text={})
 
@@ -117,7 +117,8 @@ def test_a_table_of_another_machine_is_not_explained(name, change, digits, monke
 def test_a_constant_apart_from_another_is_no_offset_of_a_sensor():
     """Any two constants are an offset apart, and a factor: as much was fitted as agrees."""
     scene = screwgauge.load_scene("slider-crank")
-    still = replace(scene.drive, terms=tuple((p[:1], h[:0]) for p, h in scene.drive.terms))
+    courses = [replace(one, polynomial=one.polynomial[:1], harmonics=one.harmonics[:0]) for one in scene.drive.terms]
+    still = replace(scene.drive, terms=tuple(courses))
     scene = replace(scene, drive=still, task=still(np.linspace(0.0, 1.0, 40)), text={})
     table = printed(right(scene, "actuator_force") + 0.7, "actuator_force")
     assert not screwgauge.review(table, scene, ["actuator_force"]).explained

@@ -79,7 +79,11 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         mimics=[mimic for one in joints.values() for mimic in one.mimics(joints)],
         name=frames.alone.removesuffix(OF) or name,
         gravity=None if world is None else frames.vector(world, "gravity", _GRAVITY, 3),
-        content=(*_beside(root, world), *_unread(joints), *(force_limits(*each) for one in joints.values() for each in one.efforts())),
+        content=(
+            *_beside(root, world),
+            *_unread(joints),
+            *(force_limits(*each) for one in joints.values() for each in one.efforts()),
+        ),
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
     )
     for n, body in reading.bodies.items():

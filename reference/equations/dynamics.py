@@ -161,11 +161,14 @@ class Dynamics(Motion):
         """
         B, BT = self._B, transpose(self._B)
         actuators, driven = B.shape[-2:]
+        units = np.eye(min(actuators, driven), dtype=self.loops.lay.path.dtype)
+        if not len(units):
+            return zeros(self.q, driven, actuators)
         if actuators < driven:
             system = self.ops.square(B @ BT)
-            return np.asarray(BT @ np.stack([system.solve(unit) for unit in np.eye(actuators)], axis=-1))
+            return np.asarray(BT @ np.stack([system.solve(unit) for unit in units], axis=-1))
         system = self.ops.square(BT @ B if actuators > driven else BT)
-        rows = [system.solve(unit) for unit in np.eye(driven)]
+        rows = [system.solve(unit) for unit in units]
         return np.stack([times(B, row) if actuators > driven else row for row in rows], axis=-2)
 
     @cached_property
@@ -176,6 +179,8 @@ class Dynamics(Motion):
             Row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
         """
         columns = list[Array]()
+        if not self.mechanism.actuator_names or not self.driven:
+            return zeros(self.q, 0)
         for V in (self.partial[k] for k in self.driven):
             bodies = join(V[..., 1:, :3], velocity_at(V, self.pose.p)[..., 1:, :])
             parts = [bodies.reshape(*bodies.shape[:-2], -1)]

@@ -102,7 +102,7 @@ class State:
 
     def units(self, quantity: str) -> list[str]:
         """Of each component; derivatives in time apart, units of one column are compared with each other."""
-        mechanism = self.lay.mechanism
+        mechanism, drives = self.lay.mechanism, len(self.lay.mechanism.actuator_names)
         return {
             "joint_position": [*mechanism.units],
             "joint_velocity": [*mechanism.units],
@@ -114,6 +114,7 @@ class State:
             "actuator_force": [*mechanism.actuator_units],
             POWER: ["W"],
             "reaction": [*reaction_names(mechanism.joints, mechanism.couplings)[1]],
+            "jacobian": [*["rad"] * 3 * drives, *["m"] * 3 * drives] * len(mechanism.bodies),
         }.get(quantity, [""] * 3 * len(mechanism.bodies))
 
     def row(self, i: int) -> State:
@@ -345,10 +346,13 @@ def _split(x: Any) -> list[Any]:
 
 
 def contained(values: Array, enclosures: Array) -> Array:
-    """Which doubles lie in balls."""
-    return np.frompyfunc(lambda x, ball: ball.contains(float(x)) if hasattr(ball, "contains") else x == ball, 2, 1)(
-        values, enclosures
-    ).astype(bool)
+    """Which doubles lie in balls; of a number that is exact by structure they may miss the product of two roundings."""
+    least = np.finfo(float).eps ** 2
+
+    def held(x: float, ball: Any) -> bool:
+        return bool(ball.contains(float(x))) if hasattr(ball, "contains") else abs(x - ball) <= least
+
+    return np.frompyfunc(held, 2, 1)(values, enclosures).astype(bool)
 
 
 def errors_of(at: State, found: Mapping[str, Array], right: Mapping[str, Array]) -> dict[str, float]:
