@@ -76,14 +76,14 @@ class Matter:
         if not self.bodies:
             return np.ones(p.shape[1], dtype=bool)
         numbers = self.numbers(p)
-        tensor = np.zeros((*numbers.shape[:2], 3, 3))
-        for entry, (i, k) in enumerate(_PLACES, 4):
-            tensor[..., i, k] = tensor[..., k, i] = numbers[..., entry]
-        least, middle, largest = np.moveaxis(np.linalg.eigvalsh(tensor), -1, 0)
-        slack = SLACK * np.maximum(np.trace(tensor, axis1=-2, axis2=-1), 0.0)
+        mass, (xx, xy, xz, yy, yz, zz) = numbers[..., 0], np.moveaxis(numbers[..., 4:], -1, 0)
+        half = 0.5 * (xx + yy + zz)
         allowed = np.array([body.allowed for body in self.bodies])
-        one = (least >= -slack) & ((largest - least - middle <= slack) | allowed) & (numbers[..., 0] >= 0.0)
-        return np.asarray((one & ((numbers[..., 0] > 0.0) | ~tensor.any(axis=(-1, -2)))).all(axis=1))
+        moments_hold = _not_negative(xx, yy, zz, xy, xz, yz)
+        # second moments are not negative where no principal moment of inertia exceeds the sum of the others
+        triangle_holds = _not_negative(half - xx, half - yy, half - zz, -xy, -xz, -yz) | allowed
+        some = (mass > 0.0) | ((mass == 0.0) & ~numbers[..., 4:].any(axis=-1))
+        return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
     def fill(self, poses: Poses, p: Array, into: Sequence[Array]) -> None:
         """Fills in the values of variants. `p`: shape (P, V), `into`: shape (n, m, V) each."""
@@ -149,6 +149,15 @@ class Matter:
             found.append(out.copy())
         whole, features = np.array(found), self._features(lanes)
         return whole[..., 0], (whole[..., 1:] - whole[..., :1]) @ np.linalg.inv(features[1:] - features[0]).T
+
+
+def _not_negative(xx: Array, yy: Array, zz: Array, xy: Array, xz: Array, yz: Array) -> NDArray[np.bool_]:
+    """Whether symmetric matrices have no negative eigenvalue beyond rounding: sums of their products have none."""
+    trace = xx + yy + zz
+    pairs = xx * yy + yy * zz + zz * xx - xy * xy - xz * xz - yz * yz
+    product = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    size = np.abs(trace)
+    return np.asarray((trace >= 0.0) & (pairs >= -SLACK * size**2) & (product >= -SLACK * size**3))
 
 
 def _of(body: Body, name: str) -> bool:
