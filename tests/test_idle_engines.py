@@ -11,6 +11,7 @@ import pytest
 from screwgauge.problem import ModelFiles
 from support.acting import Applied, Load
 from support.engines import ENGINES, Problem, ask, model_files
+from support.idle import CART
 from support.mechanism import load_mechanism, mechanism_path
 from support.models import write_models
 from support.scene import GivenMotion
@@ -19,37 +20,6 @@ from support.tolerances import AGREE
 #: Engines that solve idle accelerations by inverse dynamics of their own.
 SOLVE = [name for name in ("pinocchio", "mujoco", "lagrange", "exudyn", "truth") if ENGINES[name].installed]
 ASKED = frozenset({"joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction"})
-
-CART_POLE = """
-name = "cart-pole"
-
-[independent]
-cart = "rail"
-angle = "hinge"
-
-[bodies.cart]
-mass = 2
-inertia = { xx = 1e-2, yy = 2e-2, zz = 2e-2 }
-
-[bodies.pole]
-mass = 1
-com = [0, 0, -0.7]
-inertia = { xx = 1e-2, yy = 2e-2, zz = 1.5e-2 }
-
-[joints.rail]
-kind = "P"
-parent = "ground"
-child = "cart"
-axes = [[1, 0, 0]]
-actuated = true
-
-[joints.hinge]
-kind = "R"
-parent = "cart"
-child = "pole"
-axes = [[0, -1, 0]]
-home = [0.5]
-"""
 
 
 def files(mechanism, engine, folder):
@@ -81,7 +51,7 @@ def motion(mechanism, idle, n=7):
 
 @pytest.mark.parametrize("engine", SOLVE)
 def test_a_pole_on_a_cart_swings_as_its_equation_says(engine, write, tmp_path):
-    mechanism = load_mechanism(write("cart-pole.toml", CART_POLE))
+    mechanism = load_mechanism(write("cart.toml", CART))
     write_models(mechanism, tmp_path)
     given = motion(mechanism, [1])
     found = ask(engine, files(mechanism, engine, tmp_path), Problem(Applied(), given, ASKED))
@@ -126,7 +96,7 @@ def test_redundant_actuators_obey_their_rule_beside_what_swings(rule, engine, wr
 
 @pytest.mark.parametrize("engine", SOLVE)
 def test_what_nothing_drives_falls(engine, write, tmp_path):
-    mechanism = load_mechanism(write("cart-pole.toml", CART_POLE.replace("actuated = true", "")))
+    mechanism = load_mechanism(write("cart.toml", CART.replace("actuated = true", "")))
     assert_delivered(mechanism, [0, 1], engine, tmp_path)
 
 

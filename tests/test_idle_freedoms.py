@@ -14,6 +14,7 @@ import screwgauge
 from screwgauge import Scene, ScrewgaugeError
 from support.errors import DescriptionError
 from support.geometry import Array
+from support.idle import CART
 from support.judging import judge
 from support.scene import GivenMotion, sampled
 from support.tolerances import IDLE_MOTION
@@ -49,31 +50,6 @@ def test_judge_does_not_ask_for_accelerations_of_idle_coordinates():
     assert asked not in faults((1,))
 
 
-CART = """
-name = "cart"
-[independent]
-cart = "rail"
-angle = "hinge"
-[bodies.cart]
-mass = 2
-inertia = { xx = 1e-2, yy = 2e-2, zz = 2e-2 }
-[bodies.pole]
-mass = 1
-com = [0, 0, -0.7]
-inertia = { xx = 1e-2, yy = 2e-2, zz = 1.5e-2 }
-[joints.rail]
-kind = "P"
-parent = "ground"
-child = "cart"
-axes = [[1, 0, 0]]
-actuated = true
-[joints.hinge]
-kind = "R"
-parent = "cart"
-child = "pole"
-axes = [[0, -1, 0]]
-home = [0.5]
-"""
 MOVED = """
 mechanism = "cart.toml"
 motion.cart.harmonics = [[3, 0, 0.4]]

@@ -124,7 +124,7 @@ class _Parts:
         """All that is wanted at closed poses, and what its errors rest on."""
         wanted, depth, moved = self.problem.wanted, stages(self.problem.wanted), None
         values, sizes, conditions = {"joint_position": closed.q}, dict[str, Array](), dict[str, Array]()
-        x_units = self.engine.units
+        x_units, dynamics = self.engine.units, None
         if depth in "vaf":
             with self.clock.stage("velocities"):
                 values |= motion_values(wanted, closed)
@@ -133,12 +133,14 @@ class _Parts:
                     values["jacobian"], conditions["jacobian"] = self._rates(closed)
         if depth in "af":
             with self.clock.stage("accelerations"):
-                moved = self._accelerated(closed, applied, conditions)
+                if closed.task.idle:
+                    dynamics = self.engine.dynamics(closed.x, closed.xd, applied)
+                moved = self._accelerated(closed, dynamics, conditions)
                 values |= motion_values(wanted, closed, moved)
                 sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved.x / x_units).max(axis=1))
         if depth == "f" or "mass_matrix" in wanted:
             with self.clock.stage("forces"):
-                M, acting = self.engine.dynamics(closed.x, closed.xd, applied)
+                M, acting = dynamics or self.engine.dynamics(closed.x, closed.xd, applied)
                 values |= inertia_values(closed, M) if "mass_matrix" in wanted else {}
             if moved is not None:
                 terms = (M @ moved.x[..., None])[..., 0], acting
@@ -149,15 +151,21 @@ class _Parts:
         trust = Trust(closed.condition, gain, closed.joints.condition, conditions, speed, rush, load)
         return {name: array for name, array in values.items() if name in wanted}, trust
 
-    def _accelerated(self, closed: ClosedMotion, applied: Applied, conditions: dict[str, Array]) -> Accelerated:
-        """Second derivatives; of coordinates that no actuator drives, those that their forces make."""
+    def _accelerated(
+        self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
+    ) -> Accelerated:
+        """Second derivatives; of coordinates that no actuator drives, those that their forces make.
+
+        Args:
+            dynamics: See `Constrained.dynamics`; needed where there are such coordinates.
+        """
         bias, idle, rotors = self.engine.bias(closed.x, closed.xd), [*closed.task.idle], self.engine.mechanism.rotors
-        if not idle:
+        if not idle or dynamics is None:
             return closed.accelerated(*bias)
         ydd = closed.task.ydd.copy()
         ydd[:, idle] = 0.0
         still, K = closed.accelerated(*bias, ydd), closed.K
-        M, acting = self.engine.dynamics(closed.x, closed.xd, applied)
+        M, acting = dynamics
         along = along_joints(self.problem.applied, closed.task.t, closed.joints, closed.V) - rotors * still.q
         need = (M @ still.x[..., None])[..., 0] - acting - self._along(closed, along)
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]

@@ -21,7 +21,7 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
     Returns:
         Shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
     """
-    given = _others(B.shape[2], idle)
+    given = others(B.shape[2], idle)
     back, condition = linear.inverted(B[..., given])
     return (Q[:, None, given] @ back)[:, 0], condition
 
@@ -40,7 +40,7 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
     Returns:
         Shape (n, m), and the condition number of these equations, (n,).
     """
-    given, m = _others(B.shape[2], idle), len(idle)
+    given, m = others(B.shape[2], idle), len(idle)
     N = np.zeros((*B.shape[:1], B.shape[2], m))
     N[:, idle] = np.eye(m)
     N[:, given] = -linear.inverted(B[..., given])[0] @ B[..., idle]
@@ -52,7 +52,7 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
     return -(inverse @ forces)[..., 0] / size, condition
 
 
-def _others(k: int, idle: Sequence[int]) -> list[int]:
+def others(k: int, idle: Sequence[int]) -> list[int]:
     """Numbers below k that are not among some."""
     return [i for i in range(k) if i not in idle]
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from screwgauge.engines.kit.projection import others
 from screwgauge.reference import linear
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array, cross, times
 
 
 def per_actuator(
-    twists: Array, R: Array, points: Sequence[Point], index: Mapping[str, int], B: Array, *, idle: Collection[int] = ()
+    twists: Array, R: Array, points: Sequence[Point], index: Mapping[str, int], B: Array, *, idle: Sequence[int] = ()
 ) -> tuple[Array, Array]:
     """The quantity `jacobian`, and the condition number of the rates of the actuators.
 
@@ -30,7 +31,7 @@ def per_actuator(
     Returns:
         Shape (n, (6 n_body + 3 n_point) n_actuator), and shape (n,).
     """
-    driven = [k for k in range(B.shape[2]) if k not in {*idle}]
+    driven = others(B.shape[2], idle)
     twists, B, (n, k) = twists[..., driven], B[..., driven], (len(B), len(driven))
     rows = [twists[:, 1:].reshape(n, -1, k)]
     for one in points:

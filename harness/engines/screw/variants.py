@@ -293,7 +293,9 @@ class Variants:
         """Runs the program at all samples, `again` and again from where it came to, and fills in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
-        lanes, worst = self._bound.setdefault(key, Lanes.of(made, symbols, key[1])), _Worst.of(count)
+        if key not in self._bound:
+            self._bound[key] = Lanes.of(made, symbols, key[1])
+        lanes, worst = self._bound[key], _Worst.of(count)
         lanes.numbers[:] = self.nominal[:, None]
         lanes.numbers[:, :count] = p
         change, slopes = lanes.numbers - self.nominal[:, None], self._slopes_at(poses)

@@ -7,6 +7,7 @@ linear algebra that closes the loops and projects the forces is this module's, a
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -217,8 +218,9 @@ class _Pass:
             rates = per_actuator(twists, R, points, index, B, idle=idle)
             self.values["jacobian"], self.conditions["jacobian"] = rates
         if "mass_matrix" in self.wanted:
-            self.values["mass_matrix"] = self._inertia()[(..., *np.triu_indices(yd.shape[1]))]
+            self.values["mass_matrix"] = self._inertia[(..., *np.triu_indices(yd.shape[1]))]
 
+    @cached_property
     def _inertia(self) -> Array:
         """The mass matrix in the independent coordinates. Shape (n, k, k)."""
         return np.asarray(self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(self.poses.q) @ self.K)
@@ -258,9 +260,9 @@ class _Pass:
 
     def _follow(self, idle: list[int]) -> None:
         """Adds the accelerations of coordinates that no actuator drives, by the engine's own forces and inertia."""
-        need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting()[0])
+        need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting[0])
         Q, B = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0], self.K[:, self.closed.driven]
-        x, condition = idle_accelerations(B, self._inertia()[..., idle], Q, idle)
+        x, condition = idle_accelerations(B, self._inertia[..., idle], Q, idle)
         self.conditions = dict.fromkeys(ACCELERATED, condition)
         self.a = self.a + (self.K[..., idle] @ x[..., None])[..., 0]
 
@@ -301,6 +303,7 @@ class _Pass:
             largest[rows] = (np.einsum("npx,nx->np", np.abs(J, out=J), most[rows]) @ weights).max(axis=1)
         return largest
 
+    @cached_property
     def _acting(self) -> tuple[Array, Array]:
         """See `applied_wrenches`."""
         q, motion = self.values["joint_position"], self.poses.motion
@@ -309,7 +312,7 @@ class _Pass:
 
     def _forces(self) -> None:
         motion, given = (self.poses.q, self.v, self.a, self.tau), (self.work.problem, self.poses.motion.idle)
-        forces = closed_forces(self.closed, given, self.poses.at, (self.inverse, self.K), motion, self._acting())
+        forces = closed_forces(self.closed, given, self.poses.at, (self.inverse, self.K), motion, self._acting)
         self.values |= forces.values
         self.conditions = worst_of(self.conditions, forces.conditions)
         self.work.reaction_names = forces.reactions or self.work.reaction_names

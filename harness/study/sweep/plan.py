@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.engines.screw.matter import ENTRIES
+from screwgauge.engines.screw.variants import STATISTICS
 from screwgauge.quantities import OF_MOTION, check_quantities
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice, first_few, shown
 from screwgauge.reference.expressions import number
@@ -29,7 +30,8 @@ _KEYS = ("scene", "title", "quantities", "statistics", "variants", "seed", "desi
 _GRID = ("from", "to", "count", "values")
 #: Variants that a file may ask for, and points of a grid.
 MOST = 10_000_000
-STATISTICS = ("peak", "rms")
+#: Statistics that are kept if nobody chooses.
+KEPT = ("peak", "rms")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ def read_plan(file: Path) -> Plan:
         scene=scene,
         title=read_text(data, "title", where, f"Variants of {scene.title}"),
         quantities=check_quantities(data.get("quantities", ["actuator_force"]), where, OF_MOTION),
-        statistics=tuple(check_choice("statistic", data.get("statistics", list(STATISTICS)), _statistics(), where)),
+        statistics=tuple(check_choice("statistic", data.get("statistics", [*KEPT]), STATISTICS, where)),
         count=_whole(data, "variants", 1000 if scatter else 1, 1, where),
         seed=_whole(data, "seed", 0, 0, where),
         design=check_name("design", data.get("design", DESIGNS[0]), DESIGNS, where),
@@ -135,12 +137,6 @@ def read_plan(file: Path) -> Plan:
     if plan.variants > MOST:
         raise DescriptionError(f"{plan.variants} variants", where, f"ask for {MOST} at the most")
     return plan
-
-
-def _statistics() -> Sequence[str]:
-    from screwgauge.engines.screw.variants import STATISTICS as KNOWN
-
-    return [*KNOWN]
 
 
 def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str) -> int:
@@ -173,12 +169,11 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
 
 def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
     """Bodies of a pattern, ``bodies.NAME`` or ``NAME``, that have mass."""
-    bodies = [name.removesuffix(".mass") for name, value in known.items() if name.endswith(".mass") and value]
-    short = {f"{name}.mass": value for name, value in zip(bodies, [1.0] * len(bodies), strict=True)}
+    masses = {name: value for name, value in known.items() if name.endswith(".mass") and value}
     try:
-        return [name.removesuffix(".mass") for name in chosen(short, [f"{pattern}.mass"], where)]
+        return [name.removesuffix(".mass") for name in chosen(masses, [f"{pattern}.mass"], where)]
     except UnknownNameError:
-        raise UnknownNameError("body with mass", pattern, bodies, where) from None
+        raise UnknownNameError("body with mass", pattern, (n.removesuffix(".mass") for n in masses), where) from None
 
 
 def _share(value: Any, where: str) -> float:

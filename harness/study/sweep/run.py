@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -209,15 +209,12 @@ def sweep(
     values, why = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     nominal, slopes = _slopes(plan, variants)
     slopes = slopes[:, [variants.names.index(name) for name in draw.names]]
-    effects = [
-        Effect(one.name, one.kind, one.deviation, np.linalg.norm(slopes @ ways, axis=1) * _sign(slopes @ ways))
-        for one, ways in draw.deviations()
-    ]
+    effects = [Effect(one.name, one.kind, one.deviation, _change(slopes @ ways)) for one, ways in draw.deviations()]
     progress("checks", 0.99)
     checked = [*_checked(plan, draw, np.flatnonzero(why == ""))]
     found = Sweep(plan, known, values, why, nominal, effects, checked, {}, kept.note)
     if plan.indices:
-        found = Sweep(plan, known, values, why, nominal, effects, checked, _indices(found, draw, variants), kept.note)
+        found = replace(found, indices=_indices(found, draw, variants))
     kept.remove()
     return found
 
@@ -251,9 +248,9 @@ def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
     return (data.reshape(count, width) if data.size else np.full((count, width), np.nan)), why
 
 
-def _sign(ways: Array) -> Array:
-    """Sign of a change by one number; a body has none. Shape (C, 1 or 10) -> (C,)."""
-    return np.where(ways[:, 0] < 0.0, -1.0, 1.0) if ways.shape[1] == 1 else np.ones(len(ways))
+def _change(ways: Array) -> Array:
+    """Change by one number with its sign, or the size of that by the ten of a body. Shape (C, 1 or 10) -> (C,)."""
+    return ways[:, 0] if ways.shape[1] == 1 else np.asarray(np.linalg.norm(ways, axis=1))
 
 
 def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
