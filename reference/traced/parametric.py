@@ -38,7 +38,7 @@ MOST = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class ClosedSamples:
     """Closed poses of the nominal machine in motion.
 
     Attributes:
@@ -72,7 +72,7 @@ class Symbols:
         loops: Loops,
         applied: Applied,
         nominal: Mapping[str, float],
-        anchors: Samples,
+        anchors: ClosedSamples,
         *,
         steps: int,
         axial: bool = False,

@@ -6,7 +6,7 @@ import numpy as np
 
 from screwgauge import Scene
 from screwgauge.engines.screw.nominal import COSTS, stacked
-from screwgauge.engines.screw.variants import Lanes, Variants
+from screwgauge.engines.screw.variants import VariantLanes, Variants
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
@@ -61,7 +61,7 @@ def along_a_path(variants: Variants, motion: GivenMotion, given: dict[str, Array
     """
     machine, p = variants._machine, variants._numbers(given)
     poses, (symbols, made) = machine.at(motion.y, motion.yd, motion.ydd, None), variants._program(variants._steps)
-    lanes, out = Lanes.of(made, symbols, p.shape[1]), list[Array]()
+    lanes, out = VariantLanes.of(made, symbols, p.shape[1]), list[Array]()
     for row, q in zip(poses.rows, poses.q, strict=True):
         lanes.given[:], lanes.near[:] = row[:, None], q[symbols.near, None]
         lanes.start[:] = q[symbols.predicted, None]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines.screw.nominal import NominalMachine, Poses
+from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses
 from screwgauge.engines.screw.programs import Runner, runner
 from screwgauge.reference.mechanism import SLACK, Body
 from screwgauge.reference.parameters import TENSOR, XYZ
@@ -62,7 +62,7 @@ class Matter:
         self._entries, self._made = entries, list[tuple[Symbols, Runner]]()
         loaded = {load.body for load in machine.scene.applied.loads if load.point is None}
         self._loaded = [body.name in loaded for body in self.bodies]
-        self._kept: tuple[Poses, Array, Array] | None = None
+        self._kept: tuple[NominalPoses, Array, Array] | None = None
 
     def numbers(self, p: Array) -> Array:
         """Numbers of the bodies of each variant. Shape (P, V) -> (V, n_body, 10)."""
@@ -85,7 +85,7 @@ class Matter:
         some = (mass > 0.0) | ((mass == 0.0) & ~numbers[..., 4:].any(axis=-1))
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
-    def fill(self, poses: Poses, p: Array, into: Sequence[Array]) -> None:
+    def fill(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> None:
         """Fills in the values of variants. `p`: shape (P, V), `into`: shape (n, m, V) each."""
         change = self._features(self.numbers(p)) - self._features(self._base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
@@ -118,7 +118,7 @@ class Matter:
         base[base[:, 0] == 0.0, 0] = self.machine.scene.mechanism.mass
         return base
 
-    def _parts(self, poses: Poses) -> Any:
+    def _parts(self, poses: NominalPoses) -> Any:
         """Samples, values of the base there, and what a unit of each feature adds. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
@@ -131,7 +131,7 @@ class Matter:
                 self._kept = poses, base, matrix
             yield rows, base, matrix
 
-    def _matrix(self, poses: Poses, rows: slice) -> tuple[Array, Array]:
+    def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
         """By neighbours of the base that differ from it in one moment each, lanes of a program."""
         known = dict(zip(self._entries, self.nominal.ravel().tolist(), strict=True))
         if not self._made:

@@ -19,7 +19,7 @@ from screwgauge.reference.errors import ClosureError, DescriptionError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.parameters import geometric
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.parametric import Samples, Symbols, residual_slopes
+from screwgauge.reference.traced.parametric import ClosedSamples, Symbols, residual_slopes
 from screwgauge.reference.traced.trace import Scalar
 from screwgauge.reference.traced.tracing import TracedQuantities, quantities
 from screwgauge.scene.scene import Scene
@@ -29,8 +29,8 @@ COSTS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Poses:
-    """Samples of the nominal machine.
+class NominalPoses:
+    """ClosedSamples of the nominal machine.
 
     Attributes:
         motion: What is given.
@@ -52,7 +52,7 @@ class NominalMachine:
 
     Attributes:
         components: Quantity -> names of its components.
-        anchors: Samples of the scene's motion, where pivots are chosen.
+        anchors: ClosedSamples of the scene's motion, where pivots are chosen.
     """
 
     def __init__(self, scene: Scene, wanted: Iterable[str]) -> None:
@@ -74,8 +74,8 @@ class NominalMachine:
         names = self.work.names()
         self.components = {name: names[name][0] for name in wanted}
         some, q = anchors(self.work, scene.motion)
-        self.anchors = Samples(some.y, some.yd, some.ydd, q)
-        self._last: Poses | None = None
+        self.anchors = ClosedSamples(some.y, some.yd, some.ydd, q)
+        self._last: NominalPoses | None = None
 
     @property
     def count(self) -> int:
@@ -92,7 +92,7 @@ class NominalMachine:
         wanted = TracedQuantities([*self.components], symbols.at.axial, *open_tree(self.lay))
         return [x for values in quantities(symbols.at, wanted).values() for x in values]
 
-    def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> Poses:
+    def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> NominalPoses:
         """Closed poses at samples, which are kept for the next call.
 
         Raises:
@@ -115,7 +115,7 @@ class NominalMachine:
             if all(map(np.array_equal, (motion.y, motion.yd, motion.ydd, motion.t), given)):
                 return last
         motion = GivenMotion(times, y.copy(), yd.copy(), ydd.copy())
-        self._last = Poses(motion, self._closed(motion, follow=t is not None))
+        self._last = NominalPoses(motion, self._closed(motion, follow=t is not None))
         return self._last
 
     def _closed(self, motion: GivenMotion, *, follow: bool) -> Array:
@@ -132,7 +132,7 @@ class NominalMachine:
         return mode.close(guess)
 
 
-def stacked(symbols: Symbols, poses: Poses, numbers: Array) -> Array:
+def stacked(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
     """All inputs of a program of symbols, in closed poses. `numbers`: shape (P,). Shape (inputs, n)."""
     parts = [poses.rows, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
@@ -147,7 +147,7 @@ class Slopes:
         self.predicted, self.moving = self._symbols.predicted, any(map(geometric, known))
         self._rows: Any = None
 
-    def of(self, poses: Poses) -> tuple[Array, Array]:
+    def of(self, poses: NominalPoses) -> tuple[Array, Array]:
         """Slopes of the dependent coordinates, and openings of the rows, without dimension.
 
         Returns:
@@ -172,7 +172,7 @@ class Slopes:
     @property
     def _openings(self) -> Array:
         at = self.machine.anchors
-        return self.of(Poses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
+        return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
 
     def costs(self) -> dict[str, float]:
         """Numbers that cost the machine its mobility if they change alone, and by how much rows then open.

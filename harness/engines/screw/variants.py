@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from screwgauge.engines.screw.buffers import check_finite
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.matter import Matter
-from screwgauge.engines.screw.nominal import NominalMachine, Poses, Slopes, stacked
+from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses, Slopes, stacked
 from screwgauge.engines.screw.programs import runner
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_choice
 from screwgauge.reference.graph import layout
@@ -100,7 +100,7 @@ class _Worst:
 
 
 @dataclass(slots=True, eq=False)
-class Lanes:
+class VariantLanes:
     """A program bound to buffers of some lanes, a row a number."""
 
     given: Array
@@ -111,7 +111,7 @@ class Lanes:
     run: Any = field(init=False)
 
     @classmethod
-    def of(cls, program: Any, symbols: Symbols, lanes: int) -> Lanes:
+    def of(cls, program: Any, symbols: Symbols, lanes: int) -> VariantLanes:
         of_pose = len(symbols.predicted), len(symbols.near)
         sizes = 3 * len(symbols.y) + 1, *of_pose, len(symbols.numbers)
         made = cls(*(np.zeros((size, lanes)) for size in (*sizes, len(program.program.outputs))))
@@ -142,9 +142,9 @@ class Variants:
         self.components = self._machine.components
         self._matter = Matter(self._machine, self.names, backend)
         self._programs: dict[int, tuple[Symbols, Any]] = {}
-        self._bound: dict[tuple[int, int], Lanes] = {}
+        self._bound: dict[tuple[int, int], VariantLanes] = {}
         self._steps = STEPS[0]
-        self._at: tuple[Poses | None, Array] = None, np.zeros(0)
+        self._at: tuple[NominalPoses | None, Array] = None, np.zeros(0)
 
     @property
     def operations(self) -> int:
@@ -260,7 +260,7 @@ class Variants:
         lanes = min(LANES, max(8, HELD // max(1, n * self._machine.count)))
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
-    def _fill(self, poses: Poses, p: Array, into: Sequence[Array], why: Any) -> None:
+    def _fill(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
         """Fills in the values of some variants, and why they have none. `into`: shape (n, m, V) each."""
         why[~self._matter.possible(p)] = IMPOSSIBLE
         if all(map(inertial, self.names)):
@@ -270,7 +270,7 @@ class Variants:
         for array in into:
             array[..., why != ""] = np.nan
 
-    def _answer(self, poses: Poses, p: Array, into: Sequence[Array], why: Any) -> None:
+    def _answer(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
         """Fills in values by the program; variants that it leads elsewhere are followed by the array solver."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
@@ -289,12 +289,12 @@ class Variants:
         for lane in [*far, *left.tolist()]:
             why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
 
-    def _run(self, poses: Poses, p: Array, into: Sequence[Array], again: int) -> _Worst:
+    def _run(self, poses: NominalPoses, p: Array, into: Sequence[Array], again: int) -> _Worst:
         """Runs the program at all samples, `again` and again from where it came to, and fills in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
         if key not in self._bound:
-            self._bound[key] = Lanes.of(made, symbols, key[1])
+            self._bound[key] = VariantLanes.of(made, symbols, key[1])
         lanes, worst = self._bound[key], _Worst.of(count)
         lanes.numbers[:] = self.nominal[:, None]
         lanes.numbers[:, :count] = p
@@ -315,7 +315,7 @@ class Variants:
                     array[i] = lanes.out[first:end, :count]
         return worst
 
-    def _alone(self, poses: Poses, p: Array, into: Sequence[Array]) -> str:
+    def _alone(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> str:
         """Answers one variant by the array solver, its home followed from the nominal one; why it has no values."""
         motion = poses.motion
         try:
@@ -340,7 +340,7 @@ class Variants:
     def _slopes(self) -> Slopes:
         return Slopes(self._machine, self._known)
 
-    def _slopes_at(self, poses: Poses) -> Array:
+    def _slopes_at(self, poses: NominalPoses) -> Array:
         """Slopes of the dependent coordinates, kept for the next call. Shape (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
@@ -354,7 +354,7 @@ class Variants:
         weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
         return symbols, runner(symbols.program(gradient(symbols, values, weights)), self.backend)[0]
 
-    def _pulled(self, poses: Poses, weights: Array) -> Array:
+    def _pulled(self, poses: NominalPoses, weights: Array) -> Array:
         symbols, run = self._pull
         out = np.empty((len(self.names), len(poses.q)))
         run.bind([stacked(symbols, poses, self.nominal), np.ascontiguousarray(weights.T)], [out])()
