@@ -2,6 +2,7 @@
 
     python tests/mutants.py tests --count 120 --seed 0    # killed by the tests?
     python tests/mutants.py golden --count 40 --seed 0    # of those that change a number: noticed by tests/golden?
+    python tests/mutants.py list --count 60 --seed 53     # writes them as TOML, for planted.py --list
 
 A mutant is an operator, a sign, a constant, an index, a transpose or a word like ``any`` exchanged in a function of
 `ROOMS`, on a line that those tests execute. Each is written into a copy of the package, so that the checkout stays as
@@ -27,9 +28,11 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import tomli_w
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/witness")
+INSIDE = ("engines", "judging", "truth", "witness", "scene", "study", "diagnosis", "report", "commands")
+ROOMS = ("reference", *(f"harness/{room}" for room in INSIDE), "models")
 GOLDEN = "tests/golden/test_golden.py"
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"),
@@ -133,15 +136,38 @@ def _another(value: object) -> str | None:
     return None
 
 
-def sources() -> list[Path]:
-    """Files of the rooms, from the root of the checkout."""
-    return [path.relative_to(ROOT) for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
-
-
 def drawn(count: int, seed: int) -> list[Mutant]:
-    """So many mutants, all rooms alike by their size."""
-    every = [*dict.fromkeys(one for file in sources() for one in mutants(file))]
-    return random.Random(seed).sample(every, min(count, len(every)))
+    """Draw mutants of all rooms, from each as many as it has of all lines of code."""
+    files = {room: [path.relative_to(ROOT) for path in sorted((ROOT / room).rglob("*.py"))] for room in ROOMS}
+    lines = {room: sum(map(_code_lines, every)) for room, every in files.items()}
+    shares = {room: count * each / sum(lines.values()) for room, each in lines.items()}
+    missing = count - sum(map(int, shares.values()))
+    larger = sorted(ROOMS, key=lambda room: shares[room] % 1.0, reverse=True)[:missing]
+    chance = random.Random(seed)
+    found = []
+    for room in ROOMS:
+        every = [*dict.fromkeys(one for file in files[room] for one in mutants(file))]
+        found += chance.sample(every, min(int(shares[room]) + (room in larger), len(every)))
+    chance.shuffle(found)
+    return found
+
+
+def _code_lines(file: Path) -> int:
+    """Count lines that are neither blank nor comments."""
+    lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
+    return sum(bool(line.strip()) and not line.lstrip().startswith("#") for line in lines)
+
+
+def listed(mutant: Mutant) -> dict[str, str]:
+    """Describe a mutant by lines that stand once in its file, which a later reader finds wherever they move."""
+    code = (ROOT / mutant.file).read_bytes()
+    start, end = code.rfind(b"\n", 0, mutant.start) + 1, code.find(b"\n", mutant.end)
+    while code.count(code[start:end].strip()) > 1:
+        start = code.rfind(b"\n", 0, start - 1) + 1
+    start = end - len(code[start:end].lstrip())
+    planted = code[start : mutant.start] + mutant.text.encode() + code[mutant.end : end]
+    (room,) = (room for room in ROOMS if mutant.file.is_relative_to(room))
+    return {"room": room, "file": str(mutant.file), "line": code[start:end].decode(), "planted": planted.decode()}
 
 
 def package(folder: Path) -> Path:
@@ -278,7 +304,7 @@ def overlooked(folder: Path, right: Any) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("who", choices=["tests", "golden", "witness"])
+    parser.add_argument("who", choices=["tests", "golden", "list", "witness"])
     parser.add_argument("--count", type=int, default=120, help="mutants; of golden: those that change a number")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skip", type=int, default=0, help="so many of them were done before")
@@ -287,6 +313,10 @@ def main() -> None:
     options = parser.parse_args()
     if options.who == "witness":
         witness(options.out)
+        return
+    if options.who == "list":
+        every = [listed(mutant) for mutant in drawn(options.count, options.seed)]
+        sys.stdout.write(tomli_w.dumps({"mistakes": every}, multiline_strings=True))
         return
     with tempfile.TemporaryDirectory() as name:
         folder, golden = package(Path(name)), options.who == "golden"

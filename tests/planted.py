@@ -3,6 +3,7 @@
     python tests/planted.py                   # all of them, a few seconds each; half a minute if nobody sees it
     python tests/planted.py --only 3 17       # some, by their numbers
     python tests/planted.py --tests           # also the test that each unseen one names
+    python tests/planted.py --list mutants.toml --tests   # mutants that chance has drawn, and the tests that kill them
 
 Each is written into a copy of the package, see `mutants`. One line is printed for each: what it is about, and who
 sees it first.
@@ -34,7 +35,7 @@ class Mistake:
     file: Path
     line: str
     planted: str
-    about: str
+    about: str = ""
     test: str = ""
 
     @property
@@ -51,9 +52,9 @@ class Mistake:
         return Mutant(self.file, head.count(b"\n") + 1, len(head), len(head) + len(self.line.encode()), self.planted)
 
 
-def mistakes() -> list[Mistake]:
-    """All that are listed."""
-    tables = tomllib.loads(LIST.read_text(encoding="utf-8"))["mistakes"]
+def mistakes(file: Path = LIST) -> list[Mistake]:
+    """Read all that a file lists."""
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))["mistakes"]
     return [Mistake(**{**table, "file": Path(table["file"])}) for table in tables]
 
 
@@ -120,11 +121,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", type=int, nargs="+", help="numbers of mistakes, from 1")
     parser.add_argument("--tests", action="store_true", help="also run the tests that are named in the list")
+    parser.add_argument("--list", default=LIST.name, help="another file of tests/ with such a list")
     options = parser.parse_args()
-    every = mistakes()
+    every = mistakes(LIST.with_name(options.list))
     numbers = options.only or range(1, len(every) + 1)
     for number, (mistake, who) in zip(numbers, seen([every[i - 1] for i in numbers], tests=options.tests), strict=True):
-        print(f"{number}\t{mistake.room}\t{mistake.about}\t{who or 'NOT SEEN'}", flush=True)
+        print(f"{number}\t{mistake.room}\t{mistake.about or mistake.planted}\t{who or 'NOT SEEN'}", flush=True)
 
 
 if __name__ == "__main__":
