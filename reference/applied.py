@@ -1,4 +1,4 @@
-"""Applied forces besides those of actuators: gravity, loads, springs and dampers, motors. Data only."""
+"""Data of the applied forces besides actuators: gravity, loads, springs and dampers, motors."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class Load:
 
     @classmethod
     def over_time(cls, body: str, point: Array | None, courses: tuple[Course | Samples, ...], axes: str) -> Load:
-        """A load of six components, plain numbers if none of them changes."""
+        """Build a load from six components; the arrays are plain numbers if no component changes with time."""
         unknown = np.full(3, np.nan)
         load = cls(body, point, unknown, unknown, axes, courses)
         return load.at(0.0) if all(one.constant for one in courses) else load
 
     def at(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Load:
-        """The load with its force and torque at times [s], of numbers of any kind. Shape (...)."""
+        """Evaluate the load's force and torque at times [s], which may be numbers of any kind. Shape (...)."""
         if not self.courses:
             return self
         each = np.broadcast_arrays(*(course(t, cos, sin) for course in self.courses))
@@ -58,18 +58,18 @@ class Load:
 
     @property
     def sampled(self) -> bool:
-        """Whether it is known at the times of a file only."""
+        """True if the load is known only at the times of a file."""
         return any(isinstance(course, Samples) for course in self.courses)
 
     @property
     def nothing(self) -> bool:
-        """Whether it exerts nothing at any time."""
+        """True if force and torque vanish at all times."""
         if self.courses:
             return all(course.nothing for course in self.courses)
         return not (self.force.any() or self.torque.any())
 
     def numbers(self) -> tuple[Any, ...]:
-        """The load as plain values, which can be compared and written down."""
+        """Return the load as plain values that can be compared and written to a file."""
         point = None if self.point is None else self.point.tolist()
         if self.courses:
             return self.body, point, self.axes, [course.plain() for course in self.courses]
@@ -108,7 +108,7 @@ class JointSpring:
         _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
 
     def pull(self, q: Any, rate: Any) -> Any:
-        """Force against the coordinate, of numbers of any kind."""
+        """Force against the coordinate, for numbers of any kind."""
         return self.stiffness * (q - self.rest) + self.damping * rate
 
 
@@ -142,7 +142,7 @@ class PointSpring:
             raise DescriptionError("joins a body to itself", self.where, "name two bodies")
 
     def pull(self, length: Any, rate: Any) -> Any:
-        """Tension, of numbers of any kind."""
+        """Tension, for numbers of any kind."""
         return self.stiffness * (length - self.rest) + self.damping * rate
 
     @property
@@ -155,7 +155,7 @@ class PointSpring:
         return (self.first, self.first_point), (self.second, self.second_point)
 
     def no_direction(self, when: str = "") -> SingularPoseError:
-        """The error where the two points meet."""
+        """Build the error for a spring whose two points coincide."""
         what = f"its points meet{when}, so that it has no direction"
         return SingularPoseError(what, self.where, "move its points or shorten the motion")
 
@@ -176,18 +176,18 @@ class Motor:
     course: Course
 
     def force(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """[N or N m] at times [s], of numbers of any kind."""
+        """Force [N or N m] at times [s], which may be numbers of any kind."""
         return self.course(t, cos, sin)
 
 
 def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
-    """Motors of constant force by joint coordinate [N or N m]."""
+    """Build motors of constant force, given by joint coordinate [N or N m]."""
     return tuple(Motor(name, Course.of(f)) for name, f in forces.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Applied:
-    """All that acts besides the actuators.
+    """All applied forces besides those of actuators.
 
     Attributes:
         gravity: World axes [m/s^2], shape (3,); None leaves that of the model file.
@@ -203,9 +203,9 @@ class Applied:
 
     @property
     def g(self) -> Array:
-        """Gravity, the usual one where the model file would say it. Shape (3,)."""
+        """Gravity; the standard value where a model file would declare its own. Shape (3,)."""
         return np.array(GRAVITY) if self.gravity is None else self.gravity
 
     def at(self, t: Array) -> Applied:
-        """What acts at times [s], forces and torques of loads being those of samples. Shape (n,)."""
+        """Return the applied forces with loads sampled at times [s]. Shape (n,)."""
         return replace(self, loads=tuple(load.at(t) for load in self.loads))

@@ -1,4 +1,4 @@
-"""Motion and forces of a closed mechanism at n samples, over float arrays, with checks for singular poses.
+"""Motion and forces of a closed mechanism at n samples, over float arrays, with singularity checks.
 
 The equations are those of the package `equations`; closed poses come from the package `closed`.
 """
@@ -45,7 +45,7 @@ class ClosedMotion(Forward):
 
     @property
     def condition(self) -> Array:
-        """Condition number of the closed loops over the independent coordinates. Shape (n,)."""
+        """Condition number of the closed loops by the independent coordinates. Shape (n,)."""
         return np.asarray(self.system.condition)
 
     @cached_property
@@ -55,12 +55,12 @@ class ClosedMotion(Forward):
 
     @property
     def joint_position(self) -> Array:
-        """Coordinates of all joints, as given. Shape (n, n_q)."""
+        """Coordinates of all joints, as passed in. Shape (n, n_q)."""
         return self.q
 
     @cached_property
     def screws(self) -> Array:
-        """Unit screws of all joints, not numbers of a cut joint in gimbal lock. Shape (n, n_q, 6)."""
+        """Unit screws of all joints, NaN for a cut joint in gimbal lock. Shape (n, n_q, 6)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return super().screws
 
@@ -84,7 +84,7 @@ class ClosedMotion(Forward):
         return super().response
 
     def check(self) -> None:
-        """Refuses poses at which forces do not determine the accelerations.
+        """Reject poses at which forces do not determine the accelerations.
 
         Raises:
             SingularPoseError: The independent coordinates do not determine the motion there, some move no mass, or a
@@ -108,7 +108,7 @@ class ClosedMotion(Forward):
             )
 
     def _check_inertia(self) -> None:
-        """Coordinates may be in rad and m, so that the matrix is judged with ones on its diagonal."""
+        """Reject a singular mass matrix, scaled to a unit diagonal because coordinates may be in rad and m."""
         mechanism, d = self.mechanism, self._sizes
         for j, label in enumerate(mechanism.independent):
             if not (d[:, j] > 0.0).all():
@@ -119,7 +119,7 @@ class ClosedMotion(Forward):
             raise SingularPoseError(what, mechanism.name, "give the bodies inertia")
 
     def _check_idle(self) -> None:
-        """What actuators drive, and forces along what they do not, have to determine the motion."""
+        """Reject a motion that the driven coordinates and the forces on the others do not determine."""
         steered, moved = self.steering.condition, self.idle_reluctance
         unmoved = "forces do not determine the accelerations of what no actuator drives"
         for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, unmoved)):
@@ -129,14 +129,14 @@ class ClosedMotion(Forward):
                 raise SingularPoseError(f"{what} (condition number {condition[bad[0]]:.2g})", where, remedy)
 
     def check_springs(self) -> None:
-        """Refuses poses where the two points of a spring meet."""
+        """Reject poses at which the two points of a spring coincide."""
         for spring in self.applied.springs:
             if isinstance(spring, PointSpring) and not np.all(distance(self, spring) > 0.0):
                 raise spring.no_direction()
 
 
 def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
-    """Numbers of the independent coordinates that actuators drive at home, those of actuators themselves first.
+    """Choose independent coordinates that actuators drive at home, those of actuators first.
 
     Where actuators drive less there than they might, the pose is one beside home if they drive more in that.
 
@@ -180,7 +180,7 @@ def motion_at(
     actuators: Array | None = None,
     joints: Array | None = None,
 ) -> ClosedMotion:
-    """The mechanism at closed poses, as it moves and as forces act on it.
+    """Build the motion of a mechanism at closed poses under applied forces.
 
     Args:
         q: All joint coordinates of closed poses, as from `kinematics.positions` [rad or m]. Shape (n, n_q).

@@ -1,4 +1,4 @@
-"""Comparison of mechanisms, or of parts of them, by content."""
+"""Comparison of mechanisms and their parts by content."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LABELS = {"title", "source", "group", "where", "remarks"}
 
 
 def same_content(a: Any, b: Any) -> bool:
-    """Whether two mechanisms, or parts of them, are alike to the last bit, whatever their titles and files are."""
+    """True if two mechanisms, or parts of them, are equal to the last bit, titles and files apart."""
     if is_dataclass(a) or is_dataclass(b):
         names = [each.name for each in fields(a) if each.name not in _LABELS] if type(a) is type(b) else []
         return bool(names) and all(same_content(getattr(a, name), getattr(b, name)) for name in names)

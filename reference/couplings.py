@@ -1,4 +1,4 @@
-"""Couplings: joint coordinates that are sums of polynomials of others, as in gears, screws, belts and differentials."""
+"""Couplings: joint coordinates that are polynomial sums of others, as in gears, screws, belts and differentials."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class PolynomialSum:
 
     @staticmethod
     def of(polynomials: Mapping[str, Array]) -> PolynomialSum:
-        """Adds polynomials, coefficients lowest first; that of no coordinate, "", is a constant alone."""
+        """Add polynomials, lowest coefficient first; the key "" holds a constant."""
         constants = [float(p[0]) for p in polynomials.values()]
         terms = {name: np.array(p[1:], dtype=float) for name, p in polynomials.items() if name}
         return PolynomialSum(sum(constants[1:], constants[0]), terms)
 
     @property
     def polynomials(self) -> dict[str, Array]:
-        """Polynomials that add up to it, lowest coefficient first; the first one has the constant."""
+        """Polynomials whose sum is the function, lowest coefficient first; the first one holds the constant."""
         if not self.terms:
             return {"": np.array([self.constant])}
         constants = [self.constant, *[0.0] * (len(self.terms) - 1)]
@@ -47,12 +47,12 @@ class PolynomialSum:
 
     @property
     def lead(self) -> str:
-        """The coordinate that it depends on, if that is one; empty where it is constant."""
+        """Name of the coordinate if the function has exactly one; empty if it is constant."""
         return next(iter(self.terms), "")
 
     @property
     def polynomial(self) -> Array:
-        """Coefficients of a function of one coordinate or none, lowest first."""
+        """Coefficients of a function of at most one coordinate, lowest first."""
         (polynomial,) = self.polynomials.values()
         return polynomial
 
@@ -67,12 +67,12 @@ class PolynomialSum:
 
     @property
     def trimmed(self) -> PolynomialSum:
-        """The same without powers of which nothing is left."""
+        """Drop trailing zero coefficients, and coordinates without any other."""
         powers = {name: np.trim_zeros(p, "b") for name, p in self.terms.items()}
         return PolynomialSum(self.constant, {name: p for name, p in powers.items() if len(p)})
 
     def __call__(self, q: Mapping[str, float]) -> float:
-        """Its value at coordinates [rad or m]."""
+        """Evaluate at coordinates [rad or m]."""
         return self.constant + sum(float(Polynomial([0.0, *p])(q[name])) for name, p in self.terms.items())
 
     def times(self, factor: float) -> PolynomialSum:
@@ -88,16 +88,16 @@ class PolynomialSum:
         return PolynomialSum(self.constant - other.constant, terms)
 
     def renamed(self, names: Mapping[str, str]) -> PolynomialSum:
-        """The function of coordinates by other names; those that `names` lacks keep theirs."""
+        """Rename the coordinates; those that `names` lacks stay."""
         return PolynomialSum(self.constant, {names.get(name, name): p for name, p in self.terms.items()})
 
     def at(self, values: Mapping[str, float]) -> PolynomialSum:
-        """The function of the other coordinates where some are held at values [rad or m]."""
+        """Substitute values [rad or m] for some coordinates."""
         held = PolynomialSum(self.constant, {name: p for name, p in self.terms.items() if name in values})
         return PolynomialSum(held(values), {name: p for name, p in self.terms.items() if name not in values})
 
     def counted(self, zeros: Mapping[str, float], factors: Mapping[str, float]) -> PolynomialSum:
-        """The function of x, where coordinates are ``q = zero + factor x``; those that a table lacks are 0 and 1."""
+        """Substitute ``q = zero + factor x``; zero and factor default to 0 and 1."""
         terms = dict[str, Array]()
         constant = self.constant
         for name, p in self.terms.items():
@@ -107,17 +107,17 @@ class PolynomialSum:
         return PolynomialSum(constant, terms)
 
     def is_linear_in(self, name: str) -> bool:
-        """Whether it can be solved for a coordinate."""
+        """True if the function can be solved for a coordinate."""
         p = self.terms.get(name, np.zeros(1))
         return bool(p[0]) and not p[1:].any()
 
     def solved(self, coordinate: str, lead: str) -> PolynomialSum:
-        """The function that one of its coordinates is, in which it is linear, where `coordinate` is its value."""
+        """Solve for a coordinate in which the function is linear; `coordinate` names its present value."""
         rest = {name: -p for name, p in self.terms.items() if name != lead}
         return PolynomialSum(-self.constant, {coordinate: np.ones(1), **rest}).times(1.0 / float(self.terms[lead][0]))
 
     def beside(self, other: PolynomialSum) -> tuple[Array, Array]:
-        """Coefficients of two functions of the same coordinates, as many of each, see `filled`."""
+        """Coefficients of two functions of the same coordinates, padded to equal length, see `filled`."""
         names, both = list(self.terms), (self, other)
         size = max((len(p) for function in both for p in function.terms.values()), default=0)
         rows = ([np.pad(each.terms[name], (0, size - len(each.terms[name]))) for name in names] for each in both)
@@ -125,7 +125,7 @@ class PolynomialSum:
         return first, second
 
     def filled(self, coefficients: Array) -> PolynomialSum:
-        """The function of the same coordinates with other coefficients: the constant, then as many powers of each."""
+        """Replace the coefficients: the constant, then as many powers of each coordinate."""
         powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
         return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
 
@@ -159,14 +159,14 @@ class Coupling:
             raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "name other coordinates")
 
     def solved(self, coordinate: str) -> Coupling:
-        """The same coupling as one of another of its coordinates, if it is linear in that; else itself."""
+        """Solve the coupling for another of its coordinates; itself if it is not linear in that one."""
         if not self.function.is_linear_in(coordinate):
             return self
         return Coupling(self.name, coordinate, self.function.solved(self.coordinate, coordinate), self.where)
 
     @property
     def named(self) -> tuple[str, ...]:
-        """All coordinates that it couples, its own first."""
+        """Names of all coupled coordinates, the dependent one first."""
         return self.coordinate, *self.function.terms
 
 
@@ -192,7 +192,7 @@ class CouplingRows:
         return len(self.columns)
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, list[tuple[int | None, Any]]]]:
-        """Column i of each coupling ``q_i = sum_k p_k(q_k)``, and each column k with a derivative of p_k there.
+        """Column i of each coupling ``q_i = sum_k p_k(q_k)``, with each column k and a derivative of p_k there.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).
@@ -221,7 +221,7 @@ class CouplingRows:
         return out
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Second derivative of the residuals where coordinates have none, ``-sum_k p_k'' v_k^2``.
+        """Second derivative of the residuals at zero coordinate accelerations, ``-sum_k p_k'' v_k^2``.
 
         Shape (n, n_q) twice -> (n, m).
         """
@@ -234,7 +234,7 @@ class CouplingRows:
 
 
 def _derivative(polynomial: Array, order: int, x: Any) -> Any:
-    """A derivative of a polynomial, coefficients lowest first, at x; one of no coordinate has a constant alone."""
+    """Evaluate a derivative of a polynomial, coefficients lowest first, at x; without a coordinate it is a constant."""
     coefficients, value = polynomial, 0.0
     for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))
@@ -244,7 +244,7 @@ def _derivative(polynomial: Array, order: int, x: Any) -> Any:
 
 
 def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingRows:
-    """The equations of couplings in the vector of some coordinates, which has all that they name."""
+    """Build the equations of couplings over a coordinate vector that contains all their names."""
     place = {name: i for i, name in enumerate(coordinates)}
     leads = [[(place.get(name), p) for name, p in one.function.polynomials.items()] for one in couplings]
     return CouplingRows([place[one.coordinate] for one in couplings], tuple(map(tuple, leads)))
@@ -256,7 +256,7 @@ def component_name(coupling: Coupling) -> str:
 
 
 def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:
-    """Refuses couplings of coordinates that do not exist, two of one coordinate, and circles.
+    """Reject couplings of unknown coordinates, two couplings of one coordinate, and cycles.
 
     Raises:
         UnknownNameError: There is no such coordinate.
@@ -278,7 +278,7 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
 
 
 def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Coupled coordinates by which one depends on itself, it among them; none where it does not.
+    """Find the cycle of coupled coordinates through which one depends on itself; empty if there is none.
 
     Args:
         above: Coupled coordinate -> those that it is a function of.

@@ -1,4 +1,4 @@
-"""Numbers over time: polynomials with harmonics, and samples of a file. Motions, motors and loads are made of them."""
+"""Functions of time: polynomials with harmonics, and file samples, for motions, motors and loads."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ class Course:
 
     @classmethod
     def of(cls, value: float) -> Course:
-        """A number that time does not change."""
+        """Build a constant."""
         return cls(np.array([float(value)]), np.zeros((0, 3)))
 
     @property
     def constant(self) -> bool:
-        """Whether time changes nothing."""
+        """True if the value does not change with time."""
         return not self.polynomial[1:].any() and not len(self.harmonics)
 
     @property
     def nothing(self) -> bool:
-        """Whether it is zero at all times."""
+        """True if the value is zero at all times."""
         return not (self.polynomial.any() or self.harmonics[:, 1:].any())
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """The number at times [s], of numbers of any kind."""
+        """Evaluate at times [s], which may be numbers of any kind."""
         total: Any = 0.0
         for coefficient in self.polynomial[::-1].tolist():
             total = total * t + coefficient
@@ -53,17 +53,17 @@ class Course:
         return total
 
     def times(self, factor: float) -> Course:
-        """The course of a multiple of the number."""
+        """Multiply by a factor."""
         return Course(factor * self.polynomial, self.harmonics * [1.0, factor, factor])
 
     def plain(self) -> list[Any]:
-        """Plain values, which can be compared and written down."""
+        """Return plain values that can be compared and written to a file."""
         return [self.polynomial.tolist(), self.harmonics.tolist()]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """A number that is known at certain times only.
+    """A number known only at certain times.
 
     Attributes:
         t: Increasing times [s]. Shape (n,).
@@ -80,11 +80,11 @@ class Samples:
 
     @property
     def nothing(self) -> bool:
-        """Whether it is zero at all times."""
+        """True if the value is zero at all times."""
         return not self.values.any()
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """The number at times of the file [s], which may be rounded differently. Shape (...).
+        """Evaluate at times of the file [s], up to rounding of their decimals. Shape (...).
 
         Raises:
             DescriptionError: The file has no sample at one of them.
@@ -98,11 +98,11 @@ class Samples:
         return self.values[rows].reshape(np.shape(t))
 
     def times(self, factor: float) -> Samples:
-        """Samples of a multiple of the number."""
+        """Multiply by a factor."""
         return Samples(self.t, factor * self.values, self.file)
 
     def plain(self) -> list[Any]:
-        """Plain values, which can be compared and written down."""
+        """Return plain values that can be compared and written to a file."""
         return [self.t.tolist(), self.values.tolist()]
 
 
@@ -111,7 +111,7 @@ Places = NDArray[np.intp]
 
 
 def same_times(t: Array, others: Array) -> tuple[Places, Places]:
-    """Where two lists have the same times; those that differ only in how their decimals were rounded are the same.
+    """Match times of two lists; times that differ only by rounding of their decimals are equal.
 
     Args:
         t: In any order. Shape (n,).

@@ -1,4 +1,4 @@
-"""Reading of a mechanism from TOML. Unknown keys are errors; every error names the file and the entry."""
+"""Reader of mechanism descriptions in TOML; unknown keys are errors, and each error names file and entry."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
 
 def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """The tables of a description, merged with those that it extends; numbers are still text."""
+    """Read a description and merge it into those that it extends; numbers remain text."""
     data = read_toml(path)
     if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
@@ -108,7 +108,7 @@ def _left_out(
 
 
 def _body(name: str, table: Any, where: str) -> Body:
-    """A body whose tensor is not checked yet, see `settled`."""
+    """Read a body; its tensor is checked later, see `settled`."""
     read_name(name, where)
     check_keys(table, _BODY, where)
     mass = number(required(table, "mass", where), f"{where}.mass")
@@ -159,12 +159,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
 
 
 def _amounts(value: Any, n: int, where: str) -> Array:
-    """A number for each of n coordinates; of one coordinate it may stand without brackets."""
+    """Read one number per coordinate; a single one needs no brackets."""
     return vector(value if isinstance(value, list) else [value], where, n)
 
 
 def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) -> tuple[Coupling, ...]:
-    """Reads ``[couplings]``, also of a loops file; there may be none. Those that hold fixed joints are added."""
+    """Read an optional ``[couplings]`` table, also of a loops file, and add the couplings of fixed joints."""
     tables = read_table(data, "couplings", where) if "couplings" in data else {}
     read = tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
     fixed, known = fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
@@ -178,7 +178,7 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
 
 
 def fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
-    """The couplings that hold fixed joints."""
+    """Build the couplings that hold fixed joints."""
     fixed = (joint for joint in joints if joint.fixed)
     return tuple(Fixing(joint.name, joint.coordinates[0], PolynomialSum(0.0, {}), joint.where) for joint in fixed)
 
@@ -191,7 +191,7 @@ def _coupling(name: str, table: Any, where: str) -> Coupling:
 
 
 def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, str, Any]]:
-    """The polynomials of a coupling as its table has them: key, the coordinate that each is one of, coefficients.
+    """List the polynomials of a coupling table as (key, coordinate, coefficients).
 
     Raises:
         DescriptionError: There is none, or `terms` stand beside `polynomial` or `of`.
@@ -230,7 +230,7 @@ def _limits(value: Any, n: int, where: str) -> Array:
 
 
 def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, Array] | None:
-    """Reads ``[spherical_axial]``, also of a loops file; there may be none."""
+    """Read an optional ``[spherical_axial]`` table, also of a loops file."""
     if table is None:
         return None
     check_keys(table, {"joint", "direction"}, where)

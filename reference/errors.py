@@ -1,4 +1,4 @@
-"""Errors that a user can cause or mend, each one sentence: what, where, what to do; and text helpers for messages."""
+"""User errors, each one sentence that says what, where and what to do; and text helpers for messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _OBEYED = re.compile(r"^ *:(?=:)|#(?=#(?:vso)?\[)", re.MULTILINE)
 
 
 def printable(text: str, *, lines: bool = False) -> str:
-    """A text with a space for what steers a terminal or the direction of writing, is not seen, or no XML can hold.
+    """Replace characters that steer a terminal or writing direction, are invisible, or are illegal in XML by a space.
 
     Args:
         lines: Whether line breaks stay.
@@ -34,7 +34,7 @@ def _is_printable(text: str) -> bool:
 
 
 def log_text(text: str) -> str:
-    """Printable lines, none of which is a command to a CI service that reads the log.
+    """Make lines printable and escape commands to a CI service that reads the log.
 
     GitHub obeys lines that begin with ``::`` and lines with ``##[`` in them, Azure lines with ``##vso[``.
     """
@@ -42,7 +42,7 @@ def log_text(text: str) -> str:
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
-    """The first things, and how many more there are: ``a, b and 3 more``, of clauses ``a; b; and 3 more``."""
+    """List the first things and the number of others: ``a, b and 3 more``, clauses as ``a; b; and 3 more``."""
     named = list(things)
     rest = len(named) - most
     return between.join(named[:most]) + (f"{between.rstrip(', ')} and {rest} more" if rest > 0 else "")
@@ -55,7 +55,7 @@ QUOTED = 60
 
 
 def shown(value: object) -> str:
-    """Quote a value of a user's file or call: on one line, in at most `QUOTED` characters, whatever it is."""
+    """Quote a user's value on one line, in at most `QUOTED` characters."""
     try:
         text = printable(repr(value))
     except Exception:  # Python prints no whole number of thousands of digits; objects of others do as they like
@@ -65,7 +65,7 @@ def shown(value: object) -> str:
 
 
 class ScrewgaugeError(Exception):
-    """Base of every error that a user can cause or mend.
+    """Base of all errors that a user can cause or mend.
 
     Args:
         what: What is wrong, with value and limit.
@@ -81,22 +81,22 @@ class ScrewgaugeError(Exception):
         self.what, self.where, self.remedy = what, where, remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles the error as it is: children are made from other facts."""
+        """Pickle the error as it is: children are built from other facts."""
         return Exception.__new__, (type(self), str(self)), vars(self)
 
 
 def _one_line(text: str, most: int) -> str:
-    """Values are quoted in messages: however long they are and whatever they contain, it stays one line."""
+    """Shorten a message to one line, however long the quoted values are."""
     text = " ".join(printable(text).split())
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 class DescriptionError(ScrewgaugeError):
-    """A TOML file that does not describe a mechanism or a scene."""
+    """Raised for a TOML file that does not describe a mechanism or scene."""
 
 
 class UnknownNameError(ScrewgaugeError):
-    """A scene, mechanism, engine, quantity or key that does not exist."""
+    """Raised for an unknown scene, mechanism, engine, quantity or key."""
 
     def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "", besides: str = "") -> None:
         names, besides = list(known), besides and f", or {besides}"
@@ -113,14 +113,14 @@ _SYSTEM = {"libGL.so": "libgl1", "libEGL.so": "libegl1", "libOSMesa.so": "libosm
 
 
 def remedy_of_import(error: ImportError, package: str) -> str:
-    """What to install where a module of a package cannot be imported."""
+    """Name the package to install if a module cannot be imported."""
     for name in (name for name in _SYSTEM if name in str(error)):
         return f"{name.partition('.')[0]} belongs to the system; on Debian and Ubuntu, apt-get install {_SYSTEM[name]}"
     return f"pip install {'' if isinstance(error, ModuleNotFoundError) else '--force-reinstall '}{package}"
 
 
 def check_seed(seed: object) -> None:
-    """Refuses what is no seed of random numbers.
+    """Reject an invalid random seed.
 
     Raises:
         DescriptionError: It is not.
@@ -130,7 +130,7 @@ def check_seed(seed: object) -> None:
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
-    """The names as a list, each of them known and at least one.
+    """Return the names as a list; reject unknown names and an empty choice.
 
     Raises:
         ScrewgaugeError: It is no list, there is none, or one is not known.
@@ -147,32 +147,32 @@ def check_choice(kind: str, names: object, known: Iterable[str], where: str = ""
 
 
 class ClosureError(ScrewgaugeError):
-    """A loop that cannot close."""
+    """Raised when a loop cannot close."""
 
 
 class SingularPoseError(ScrewgaugeError):
-    """A pose where the motion is not determined by the independent coordinates."""
+    """Raised at a pose where the independent coordinates do not determine the motion."""
 
 
 class JointLimitError(ScrewgaugeError):
-    """A motion beyond a joint limit of the description."""
+    """Raised when a motion exceeds a joint limit of the description."""
 
 
 class ModelFileError(ScrewgaugeError):
-    """A URDF, MJCF or loops file that an engine cannot use."""
+    """Raised for a URDF, MJCF or loops file that an engine cannot use."""
 
 
 class LoaderError(ScrewgaugeError):
-    """A library that a model file makes crash, hang or take all memory."""
+    """Raised when a model file makes a library crash, hang or exhaust memory."""
 
     exit_status = 3
 
 
 class OutputError(ScrewgaugeError):
-    """A folder or stream that cannot be written."""
+    """Raised for a folder or stream that cannot be written."""
 
 
 class ReportError(ScrewgaugeError):
-    """Pages of a report that could not be made; its numbers are there."""
+    """Raised when report pages cannot be made, though the numbers are there."""
 
     exit_status = 3

@@ -53,7 +53,7 @@ def _evaluate(node: ast.expr) -> float:
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> float:
-    """Cached: a description repeats the same numbers, and parsing one takes long."""
+    """Parse an expression, cached because descriptions repeat the same slow numbers."""
     if _DECIMAL.fullmatch(text):
         return float(text)
     with warnings.catch_warnings():  # the parser warns of "1if"
@@ -62,7 +62,7 @@ def _parsed(text: str) -> float:
 
 
 def number(value: Any, where: str) -> float:
-    """Reads a finite number, given as a number or as text such as ``"3*sqrt(3)/10"``.
+    """Read a finite number, given as such or as text like ``"3*sqrt(3)/10"``.
 
     Raises:
         DescriptionError: It is no number, or not finite.
@@ -108,7 +108,7 @@ def unit_vector(value: Any, where: str) -> Array:
 
 
 def rotation_matrix(value: Any, where: str) -> Array:
-    """Reads ``{axis, angle}``, ``{matrix}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
+    """Read ``{axis, angle}``, ``{matrix}`` or a list of them, multiplied left to right. Shape (3, 3)."""
     result = np.eye(3)
     for step in value if isinstance(value, list) else [value]:
         if isinstance(step, dict) and set(step) == {"matrix"}:

@@ -1,4 +1,4 @@
-"""Input files: every one is opened here, its size and content are limited here. No format but JSON is known here."""
+"""Input files: opens each one, limits its size and content, and parses no format but JSON."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
 
 
 def check_count(count: float, what: str, where: str, remedy: str = "take fewer") -> None:
-    """Refuses more of something than `LIMITS` has of it.
+    """Reject a count above its entry in `LIMITS`.
 
     Raises:
         DescriptionError: There is more.
@@ -69,17 +69,17 @@ A_PATH = "the path of a TOML file, URDF, MJCF, SDF or USD"
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; what can be no path at all, being too long, is none."""
+    """True if the file exists; False for a text too long for a path."""
     return os.path.isfile(path)
 
 
 def is_path(name: str) -> bool:
-    """Whether a name means a file, there or not, and nothing built-in."""
+    """True if a name means a file, existing or not, and nothing built-in."""
     return "/" in name or name.endswith(".toml")
 
 
 def named_file(folder: Path, name: str) -> Path:
-    """The file that another one in `folder` names; ``~`` is the user's own folder."""
+    """Resolve a file name in another file of `folder`; ``~`` is the user's home."""
     try:
         return folder / Path(name).expanduser()
     except RuntimeError:  # nobody is called so
@@ -87,7 +87,7 @@ def named_file(folder: Path, name: str) -> Path:
 
 
 def read_file(path: Path, most: str = "MB") -> str:
-    """The text of an input file: a regular one, in UTF-8, with or without a byte order mark.
+    """Read an input file as text: a regular file in UTF-8, with or without byte order mark.
 
     Args:
         most: Its size in `LIMITS`.
@@ -102,7 +102,7 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 
 def read_xml(path: Path) -> str:
-    """Read the text of an XML file, which is UTF-8 whatever its declaration says.
+    """Read XML text, which is UTF-8 whatever its declaration claims.
 
     Raises:
         DescriptionError: It cannot be read, see `read_file`, or means another text in the encoding that it declares.
@@ -117,7 +117,7 @@ def read_xml(path: Path) -> str:
 
 
 def _means_the_same(text: str, encoding: str) -> bool:
-    """True if the encoding reads a text in UTF-8 as UTF-8 does."""
+    """True if the encoding decodes UTF-8 text to the same text."""
     ascii_signs = bytes(range(128))
     try:
         same = ascii_signs.decode(encoding) == ascii_signs.decode()
@@ -127,7 +127,7 @@ def _means_the_same(text: str, encoding: str) -> bool:
 
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
-    """Content of an input file, see `read_file`."""
+    """Read the bytes of an input file, see `read_file`."""
     with _opened(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
     if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
@@ -136,7 +136,7 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
 
 
 def digest(path: Path, most: str = "MB of CSV") -> str:
-    """SHA-256 of a file of such a size, see `read_file`. Not all of it is held at once."""
+    """Compute the SHA-256 of a file in blocks, limited as by `read_file`."""
     with _opened(path, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -146,7 +146,7 @@ _READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
 
 @contextmanager
 def files_read() -> Iterator[list[Path]]:
-    """Paths of the files that are read meanwhile."""
+    """Record the paths of files read within the context."""
     paths = list[Path]()
     token = _READ.set(paths)
     try:
@@ -157,7 +157,7 @@ def files_read() -> Iterator[list[Path]]:
 
 @contextmanager
 def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
-    """A regular file of such a size, open for reading; a DescriptionError if there is none."""
+    """Open a regular file of limited size for reading; DescriptionError if there is none."""
     try:
         # opening a FIFO would wait for somebody to write into it
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
@@ -184,7 +184,7 @@ def _unread(path: Path, reason: str) -> DescriptionError:
 
 
 def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
-    """The entries of a JSON file.
+    """Read the entries of a JSON file.
 
     Args:
         what: It is, for the complaint.
@@ -200,7 +200,7 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 
 
 def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
-    """The value of a text in JSON, of which nothing nests deep and no number or text is odd; see `read_json`."""
+    """Parse JSON text and reject deep nesting, odd numbers and odd text; see `read_json`."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
@@ -210,7 +210,7 @@ def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
 
 
 def check_plain(value: Any, where: str) -> None:
-    """Refuse what nests without end, control characters, and whole numbers that no double is near.
+    """Reject deep nesting, control characters, and integers that no double approximates.
 
     Args:
         value: What a reader of TOML or JSON gives.
@@ -237,7 +237,7 @@ def why(error: OSError | ValueError) -> str:
 
 
 def read_model(path: Path) -> str:
-    """The text of a URDF or MJCF, which a library is about to parse.
+    """Read the text of a URDF or MJCF before a library parses it.
 
     Raises:
         DescriptionError: It cannot be read, or has too many links.

@@ -17,25 +17,25 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A joint as walked from the body `near`."""
+    """A joint walked from the body `near`."""
 
     joint: Joint
     near: str
 
     @property
     def reverse(self) -> bool:
-        """Whether it is entered from its child."""
+        """True if the walk enters the joint from its child."""
         return self.near != self.joint.parent
 
     @property
     def far(self) -> str:
-        """The body beyond it."""
+        """The body beyond the joint."""
         return self.joint.parent if self.reverse else self.joint.child
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A mechanism with a spanning tree, and the paths and loops that follow from it.
+    """A mechanism with a spanning tree and the resulting paths and loops.
 
     Attributes:
         edges: Joints of the tree, in an order in which every `near` body is known before its edge.
@@ -75,28 +75,29 @@ class Layout:
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
-        """Which coordinates are angles. Shape (n_q,)."""
+        """True for coordinates that are angles. Shape (n_q,)."""
         return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
 
     @cached_property
     def cut_columns(self) -> list[int]:
-        """Coordinates of the cut joints, joint by joint."""
+        """Columns of the cut joints, joint by joint."""
         return [column for joint in self.cuts for column in self.columns[joint.name]]
 
     @cached_property
     def tree_columns(self) -> list[int]:
-        """The other coordinates."""
+        """Columns of the tree's joints."""
         return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
 
 
 def layout(mechanism: Mechanism) -> Layout:
-    """The spanning tree that keeps the joints of the independent coordinates: these are unknowns of the tree itself."""
+    """Build the spanning tree that keeps the joints of independent coordinates, which are unknowns of the tree
+    itself."""
     chosen = {*mechanism.independent.values()}
     return spanning_tree(mechanism, [joint.name for joint in mechanism.joints if chosen & {*joint.coordinates}])
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
+    """Build a tree that cuts S joints, else R joints without actuator, where the graph allows: points close these.
 
     Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
     asked for, those with an actuator or a rotor, kinds that points cannot close, then few freedoms first, by name: the
@@ -124,20 +125,20 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
 
 
 def root(group: Mapping[str, str], name: str) -> str:
-    """The name that stands for a group of names, of which each leads to another one of its group or is that name."""
+    """Follow names of a group to its representative."""
     while group[name] != name:
         name = group[name]
     return name
 
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the joints of which a coordinate is coupled, or another one depends on it."""
+    """Names of joints with a coordinate that is coupled or that another one depends on."""
     named = {name for coupling in mechanism.couplings for name in coupling.named}
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 
 def _outward(joints: list[Joint]) -> tuple[Edge, ...]:
-    """The joints of a tree as walked from ground."""
+    """Order the joints of a tree from ground outward."""
     known, edges = {GROUND}, list[Edge]()
     while joint := next((joint for joint in joints if known & {*joint.bodies}), None):
         edges.append(Edge(joint, joint.parent if joint.parent in known else joint.child))
@@ -147,7 +148,7 @@ def _outward(joints: list[Joint]) -> tuple[Edge, ...]:
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
-    """Refuses a body that no joint connects to ground, and loops of F joints or of coupled joints alone."""
+    """Reject a body that no joint connects to ground, and loops of F or coupled joints only."""
     tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
         at = joint.where or f"{where}, joints.{joint.name}"
@@ -170,7 +171,7 @@ def output_body(mechanism: Mechanism) -> str:
 
 
 def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
-    """Edges from the first on while a single joint leads on, up to the target body or ground."""
+    """Follow single joints from the first edge on, up to the target body or ground."""
     walked, unused = [first], [joint for joint in joints if joint is not first.joint]
     while (near := walked[-1].far) not in (target, GROUND):
         onward = [joint for joint in unused if near in joint.bodies]

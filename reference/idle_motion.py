@@ -1,4 +1,4 @@
-"""Motion of idle coordinates beside a given motion of the others: integrated once, and then given to every engine.
+"""Motion of idle coordinates beside the given motion of the others: integrated once, then given to every engine.
 
 Collocation at Radau's points (Radau IIA), all points of a stretch at once: accelerations of many poses cost little more
 than those of one. Newton's method with the Jacobian of the start of a stretch finds them, so that stiff springs and
@@ -58,7 +58,7 @@ DIFFERENCE = 2.0**-26
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rule:
-    """Points of a piece of duration 1, and matrices that take accelerations there to what follows.
+    """Collocation points of a piece of duration 1, and matrices that integrate accelerations there.
 
     Attributes:
         points: Shape (s,).
@@ -74,7 +74,7 @@ class Rule:
 
 @cache
 def rule(s: int) -> Rule:
-    """Radau's points; the last is the end."""
+    """Build Radau's points; the last is the end."""
     x = legroots([0.0] * (s - 1) + [-1.0, 1.0])
     x[-1] = 1.0
     terms = np.asarray(np.linalg.inv(legvander(x, s - 1)), dtype=float)
@@ -91,7 +91,7 @@ def _integrals(x: Array, s: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """The motion over some time: accelerations are a polynomial.
+    """A piece of the motion with polynomial accelerations.
 
     Attributes:
         since, until: [s].
@@ -106,7 +106,7 @@ class Piece:
     terms: Array
 
     def __call__(self, t: Array) -> State:
-        """The motion at times [s]. Shape (n,)."""
+        """Evaluate the motion at times [s]. Shape (n,)."""
         h = self.until - self.since
         share = ((t - self.since) / (h or 1.0))[:, None]
         x = 2.0 * share[:, 0] - 1.0
@@ -117,7 +117,7 @@ class Piece:
 
 @dataclass(eq=False)
 class IdleMotion:
-    """The idle coordinates as a function of time, integrated as far as it was asked for.
+    """The idle coordinates as a function of time, integrated on demand.
 
     Attributes:
         given: Times (n,) -> y, yd, ydd of all independent coordinates; those of idle ones are of no account.
@@ -139,7 +139,7 @@ class IdleMotion:
     pieces: list[Piece] = field(default_factory=list)
 
     def __call__(self, t: Array) -> State:
-        """All independent coordinates at times from the start on [s]. Shape (n,).
+        """Evaluate all independent coordinates at times [s] since the start. Shape (n,).
 
         Raises:
             ScrewgaugeError: The motion breaks off before.
@@ -158,7 +158,7 @@ class IdleMotion:
         return y, yd, ydd
 
     def accelerations(self, t: Array, y: Array, yd: Array, ydd: Array) -> Array:
-        """Second derivatives of all independent coordinates in some states of them all. Shape (n, k) each."""
+        """Second derivatives of all independent coordinates in given states. Shape (n, k) each."""
         mode = AssemblyMode(layout(self.mechanism))
         at = ClosedMotion(mode.system, mode.motion(y, t, (yd, ydd)), yd, ydd, self.applied, t)
         at.idle, at.resting = self.idle, self.resting
@@ -166,11 +166,11 @@ class IdleMotion:
 
     @property
     def until(self) -> float:
-        """How far it was integrated [s]."""
+        """End of the integrated motion [s]."""
         return self.pieces[-1].until if self.pieces else self.since
 
     def _reach(self, end: float) -> None:
-        """Integrates up to a time [s]."""
+        """Integrate up to a time [s]."""
         if self.pieces and end <= self.until:
             return
         integration = _Integration(self)
@@ -182,11 +182,11 @@ class IdleMotion:
 
 
 class _Rejected(Exception):
-    """A stretch that is too long."""
+    """Raised for a stretch that is too long."""
 
 
 class _Integration:
-    """Goes on from the end of a motion.
+    """Integration from the end of a motion on.
 
     Attributes:
         start: Where it goes on, and its Jacobian there by y and by yd, shape (m, m) each.
@@ -206,7 +206,7 @@ class _Integration:
         self.start.check()
 
     def stretch(self, end: float) -> list[Piece]:
-        """The next pieces, at most up to a time [s].
+        """Integrate the next pieces, at most up to a time [s].
 
         Raises:
             ScrewgaugeError: It leads no further.
@@ -228,14 +228,14 @@ class _Integration:
             return pieces
 
     def _ends(self, end: float) -> tuple[list[float], int]:
-        """Where the next pieces end [s], and how many points each has."""
+        """End times of the next pieces [s], and the number of points of each."""
         until, breaks = self.begin + self.duration, self.motion.breaks
         goals = np.array([end]) if breaks is None else breaks[breaks > self.begin]
         inside = goals[goals <= until + ROUNDED * self.duration][:MANY].tolist()
         return inside or [until], POINTS if breaks is None else BETWEEN
 
     def _solved(self, ends: list[float], by: Rule, jacobian: tuple[Array, Array]) -> list[Piece]:
-        """The motion up to some ends.
+        """Solve for the motion up to the given ends.
 
         Raises:
             _Rejected: Newton's method does not converge, or accelerations are no such polynomials.
@@ -255,7 +255,7 @@ class _Integration:
         return pieces
 
     def _found(self, sums: tuple[Array, Array, Array], back: Array) -> tuple[ClosedMotion, Array, float, float]:
-        """Accelerations at all points of a stretch by Newton's method.
+        """Solve for the accelerations at all points of a stretch by Newton's method.
 
         Args:
             sums: See `_sums`.
@@ -287,7 +287,7 @@ class _Integration:
         raise _Rejected("accelerations are not found by iteration")
 
     def _noise(self, at: ClosedMotion) -> float:
-        """What rounding of the poses makes of accelerations: these are closed once more, from elsewhere nearby."""
+        """Change of accelerations due to rounding of poses, by closing these again from nearby."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
         again = self._at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
@@ -302,7 +302,7 @@ class _Integration:
         return pieces
 
     def _at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
-        """Closed poses and accelerations at states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
+        """Closed poses and accelerations in states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
         whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
         whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
         q = self._begun(whole, t, (rates, ydd)) if near is None else self._closed(whole, near)
@@ -311,13 +311,13 @@ class _Integration:
         return at
 
     def _begun(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
-        """Joint coordinates of closed poses one after the other: from home, then from the end of what is known."""
+        """Joint coordinates of successive closed poses, from home, then from the end of the known motion."""
         if not self.started:
             return self.mode.motion(y, t, rates)
         return read(self.loops.lay, Branch(self.loops.lay, self.start.q[0]).joints(y))
 
     def _closed(self, y: Array, near: Array) -> Array:
-        """Joint coordinates of closed poses next to others. Shape (n, n_q)."""
+        """Joint coordinates of the closed poses next to others. Shape (n, n_q)."""
         if (poses := self.mode.in_closed_form(y)) is not None:
             return self.mode.close(poses)
         begun = self.loops.unknowns(near)
@@ -327,7 +327,7 @@ class _Integration:
         return self.loops.coordinates(z, near)
 
     def _jacobian(self) -> tuple[Array, Array]:
-        """Derivatives of the accelerations at the start by y and yd. Shape (m, m) each."""
+        """Derivatives of the initial accelerations by y and yd. Shape (m, m) each."""
         m, state = len(self.idle), np.concatenate([self.y, self.yd])
         size = DIFFERENCE * np.maximum(np.abs(state), np.tile(self.unit[self.idle], 2))
         states = state + np.diag(size)
@@ -338,7 +338,7 @@ class _Integration:
         return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open
 
     def _end_of_the_way(self, nearly: float = NEARLY) -> str:
-        """Why no motion leads on, empty where one may: a pose that it does not pass, or coordinates that run away."""
+        """Reason why the motion ends, a pose that it cannot pass or diverging coordinates; empty if it may go on."""
         at = self.start
         if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
@@ -366,7 +366,7 @@ def _end(piece: Piece) -> tuple[Array, Array]:
 
 
 def _sums(h: Array, by: Rule) -> tuple[Array, Array, Array]:
-    """Integrals over pieces of some durations.
+    """Integral matrices over pieces of given durations.
 
     Returns:
         Matrices that take accelerations at all points to rates and to coordinates there, shape (n, n) each, and the

@@ -1,4 +1,4 @@
-"""Inertia tensors that violate the triangle inequality: completed in a plane, allowed, or refused."""
+"""Inertia tensors that violate the triangle inequality: completed in a plane, admitted, or refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def settled(
     allow: Collection[str] = (),
     where: str = "",
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """Bodies with tensors that they can have, or that are allowed, and sentences on what was completed or allowed.
+    """Complete or admit impossible tensors; return the bodies, and sentences on every tensor changed or admitted.
 
     Args:
         bodies: Whose tensors have not been checked (`Body.allowed`).
@@ -65,7 +65,7 @@ def settled(
 
 
 def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[str]:
-    """Names of the bodies that `allow` admits."""
+    """Names of the bodies that `allow` excuses."""
     known, names = [body.name for body in bodies], set[str]()
     for entry in allow:
         name, _, what = entry.rpartition(".")
@@ -78,7 +78,7 @@ def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[
 
 
 def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
-    """The tensor with the least moments across a normal that a body can have, normal by normal.
+    """Complete the tensor by the smallest possible moments across each normal in turn.
 
     About the normal n it stays as it is, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
     that no body has whatever J is are not mended: they are more likely wrong than left out.
@@ -92,7 +92,7 @@ def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Arr
 
 
 def _allowed(body: Body, excess: float) -> str:
-    """What it means that a tensor is taken though no body has it."""
+    """Describe the consequence of a tensor that no body can have."""
     largest = float(np.linalg.eigvalsh(body.inertia)[-1])
     return (
         f"allowed: the largest principal moment of {body.name}, {largest:.4g} kg m^2, exceeds the sum of the others by "
@@ -104,7 +104,7 @@ def _allowed(body: Body, excess: float) -> str:
 def _refusal(
     bodies: Sequence[Body], normals: Array | None, joints: Sequence[Joint], couplings: Sequence[Coupling]
 ) -> DescriptionError:
-    """Why the tensor of the first of some bodies is refused, and what to do with all.
+    """Build the refusal of the first body's tensor, with the remedy for all.
 
     Args:
         normals: Of the first, as far as it has any.

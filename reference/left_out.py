@@ -1,4 +1,4 @@
-"""What acts in a model file and has no entry in a description or scene: rotors, resistance, weight borne, a medium.
+"""Forces in a model file that descriptions and scenes have no entry for: rotors, resistance, borne weight, drag.
 
 It is kept as data, so that a run can measure it: no engine applies it. Forces are those of MuJoCo's own formulas.
 """
@@ -27,7 +27,7 @@ def spring_law(powers: Powers, x: Array) -> Array:
 
 
 def damper_law(powers: Powers, rate: Array) -> Array:
-    """Force of a damper, which resists both ways alike. Shape of `rate`."""
+    """Force of a damper, the same in both directions. Shape of `rate`."""
     return _law(powers, rate, np.abs(rate))
 
 
@@ -37,7 +37,7 @@ def _law(powers: Powers, x: Array, s: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resistance:
-    """Inertia and passive forces along a stroke: of a hinge, slide, tendon or actuator.
+    """Inertia and passive forces along the stroke of a hinge, slide, tendon or actuator.
 
     The stroke is a sum of joint coordinates, or the length of a straight path over points of bodies.
 
@@ -64,7 +64,7 @@ class Resistance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TurnResistance:
-    """The same of a joint that turns about three axes (S), or is free (F), alike in all directions.
+    """Inertia and passive forces of an S or F joint, isotropic about its three axes.
 
     Attributes:
         joint: Name of the joint.
@@ -79,7 +79,7 @@ class TurnResistance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BorneWeight:
-    """Weight that something bears which is neither joint nor actuator (MuJoCo's gravcomp).
+    """Weight carried by neither joint nor actuator (MuJoCo's gravcomp).
 
     Attributes:
         body: On which it acts.
@@ -95,7 +95,7 @@ class BorneWeight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drag:
-    """Drag of a medium on a box that has the mass and inertia of a body, or of a part of one.
+    """Drag of a medium on the box with the mass and inertia of a body, or of a part of one.
 
     Attributes:
         body: On which it acts.
@@ -122,7 +122,7 @@ _LAWS = {"armature", "damping", "friction"}
 def read_left_out(
     data: dict[str, Any], where: str, coordinates: Collection[str], joints: Collection[str], bodies: Collection[str]
 ) -> tuple[LeftOut, ...]:
-    """Reads ``[[left_out]]`` of a description; there may be none.
+    """Read an optional ``[[left_out]]`` list of a description.
 
     Args:
         coordinates, joints, bodies: Names that entries may use: of coordinates, of S and F joints, of bodies.
@@ -174,7 +174,7 @@ def _laws(table: dict[str, Any], where: str) -> dict[str, Any]:
 
 
 def _powers(table: dict[str, Any], key: str, where: str) -> Powers:
-    """A law from one number, or a list of them."""
+    """Read a force law from one number or a list."""
     value = table.get(key, [])
     some = value if isinstance(value, list) else [value]
     return tuple(float(x) for x in vector(some, f"{where}, {key}", len(some))) if some else ()
@@ -213,7 +213,7 @@ _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
 
 
 def entries(one: LeftOut) -> dict[str, Any]:
-    """An entry of ``[[left_out]]``, without what is zero."""
+    """Return an entry of ``[[left_out]]`` without zero fields."""
     match one:
         case Resistance():
             path = tuple({"body": body, "point": point} for body, point in one.path)

@@ -65,7 +65,7 @@ def condition(A: Array) -> Array:
 
 
 def inverted(A: Array) -> tuple[Array, Array]:
-    """The inverse that solves equations, see `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
+    """Compute the inverse as in `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)
@@ -80,7 +80,7 @@ def inverted(A: Array) -> tuple[Array, Array]:
 
 
 def inverted_along(A: Array) -> tuple[Array, Array]:
-    """Inverses and condition numbers of matrices that change little from each to the next, if square. (n, m, m).
+    """Invert matrices that change little from one to the next, if square; also condition numbers. (n, m, m).
 
     One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
     blocks of cache size.
@@ -105,7 +105,7 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
 
 
 def blocks(n: int) -> Iterator[slice]:
-    """Rows that are worked on at a time, so that what is made of them stays in the cache."""
+    """Blocks of rows small enough that their results stay in the cache."""
     return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
 
 
@@ -139,5 +139,5 @@ def rank(A: Array, tolerance: float = 1e-9) -> int:
 
 
 def _count(s: NDArray[np.floating], tolerance: float = 1e-9) -> int:
-    """How many singular values do not count as zero, see `rank`."""
+    """Count the singular values above the tolerance, see `rank`."""
     return int(np.sum(s > tolerance * s.max(initial=1.0)))

@@ -1,4 +1,4 @@
-"""Lint: warnings about a mechanism that is legal and probably not what was meant, one sentence each.
+"""Lint: one-sentence warnings about legal mechanisms that were probably meant otherwise.
 
 Implausible numbers, such as moments of inertia in another unit and angles in degrees, come with their value in the unit
 that was probably meant; implausible geometry and masses with the place to look at. Nothing is refused or changed here.
@@ -65,7 +65,7 @@ class Solid:
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """A coordinate that is an angle and that no coupling ties to others; `home` and `limits` [rad]."""
+    """An angle that no coupling ties to others; `home` and `limits` [rad]."""
 
     name: str
     home: float
@@ -74,7 +74,7 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Suspicion:
-    """Something to look at.
+    """A suspicious entry.
 
     Attributes:
         point: Where, in the frame of the body [m]. Shape (3,).
@@ -86,7 +86,7 @@ class Suspicion:
 
 
 class _End(NamedTuple):
-    """A joint on a body: its frame there, and whether the body is its parent (0) or its child (1)."""
+    """An end of a joint: its frame on a body, which is the joint's parent (0) or child (1)."""
 
     joint: Joint
     frame: Frame
@@ -94,17 +94,17 @@ class _End(NamedTuple):
 
     @property
     def axis(self) -> Array:
-        """The outer one of its axes, which is fixed in the body. Shape (3,)."""
+        """The outer axis, fixed in the body. Shape (3,)."""
         return np.asarray(self.frame.R @ self.joint.axes[-self.side])
 
     @property
     def turns(self) -> bool:
-        """Whether the body turns about it; the normal of a planar joint is a line in the child alone."""
+        """True if the body turns about the axis; a planar joint's normal is a line in the child only."""
         return self.joint.angles > 0 and (self.side == 1 or self.joint.slides < 2)
 
 
 def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
-    """The joints of each body; F joints hold none."""
+    """Joint ends of each body, without F joints."""
     ends: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
     for joint in mechanism.joints:
         for side, (body, frame) in enumerate(joint.sides):
@@ -114,23 +114,23 @@ def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
 
 
 def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
-    """The largest distance of points in bodies at home [m]."""
+    """Largest distance between points of bodies at home [m]."""
     at, index = pose(layout(mechanism), mechanism.home[None]), mechanism.body_index
     return widest([at.p[0, index[body]] + at.R[0, index[body]] @ point for body, point in places])
 
 
 def implausible(mechanism: Mechanism) -> tuple[str, ...]:
-    """Sentences on bodies and joints."""
+    """Warn about implausible bodies and joints."""
     return (*of_bodies([*solids(mechanism)]), *too_far(hinges(mechanism)))
 
 
 def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
-    """Sentences on bodies that no matter makes: too wide, too dense, or too long for their mass."""
+    """Warn about bodies too wide, too dense, or too long for their mass."""
     return (*all_too_wide(bodies), *too_dense(bodies), *too_long(bodies))
 
 
 def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Sentences on bodies with less inertia than a ball of the densest metal; a point without inertia is meant so."""
+    """Warn about bodies with less inertia than a ball of the densest metal; point masses are exempt."""
     sentences = {one.name: text for one in bodies if (text := _too_dense(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -139,7 +139,7 @@ def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _too_dense(body: Solid) -> str:
-    """A sentence on a body; empty if there can be one."""
+    """Warn about a body that is too dense; empty if it is possible."""
     moments = np.linalg.eigvalsh(body.inertia)
     ball = float(np.cbrt(0.75 * body.mass / (np.pi * OSMIUM)))
     least = 0.6 * body.mass * ball**2  # 0 of next to no mass
@@ -159,7 +159,7 @@ def _too_dense(body: Solid) -> str:
 
 
 def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """A sentence on bodies of tens of metres that weigh next to nothing."""
+    """Warn about bodies tens of metres long that weigh almost nothing."""
     long = [one for one in bodies if one.span > LONG and one.mass < THIN * one.span]
     if not long:
         return ()
@@ -171,7 +171,7 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Sentences on the bodies that `too_wide` reports, the rest being named in one where there are many."""
+    """Warn about the bodies that `too_wide` reports, many of them in one sentence."""
     sentences = {one.name: text for one in bodies if (text := too_wide(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -180,7 +180,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _turning(mechanism: Mechanism) -> set[str]:
-    """Bodies that turn: of those that joints only let slide on ground, inertia has no effect."""
+    """Bodies that turn; inertia of a body that only slides on ground has no effect."""
     turning = {body.name for body in mechanism.bodies}
     for _ in mechanism.bodies:
         slides = (
@@ -203,12 +203,12 @@ def solids(mechanism: Mechanism) -> Iterator[Solid]:
 
 
 def size_of(points: list[Array], extent: float) -> float:
-    """Size of a body with joints and, last, its centre of mass at these points, in a machine of this extent [m]."""
+    """Size [m] of a body with joints and, last, its centre of mass at these points, in a machine of an extent [m]."""
     return (widest(points) if len(points) > 2 else 0.0) or extent
 
 
 def too_wide(body: Solid) -> str:
-    """A sentence on a body with more inertia than one of its mass and size can have; empty if it can."""
+    """Warn about more inertia than a body of this mass and size can have; empty if it is possible."""
     moments = np.linalg.eigvalsh(body.inertia)
     radius = float(np.sqrt(max(moments[-1], 0.0) / body.mass))
     half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0))
@@ -226,7 +226,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Angles of a mechanism; not those that gears and screws turn, nor those of free bodies."""
+    """Angles of a mechanism except those of gears, screws and free bodies."""
     tied = {name for one in mechanism.couplings for name in one.named}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(
@@ -237,7 +237,7 @@ def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
 
 
 def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
-    """Sentences on hinges whose home or limits are several turns away from zero, as where degrees were meant."""
+    """Warn about hinges whose home or limits are several turns from zero, as if given in degrees."""
     for one in angles:
         far = [x for x in one.limits if TURNED < abs(x) <= DEGREES and not float(np.log10(abs(x))).is_integer()]
         if far:
@@ -247,7 +247,7 @@ def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
 
 
 def in_degrees(what: str, angle: float) -> str:
-    """An angle [rad] with what it is if degrees were meant."""
+    """Show an angle [rad] beside its value if degrees were meant."""
     turns, less = abs(angle) / (2.0 * np.pi), np.radians(angle)
     return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees were meant, {less:.3g} rad"
 
@@ -270,7 +270,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
-    """Warnings about a body with these joints; `extent`: of all joints [m]."""
+    """Warn about a body with these joints; `extent` is that of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
         yield f"{name} has no mass of its own"
@@ -285,7 +285,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
 
 
 def _alike(body: Body) -> str:
-    """A warning about a body with the inertia of a ball; may be empty."""
+    """Warn about a body with the inertia of a ball; may be empty."""
     moments = np.linalg.eigvalsh(body.inertia)
     if not (moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]):
         return ""
@@ -300,7 +300,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
 
 
 def _between(a: _End, b: _End, unit: float, *, few: bool) -> str:
-    """A warning about the axes of two joints of a body, `few` if it has no others; may be empty."""
+    """Warn about the axes of two joints of a body; `few` if it has no others; may be empty."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):

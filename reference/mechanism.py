@@ -1,4 +1,4 @@
-"""The mechanism as data: bodies, joints, actuated and independent coordinates. Immutable, checked when made."""
+"""The mechanism as immutable data, checked when made: bodies, joints, actuated and independent coordinates."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Body:
 
 
 def triangle_excess(inertia: Array) -> float:
-    """How much the largest principal moment exceeds the sum of the others [kg m^2]; zero where it does not.
+    """Excess of the largest principal moment over the sum of the others [kg m^2]; zero if there is none.
 
     Args:
         inertia: Shape (3, 3).
@@ -108,7 +108,7 @@ def triangle_excess(inertia: Array) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """A joint between two bodies, `parent` being its ground side.
+    """A joint between two bodies; `parent` is on its ground side.
 
     ``T(parent, child) = parent_frame  X(q)  child_frame^-1`` with X the serial product of the freedoms.
 
@@ -154,22 +154,22 @@ class Joint:
 
     @property
     def angles(self) -> int:
-        """How many of its freedoms turn."""
+        """Number of rotational freedoms."""
         return sum(KINDS[self.kind])
 
     @property
     def slides(self) -> int:
-        """How many of its freedoms slide."""
+        """Number of translational freedoms."""
         return len(KINDS[self.kind]) - self.angles
 
     @property
     def fixed(self) -> bool:
-        """Whether it leaves no freedom: a coupling holds its only coordinate at zero."""
+        """True if no freedom is left: a coupling holds its only coordinate at zero."""
         return self.kind == "fixed"
 
     @property
     def constrains(self) -> bool:
-        """Whether it transmits any force: F does not."""
+        """True if the joint transmits any force; F does not."""
         return len(KINDS[self.kind]) < 6
 
     @property
@@ -211,7 +211,7 @@ def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names of the actuators: ``leg1`` for ``leg1.slide`` where that is unique, else the joint's name.
+    """Names of the actuators: ``leg1`` for ``leg1.slide`` if unique, else the joint's name.
 
     Coordinates that are held are among them, after all others.
     """
@@ -228,7 +228,7 @@ def driven_coordinates(joints: Sequence[Joint]) -> tuple[str, ...]:
 
 
 def by_role(joints: Sequence[Joint]) -> list[Joint]:
-    """Joints, grouped by role in the order in which the roles first appear: that of reaction components."""
+    """Joints grouped by role, in order of first appearance, which is the order of reaction components."""
     roles = list(dict.fromkeys(joint.role for joint in joints))
     return sorted(joints, key=lambda joint: roles.index(joint.role))
 
@@ -288,7 +288,7 @@ class Mechanism:
 
     @cached_property
     def moving(self) -> tuple[str, ...]:
-        """Names of the coordinates that are not those of fixed joints."""
+        """Names of the coordinates of joints that are not fixed."""
         return tuple(name for joint in self.joints if not joint.fixed for name in joint.coordinates)
 
     @cached_property
@@ -302,7 +302,7 @@ class Mechanism:
         return np.concatenate([joint.home for joint in self.joints])
 
     def described(self, y: Array, figures: int = 6) -> str:
-        """Independent coordinates by name, for messages: ``a = 0.1, b = 0.2``. Shape (k,)."""
+        """Show independent coordinates by name in a message: ``a = 0.1, b = 0.2``. Shape (k,)."""
         return ", ".join(f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True))
 
     @cached_property
@@ -312,7 +312,7 @@ class Mechanism:
 
     @cached_property
     def actuators(self) -> tuple[Joint, ...]:
-        """Joints that are actuated; forces of actuators have those along coordinates that are held besides."""
+        """Actuated joints; `actuator_names` also has the coordinates that are held."""
         return tuple(joint for joint in self.joints if joint.actuated)
 
     @cached_property
@@ -352,7 +352,7 @@ class Mechanism:
 
     @cached_property
     def body_index(self) -> dict[str, int]:
-        """Position of each body, ground being 0."""
+        """Index of each body, ground being 0."""
         return {name: i for i, name in enumerate([GROUND, *(body.name for body in self.bodies)])}
 
     @cached_property
@@ -383,7 +383,7 @@ class Mechanism:
 
 
 def _filled(lead: str, items: Sequence[str]) -> list[str]:
-    """Items after a lead, none broken, on at most `MOST` lines."""
+    """Wrap unbroken items after a lead to at most `MOST` lines."""
     whole = wrap(", ".join(item.replace(" ", "\0") for item in items), COLUMNS - len(lead) - 2)
     shown = [*whole[:MOST], *["..."] * (len(whole) > MOST)] or [""]
     return [f"  {lead if not i else ' ' * len(lead)}{line}".replace("\0", " ").rstrip() for i, line in enumerate(shown)]

@@ -1,4 +1,4 @@
-"""Mobility: freedoms and constraints counted (section 2.2), uniqueness of forces, nearness to singularities."""
+"""Mobility: counts of freedoms and constraints (section 2.2), uniqueness of forces, nearness to singularities."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _named = partial(first_few, most=4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mobility:
-    """Counts of a mechanism at a pose.
+    """Freedoms and constraints of a mechanism at a pose.
 
     Attributes:
         bodies: Moving bodies.
@@ -55,12 +55,12 @@ class Mobility:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Names of the components that have no unique value under any such rule."""
+        """Names of the components that are not unique under any such rule."""
         return tuple(name for name, fixed in zip(self.names, self.determined, strict=True) if not fixed)
 
 
 def mobility(lay: Layout, q: Array) -> Mobility:
-    """Counts at a closed pose of joint coordinates `q`, shape (1, n_q)."""
+    """Count at a closed pose of joint coordinates `q`, shape (1, n_q)."""
     mechanism, G = lay.mechanism, loop_equations(lay).constraints(q)[0]
     c, names = _forces(lay, q), reaction_names(mechanism.joints, mechanism.couplings)[0]
     constraints = len(names)
@@ -84,7 +84,7 @@ def mobility(lay: Layout, q: Array) -> Mobility:
 
 
 def _forces(lay: Layout, q: Array) -> Array:
-    """The matrix c of eq. (57) at one pose, without dimension, so that ranks do not depend on the mechanism's size."""
+    """The matrix c of eq. (57) at one pose, scaled so that ranks do not depend on the mechanism's size."""
     mechanism, at, unit = lay.mechanism, pose(lay, q), length(lay)
     units = *reaction_names(mechanism.joints, mechanism.couplings)[1], *mechanism.actuator_units
     c = force_matrix(at, q, at.S)[0] * np.where(np.array(units) == "N m", unit, 1.0)
@@ -92,12 +92,12 @@ def _forces(lay: Layout, q: Array) -> Array:
 
 
 def _untouched(hidden: Array) -> tuple[bool, ...]:
-    """Which components no combination of hidden forces changes. Shape (m, k) -> m flags."""
+    """Flag the components that no combination of hidden forces changes. Shape (m, k) -> m flags."""
     return tuple(bool(flag) for flag in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9)
 
 
 def check_independent(lay: Layout, q: Array) -> None:
-    """Refuses independent coordinates that do not determine the motion at a closed pose.
+    """Reject independent coordinates that do not determine the motion at a closed pose.
 
     Args:
         q: Joint coordinates. Shape (1, n_q).
@@ -118,7 +118,7 @@ def check_independent(lay: Layout, q: Array) -> None:
 
 
 def near_singularity(lay: Layout, q: Array) -> str:
-    """Description of the singularity that a pose of joint coordinates `q`, shape (1, n_q), is nearest to.
+    """Describe the singularity nearest to a pose of joint coordinates `q`, shape (1, n_q).
 
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
@@ -144,21 +144,21 @@ def near_singularity(lay: Layout, q: Array) -> str:
 
 
 def gimbal_lock(lay: Layout, cut: int) -> str:
-    """Description of gimbal lock of cut joint number `cut`."""
+    """Describe gimbal lock of cut joint number `cut`."""
     joint = lay.cuts[cut]
     first, last = joint.coordinates[0], joint.coordinates[-1]
     return f"{joint.name} is in gimbal lock ({first} and {last} turn about one line)"
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
-    """Indices of what is not small compared with the largest, the largest first."""
+    """Indices of values above a share of the largest, in descending order."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
 
 
 def _moved(lay: Layout, system: LoopEquations, q: Array, motion: Array) -> list[str]:
-    """Bodies that a motion of the tree moves."""
+    """Names of the bodies that a motion of the tree moves."""
     at = pose(lay, q)
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]
     v = velocity_at(V, at.com[0]) / system.length

@@ -1,4 +1,4 @@
-"""Files that users keep: each is written whole or not at all, and in the place of nothing that is theirs.
+"""Output files: each is written whole or not at all, and never replaces a user's file.
 
 A command overwrites neither its inputs nor a file that this program did not write as it is now. What is written for
 users to keep bears the digest of all else in it, so that an edited file is recognised; that of a CSV is beside it.
@@ -46,7 +46,7 @@ def save_file(
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Writes a file completely or not at all: a temporary file in the same folder, synced, then renamed.
+    """Write a file atomically: a temporary file in the same folder, synced, then renamed.
 
     Its folder is made if need be. A link stays, and what it leads to is replaced.
 
@@ -70,12 +70,12 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def stamped(text: str) -> str:
-    """Text of XML, HTML, TOML or YAML, followed by the comment with its digest."""
+    """Append a comment with the digest to text of XML, HTML, TOML or YAML."""
     return with_digest(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
 
 def with_digest(content: bytes) -> bytes:
-    """A text, PDF or PNG with the digest of the rest at its end: in a comment, in the last chunk but one of a PNG."""
+    """Append the digest of the rest to a text, PDF or PNG: in a comment, or a PNG's last chunk but one."""
     if content.startswith(_PNG):
         return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
     content = content if content.endswith(b"\n") else content + b"\n"
@@ -94,12 +94,12 @@ def _mark(content: bytes) -> bytes:
 
 
 def _beside(file: Path) -> Path:
-    """The hidden file with the digest of a CSV."""
+    """Hidden file with the digest of a CSV."""
     return file.with_name(f".{file.name}.sha256")
 
 
 def is_as_written(path: Path) -> bool:
-    """Whether a file is as this program wrote it: its digest is in it, or in the file beside it."""
+    """True if a file is as this program wrote it: its digest is in it, or in the file beside it."""
     try:
         if os.path.lexists(_beside(path)):
             return read_file(_beside(path)).partition(" ")[0] == digest(path)
@@ -111,7 +111,7 @@ def is_as_written(path: Path) -> bool:
 
 
 def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
-    """Refuses a file in the way, and one that cannot be written, before any work.
+    """Reject an existing file and an unwritable place before any work.
 
     Args:
         inputs: What the command reads.
@@ -131,7 +131,7 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
 
 
 def check_place(path: Path) -> None:
-    """Refuses a path at which no file can be written, whatever is there, before any work.
+    """Reject a path at which no file can be written, before any work.
 
     Raises:
         OutputError: It is something else than a file, or its folder cannot be written or made.
@@ -148,7 +148,7 @@ def check_place(path: Path) -> None:
 
 
 def overwriting() -> str:
-    """How whoever calls overwrites what is there: ``overwrite it by --force``."""
+    """Tell how this caller overwrites a file: ``overwrite it by --force``."""
     return f"overwrite it by {OVERWRITING.get()}"
 
 
@@ -157,7 +157,7 @@ def _other_file() -> str:
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
-    """Refuse an output that is an input, and two outputs at one place, before any work.
+    """Reject an output that is an input, and two outputs at one place, before any work.
 
     Args:
         outputs: Option or name by which each is written -> its path.

@@ -1,4 +1,4 @@
-"""Numbers of a mechanism and of what acts on it, by name: read, changed, or put in as nodes of a trace.
+"""Numbers of a mechanism and its applied forces, by name: read, changed, or replaced by nodes of a trace.
 
 Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. A placement turns by two
 tilts of the frame [rad], about two directions across the first axis of its joint, so that axes stay what they are.
@@ -39,7 +39,7 @@ Numbers = Mapping[str, Any]
 
 
 def numbers(mechanism: Mechanism, applied: Applied | None = None) -> dict[str, float]:
-    """Every number that can be changed, by its whole name: those of bodies, of joints, and of what acts."""
+    """Collect every changeable number by its full name: those of bodies, of joints, and of applied forces."""
     return dict([*_of_bodies(mechanism), *_of_joints(mechanism), *([] if applied is None else _of_applied(applied))])
 
 
@@ -77,7 +77,7 @@ def _vector(name: str, values: Array) -> Iterator[tuple[str, float]]:
 
 
 def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
-    """Numbers of the coordinates of a joint, counted from 1 where there are several."""
+    """Numbers of the coordinates of a joint, counted from 1 if there are several."""
     many = len(values) > 1
     yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
 
@@ -98,23 +98,23 @@ _UNITS = {
 
 
 def unit(name: str) -> str:
-    """Unit of a number by its whole name; empty where it depends on what it belongs to."""
+    """Unit of a number by its full name; empty if it depends on the object."""
     *_, before, last = name.split(".")
     return _UNITS.get(last, _UNITS.get(before, ""))
 
 
 def inertial(name: str) -> bool:
-    """Whether a number is one of a body's matter: forces are linear in it and motions do not know it."""
+    """True for a number of a body's matter: forces are linear in it, and motions do not depend on it."""
     return name.startswith("bodies.")
 
 
 def geometric(name: str) -> bool:
-    """Whether a number places a joint, so that loops close otherwise."""
+    """True for a number that places a joint: loops close differently when it changes."""
     return name.startswith("joints.") and name.split(".")[-2] in SIDES
 
 
 def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
-    """Whole names that some names or patterns stand for, in the order of `known`.
+    """Resolve names and patterns to full names in the order of `known`.
 
     A name may lack its first part, ``coupler.mass``, where that leaves it unique. Patterns have ``*``, ``?`` and
     ``[xyz]``, and are of whole or of short names.
@@ -145,13 +145,13 @@ def _short(name: str) -> str:
 
 
 def _as_written(pattern: str) -> str:
-    """A name as `numbers` has it: without quotes, ``parent_frame.position[0]`` being ``parent.x``."""
+    """Convert a pattern to the names of `numbers`: without quotes, ``parent_frame.position[0]`` to ``parent.x``."""
     text = pattern.replace('"', "").replace("_frame.position", "")
     return re.sub(r"\b(parent|child|com|force|torque|gravity)\[([012])\]", lambda x: f"{x[1]}.{XYZ[int(x[2])]}", text)
 
 
 def changed_to(rule: Any, value: float, where: str) -> float:
-    """A number by a rule: another number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
+    """Apply a rule to a number: a new number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
 
     Raises:
         DescriptionError: It is neither.
@@ -165,7 +165,7 @@ def changed_to(rule: Any, value: float, where: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What has the numbers."""
+    """The mechanism and applied forces that hold the numbers."""
 
     mechanism: Mechanism
     applied: Applied
@@ -175,7 +175,7 @@ class Subject:
         return numbers(self.mechanism, self.applied)
 
     def with_numbers(self, values: Numbers, *, symbolic: bool = False) -> Subject:
-        """The same with other numbers.
+        """Replace numbers.
 
         Args:
             symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
@@ -197,7 +197,7 @@ class Subject:
 
 
 def unchecked(item: Any, **changes: Any) -> Any:
-    """A record with some fields changed and none of its checks made."""
+    """Replace fields of a record without its checks."""
     made = copy(item)
     for name, value in changes.items():
         object.__setattr__(made, name, value)
@@ -205,7 +205,7 @@ def unchecked(item: Any, **changes: Any) -> Any:
 
 
 def _forget(mechanism: Mechanism, *, home: Array, bodies: Sequence[Body]) -> None:
-    """Removes what was worked out of other numbers; home stays a pose of floats."""
+    """Clear values cached from other numbers; home remains a pose of floats."""
     kept = {"coordinates", "moving", "units", "limits", "body_index", "independent_columns", "actuated_columns"}
     fields = {*type(mechanism).__dataclass_fields__}
     for name in [*vars(mechanism)]:
@@ -221,7 +221,7 @@ Get = Callable[[str, Any], Any]
 
 
 def _value(values: Numbers, symbolic: bool, name: str, present: Any) -> Any:
-    """A number by its name, or numbers by that of what they belong to. Shape (3,), (n,)."""
+    """Look up a number by its name, or numbers by their owner's. Shape (3,), (n,)."""
     if not isinstance(present, np.ndarray):
         return values.get(name, present)
     keys = {3: [f"{name}.{axis}" for axis in XYZ]}.get(len(present), [])
@@ -268,7 +268,7 @@ def _frame(frame: Frame, name: str, axis: Array, get: Get) -> Frame:
 
 
 def _boxed(x: Any) -> Array:
-    """A number of any kind as an array without dimensions."""
+    """Wrap a number of any kind in an array without dimensions."""
     box = np.empty((), dtype=float if isinstance(x, float) else object)
     box[()] = x
     return box
@@ -295,6 +295,6 @@ def _applied(applied: Applied, get: Get, make: Callable[..., Any]) -> Applied:
 
 
 def _with(item: Any, changes: Mapping[str, Any], make: Callable[..., Any]) -> Any:
-    """An item with what differs, itself if nothing does."""
+    """Replace an item's changed fields; return the item itself if none differs."""
     new = {name: value for name, value in changes.items() if value is not getattr(item, name)}
     return make(item, **new) if new else item

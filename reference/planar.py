@@ -1,4 +1,4 @@
-"""Bodies that turn about one direction alone, whatever the machine does, as those of a planar machine."""
+"""Bodies that can only turn about one direction, as in a planar machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Step = Callable[[Array], Array | None]
 def normals_of_planes(
     joints: Sequence[Joint], couplings: Sequence[Coupling], parallel: float = PARALLEL
 ) -> dict[str, Array]:
-    """Directions about which alone bodies turn; of those that never turn, all axes.
+    """Directions about which each body can turn; all axes for a body that never turns.
 
     A body turns about a direction of ground alone if it hangs on ground by some joints that turn about this direction
     only; all other joints can but restrain it further. Coordinates that a coupling holds do not turn anything.
@@ -45,7 +45,7 @@ def normals_of_planes(
 
 
 def _carried(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
-    """Directions of ground in the axes of bodies that no joint on some way can turn. Columns of one or of three."""
+    """Ground directions in the axes of bodies that no joint on some way can turn. Columns of one or of three."""
     reached, rim = dict(known), [*known]
     for name in rim:
         for far, step in steps.get(name, ()):
@@ -56,7 +56,7 @@ def _carried(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str,
 
 
 def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel: float) -> Step:
-    """How a joint carries directions from its parent to its child, or back."""
+    """Find the directions that a joint carries from its parent to its child, or back."""
     near, far = (joint.parent_frame, joint.child_frame)[:: 1 if outward else -1]
     turns = _turns(joint, constants, outward)
 
@@ -73,7 +73,7 @@ def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel:
 
 
 def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[tuple[Array, float | None]]:
-    """Axes of a joint as they follow each other outward or back, each with the angle at which it is held, if it is."""
+    """Axes of a joint in order outward or back, each with its angle if that is held."""
     sign, turns = 1.0 if outward else -1.0, list[tuple[Array, float | None]]()
     for name, (turning, axis) in zip(joint.coordinates, joint.freedoms, strict=True):
         if turning:
@@ -84,7 +84,7 @@ def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[
 def _directions(
     still: Mapping[str, Array], joints: Iterable[Joint], constants: Mapping[str, float], parallel: float
 ) -> list[Array]:
-    """Directions of ground about which joints on bodies that do not turn may turn others."""
+    """Ground directions about which joints on non-turning bodies may turn others."""
     found = list[Array]()
     for joint in joints:
         for (body, frame), outward in zip(joint.sides, (True, False), strict=True):

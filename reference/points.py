@@ -1,4 +1,4 @@
-"""Named points of bodies, whose velocities are asked for. Data only."""
+"""Data of named body points whose velocities are requested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mechanisms in other precisions of floating-point numbers."""
+"""Mechanisms in other floating-point precisions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T", bound="DataclassInstance")
 
 
 def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
-    """The mechanism with every array rounded to `dtype`; the solver then computes in it throughout.
+    """Round every array of a mechanism to `dtype`, in which the solver then computes.
 
     The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
     """
@@ -29,7 +29,7 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
 
 
 def rounded(item: T, dtype: DTypeLike) -> T:
-    """A dataclass with its arrays, those of its frames too, rounded to `dtype`; checks of its class are not made."""
+    """Round the arrays of a dataclass and its frames to `dtype`, without the checks of its class."""
     changed = copy(item)
     for one in fields(item):
         value = getattr(item, one.name)

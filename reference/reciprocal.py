@@ -1,4 +1,4 @@
-"""Reciprocal screws: wrenches of the legs on a body, the twists that they leave it, screw systems as lines."""
+"""Reciprocal screws: wrenches of legs on a body, the remaining twists, and screw systems as lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NONE = 1e-6
 
 
 def reciprocal_screws(S: Array) -> Array:
-    """Wrenches ``[force; moment about O]`` that do no work on any column of S, eq. (8); of wrenches, such twists.
+    """Wrenches ``[force; moment about O]`` without work on any column of S, eq. (8); for wrenches, such twists.
 
     Args:
         S: Screws. Shape (6, m).
@@ -35,7 +35,7 @@ def reciprocal_screws(S: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """Joints by which a body hangs on ground, apart from all other ways between the two.
+    """Joints that connect a body with ground, disjoint from all other ways between the two.
 
     Attributes:
         kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty where they are
@@ -49,7 +49,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """A screw: a force or rotation has no pitch, a couple or translation an infinite one.
+    """A screw; a force or rotation has zero pitch, a couple or translation infinite pitch.
 
     Attributes:
         direction: Unit vector. Shape (3,).
@@ -64,7 +64,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """How a body is held at a pose.
+    """Legs, wrenches and remaining twists of a body at a pose.
 
     Attributes:
         wrenches: By which each leg constrains it.
@@ -80,7 +80,7 @@ class Held:
 
 
 def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
-    """The body with the most legs, of these the farthest from ground: platform, coupler or hand; and its legs."""
+    """The body with the most legs, and of these the farthest from ground (platform, coupler, hand), with its legs."""
     away, rim = {GROUND: 0}, [GROUND]
     for body in rim:
         for joint in mechanism.joints:
@@ -93,7 +93,7 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
-    """The legs of a body; those that a coupling ties together are one. A joint that constrains nothing is none."""
+    """Legs of a body; coupled ones count once, and a joint without constraints is none."""
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
     names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # no body has a space in its name
     group = {name: name for name in (*(one.name for one in mechanism.bodies), *names.values())}
@@ -114,7 +114,7 @@ def _sides(joints: Sequence[Joint]) -> list[str]:
 
 
 def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
-    """A leg without what dangles from it, coupled joints (`kept`) excepted."""
+    """Prune dangling parts of a leg, coupled joints (`kept`) excepted."""
 
     def dangles(joint: Joint) -> bool:
         tips = {side for side in joint.bodies if _sides(joints).count(side) == 1}
@@ -135,7 +135,7 @@ def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array, unit: float = 1.0) -> list[Array]:
-    """Twists that some joints alone, which connect a body with ground, leave it. Shape (6, freedoms), orthonormal.
+    """Twists that some joints between ground and a body allow it. Shape (6, freedoms), orthonormal.
 
     Args:
         q: All joint coordinates of closed poses. Shape (n, n_q).
@@ -154,12 +154,12 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
 
 
 def _span(A: Array) -> Array:
-    """Orthonormal basis of the columns."""
+    """Orthonormal basis of the column space."""
     return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)])
 
 
 def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
-    """How a body is held at each of n closed poses; by default that with the most legs.
+    """Analyse the support of a body, by default that with the most legs, at each of n closed poses.
 
     By the wrenches of its legs, eqs. (9)-(12); the twists left to it have no power with them, eqs. (13)-(14).
 
@@ -185,7 +185,7 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
 
 @lru_cache(maxsize=8)
 def pose_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Joints of ground that only give the pose of a body coordinates.
+    """Ground joints that merely give a body's pose coordinates.
 
     They constrain nothing (F), or nothing at home that the other legs of the body do not (E), and no actuator, coupling
     or other leg depends on them.
@@ -213,7 +213,7 @@ def pose_joints(mechanism: Mechanism) -> frozenset[str]:
 
 
 def normal_of_plane(screws: Array) -> Array | None:
-    """Normal of the plane in which all joints move, None if they move in space.
+    """Normal of the plane in which all joints move; None if they move in space.
 
     Args:
         screws: Of all freedoms at one pose, direction of turning and of sliding. Shape (n, 6).
@@ -227,7 +227,7 @@ def normal_of_plane(screws: Array) -> Array | None:
 
 
 def idle_forces(lay: Layout, q: Array) -> Array:
-    """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
+    """Actuator forces that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
 
     There are none at a singular pose, where rates are not numbers.
 
@@ -241,7 +241,7 @@ def idle_forces(lay: Layout, q: Array) -> Array:
 
 
 def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ...]:
-    """A system of screws as lines and directions, which span it: axes, then directions.
+    """Express a system of screws by lines and directions that span it: axes, then directions.
 
     Principal screws of the system (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
     without pitch in place of them where it holds enough of these.
@@ -270,7 +270,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
-    """A screw system by lines without pitch, if pitches of its principal screws have both signs.
+    """Span a screw system by lines without pitch, if its principal pitches have both signs.
 
     Two screws of pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
     """
@@ -288,7 +288,7 @@ def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Arr
 
 
 def _principal(E: Array, M: Array) -> tuple[Array, Array]:
-    """Directions in which moments of a system lie along the forces, and pitches. Shapes (3, k) -> (3, k), (k,)."""
+    """Principal directions (moment along force) of a system, and their pitches. Shapes (3, k) -> (3, k), (k,)."""
     h, V = np.linalg.eigh((E.T @ M + M.T @ E) / 2.0)
     h = np.where(np.abs(h) < NONE, 0.0, h)
     E = E @ V
@@ -300,14 +300,14 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
-    """The point, from O, at which the axes of a system in principal directions meet, but for couples. Shape (3,)."""
+    """The common point of the principal axes, from O, couples apart. Shape (3,)."""
     wanted = off @ (M - E * h)
     A = (-off @ skew(E.T)).reshape(-1, 3)  # r x e = -e x r
     return np.asarray(np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0])
 
 
 def _upright(E: Array) -> Array:
-    """Another orthonormal basis of the same space, along axes of the world where it holds them. Shape (3, k)."""
+    """Orthonormal basis of the same space, along world axes where it contains them. Shape (3, k)."""
     k = E.shape[1]
     if k == 3:
         return np.eye(3)
@@ -320,6 +320,6 @@ def _upright(E: Array) -> Array:
 
 
 def _signed(E: Array) -> Array:
-    """Directions with their largest component positive. Shape (3, k)."""
+    """Flip directions so that the largest component is positive. Shape (3, k)."""
     largest = np.argmax(np.round(np.abs(E), 6), axis=0)
     return np.asarray(E * np.sign(np.take_along_axis(E, largest[None], axis=0)))

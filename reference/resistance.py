@@ -1,4 +1,4 @@
-"""What joints have of each of their coordinates besides a place: rotor inertia, damping, dry friction.
+"""Resistance of joint coordinates: rotor inertia, damping and dry friction.
 
 A rotor is that of the armature model: inertia along the coordinate alone. It leaves out what a real rotor behind a gear
 does besides, gyroscopic moments and its part in the acceleration of the body that carries it.
@@ -27,7 +27,7 @@ REST = 1e-9
 
 
 class Resistance(NamedTuple):
-    """What a joint coordinate has to overcome by itself.
+    """Resistance of one joint coordinate.
 
     Attributes:
         column: Of the coordinate among those of all joints.
@@ -44,13 +44,13 @@ class Resistance(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The coordinate and what it is."""
+        """Name of the coordinate and of its resistance."""
         return f"{self.coordinate}.{self.what}"
 
 
 @lru_cache(maxsize=256)
 def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> tuple[Resistance, ...]:
-    """All of some kinds that is not zero, coordinate after coordinate."""
+    """List the nonzero resistances of some kinds, coordinate by coordinate."""
     each = ((joint, i) for joint in joints for i in range(len(joint.coordinates)))
     return tuple(
         Resistance(column, joint.coordinates[i], what, amount, "N m" if joint.freedoms[i][0] else "N")
@@ -61,17 +61,17 @@ def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> 
 
 
 def plain(amount: Any) -> Any:
-    """A float of any precision as a Python float; a number of another kind, such as a node of a trace, as it is."""
+    """Convert a float of any precision to a Python float; other numbers, such as nodes of a trace, stay."""
     return float(amount) if isinstance(amount, float | np.floating) else amount
 
 
 def rotors_of(joints: tuple[Joint, ...]) -> dict[str, float]:
-    """Coordinate -> the inertia of its rotor, where it has one."""
+    """Rotor inertia by coordinate, where there is any."""
     return {one.coordinate: one.amount for one in resistances(joints, ROTORS)}
 
 
 def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
-    """The mechanism without rotors, damping or dry friction; itself where it has none."""
+    """Remove rotors, damping or dry friction from a mechanism; return itself if it has none."""
     if not resistances(mechanism.joints, (what,)):
         return mechanism
     joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
@@ -79,7 +79,7 @@ def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
 
 
 def amounts(what: str, given: Array, n: int, where: str) -> Array:
-    """Amounts of n coordinates, zero where none are given. Shape (n,).
+    """Amounts of n coordinates, zeros by default. Shape (n,).
 
     Raises:
         DescriptionError: One is below zero, or no number.

@@ -1,4 +1,4 @@
-"""Bodies that fixed joints hold together, as one."""
+"""Merging of bodies that fixed joints hold together."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Places = dict[str, tuple[str, Frame]]
 
 
 def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
-    """The machine without fixed joints: what they join is one body, by the name of the one nearest to ground.
+    """Merge bodies across fixed joints, under the name of the body nearest to ground.
 
     Its coordinates are `Mechanism.moving`; forces that were left out when it was imported are none of it.
     """
@@ -47,12 +47,12 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
 
 
 def compose(first: Frame, second: Frame) -> Frame:
-    """The second placement, given in the first."""
+    """Compose two placements, the second given in the first."""
     return Frame(first.p + first.R @ second.p, first.R @ second.R)
 
 
 def inverse(frame: Frame) -> Frame:
-    """The placement of what a frame is placed in, in the frame."""
+    """Invert a placement."""
     return Frame(-frame.R.T @ frame.p, frame.R.T)
 
 
@@ -63,13 +63,13 @@ def _hung(joint: Joint, places: Places) -> Joint:
 
 
 def _placed(body: Body, frame: Frame) -> Body:
-    """A body in another frame."""
+    """Express a body in another frame."""
     com = frame.p + frame.R @ body.com if body.mass else body.com
     return replace(body, com=com, inertia=frame.R @ body.inertia @ frame.R.T)
 
 
 def _joined(name: str, parts: list[Body]) -> Body:
-    """Bodies in one frame as one body."""
+    """Merge bodies that are given in one frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)
     inertia = np.zeros((3, 3))

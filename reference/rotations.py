@@ -26,7 +26,7 @@ def skew(v: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product along the last axis, the same numbers as numpy's at a fraction of its overhead. Shape (..., 3)."""
+    """Cross product along the last axis, equal to numpy's at a fraction of its overhead. Shape (..., 3)."""
     if max(a.size, b.size) <= FEW:
         return np.asarray((a * b.take(NEXT, -1) - a.take(NEXT, -1) * b).take(NEXT, -1))
     alike = a.shape == b.shape and a.dtype == b.dtype
@@ -39,7 +39,7 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def across(axis: Array) -> tuple[Sequence[str], Array]:
-    """Labels and directions across a unit axis: axes of the frame where it is one of them.
+    """Labels and directions orthogonal to a unit axis: frame axes if it is one of them.
 
     Returns:
         ``xy`` and so on, or ``12``, and unit vectors at right angles. Shape (2, 3).
@@ -54,18 +54,18 @@ def across(axis: Array) -> tuple[Sequence[str], Array]:
 
 
 def widest(points: ArrayLike) -> float:
-    """The largest distance of two points, 0 of fewer. Shape (n, 3)."""
+    """Largest distance between two points, 0 if there are fewer. Shape (n, 3)."""
     cloud = np.reshape(points, (-1, 3))
     return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max(initial=0.0))
 
 
 def lanes(n: int, *shape: int) -> Array:
-    """An array of n samples that lie side by side in memory, not their numbers. Shape (n, ...)."""
+    """Allocate an array of n samples that are adjacent in memory, component by component. Shape (n, ...)."""
     return np.empty((*shape, n)).transpose(len(shape), *range(len(shape)))
 
 
 def product(A: Array, B: Array) -> Array:
-    """``A @ B`` number by number: where `lanes` hold the samples, in a fraction of the time.
+    """Multiply matrices number by number: faster where samples lie in `lanes`.
 
     Args:
         A: Shape (n, ..., 3, 3).
@@ -82,7 +82,7 @@ def product(A: Array, B: Array) -> Array:
 
 
 def times(A: Array, v: Array) -> Array:
-    """Matrix times vector, likewise. Shapes (n, ..., 3, 3), (n, ..., 3) or (3,)."""
+    """Multiply matrices by vectors number by number. Shapes (n, ..., 3, 3), (n, ..., 3) or (3,)."""
     if A.size <= FEW:
         return np.asarray((A @ v[..., None])[..., 0])
     return A[..., 0] * v[..., :1] + A[..., 1] * v[..., 1:2] + A[..., 2] * v[..., 2:]
@@ -96,7 +96,7 @@ def vee(M: Array) -> Array:
 
 
 def rotation_vector(R: Array) -> Array:
-    """Axis times angle [rad], of the shorter way. Shape (..., 3, 3) -> (..., 3)."""
+    """Axis times the smaller angle [rad]. Shape (..., 3, 3) -> (..., 3)."""
     sine = vee(R)
     size = np.linalg.norm(sine, axis=-1, keepdims=True)
     angle = np.arctan2(size, 0.5 * (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1.0))
@@ -126,7 +126,7 @@ def rotation(axis: Array, angle: Array) -> Array:
 
 @lru_cache(maxsize=1024)
 def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
-    """Skew matrix of an axis, its square and the identity: axes are those of joints, always the same."""
+    """Skew matrix of an axis, its square and the identity, cached because joint axes repeat."""
     K = skew(np.frombuffer(axis, dtype=dtype))
     return K, K @ K, np.eye(3, dtype=K.dtype)
 
@@ -138,7 +138,7 @@ def quaternion_rotation(q: Array) -> Array:
 
 
 def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
-    """The first m angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, hand q3)``, through gimbal lock.
+    """The first m angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, hand q3)``, continuous through gimbal lock.
 
     Args:
         M: Rotation matrix in right-handed axes. Shape (..., 3, 3).
@@ -160,12 +160,12 @@ def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
 
 
 def within_half_turn(angles: Array) -> Array:
-    """Angles less whole turns, between -pi and pi. Any shape."""
+    """Reduce angles to the range from -pi to pi. Any shape."""
     return np.asarray(angles - TURN * np.round(angles / TURN))
 
 
 def nearest_turn(angles: Array, near: Array) -> Array:
-    """Angles with whole turns added so that they come near to others. Any shape."""
+    """Add whole turns to angles so that they come near to others. Any shape."""
     return np.asarray(angles + TURN * np.round((near - angles) / TURN))
 
 
@@ -175,7 +175,7 @@ def other_triple(angles: Array) -> Array:
 
 
 def nearest_angles(angles: Array, near: Array) -> tuple[Array, Flags]:
-    """The angles nearest to others, among both triples of the same rotation and all whole turns.
+    """Choose the angles nearest to others among both triples of a rotation and all whole turns.
 
     Args:
         angles, near: Angles about orthogonal axes [rad]; fewer than three have no other triple. Shape (..., m).
@@ -192,7 +192,7 @@ def nearest_angles(angles: Array, near: Array) -> tuple[Array, Flags]:
 
 
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
-    """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
+    """Follow angles from sample to sample: choose the equivalent ones nearest to the prediction.
 
     Args:
         begin: Where to begin: the first sample is the one next to it. Shape (m,).
@@ -226,5 +226,5 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
 
 
 def across_direction(R: Array, direction: Array) -> Array:
-    """Two world directions orthogonal to a body-fixed one, of eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
+    """World directions orthogonal to a body-fixed one, eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
     return np.asarray(np.linalg.svd(direction[None])[2][1:] @ R.swapaxes(-1, -2))

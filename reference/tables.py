@@ -1,4 +1,4 @@
-"""Tables of TOML files: reading one, and its entries checked: keys, texts, names, lists, numbers in range.
+"""Readers of TOML tables and checks of their entries: keys, texts, names, lists, ranges.
 
 What the entries mean is in `description` for mechanisms, and in the package `scene` for scenes.
 """
@@ -27,7 +27,7 @@ _WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S"""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Reads a TOML file; decimals stay text, so that they can be read exactly.
+    """Read a TOML file; decimals remain text so that they can be read exactly.
 
     Raises:
         DescriptionError: The file cannot be read or is not TOML.
@@ -45,7 +45,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _check_dots(text: str, where: str) -> None:
-    """Refuses keys of very many parts: the time that `tomllib` takes grows with the square of these."""
+    """Reject keys of very many parts, because `tomllib` takes quadratic time for them."""
     for line in text.splitlines():
         parts, joined = 0, False
         for word in _WORDS.finditer(line) if line.count(".") >= LIMITS["parts of a dotted key"] else ():
@@ -58,7 +58,7 @@ def _check_dots(text: str, where: str) -> None:
 
 
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:
-    """Refuses a table with unknown keys, and values that are not tables."""
+    """Reject unknown keys, and values that are not tables."""
     known = list(known)
     if not isinstance(table, dict):
         raise DescriptionError(f"{shown(table)} is not a table", where, "write key = value entries")
@@ -68,14 +68,14 @@ def check_keys(table: Any, known: Iterable[str], where: str) -> None:
 
 
 def required(table: dict[str, Any], key: str, where: str) -> Any:
-    """An entry that must be there."""
+    """Return an entry; reject a table that lacks it."""
     if key not in table:
         raise DescriptionError(f"'{key}' is missing", where, f"add {key} = ...")
     return table[key]
 
 
 def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
-    """An entry that is text; required if it has no default."""
+    """Read a text entry, required if it has no default."""
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, str):
         raise DescriptionError(f"{shown(value)} is not text", f"{where}, {key}", "write it in quotes")
@@ -83,7 +83,7 @@ def read_text(table: dict[str, Any], key: str, where: str, default: str | None =
 
 
 def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """`base` with the entries of `change`, table by table; `WHOLE` ones are replaced as a whole."""
+    """Merge `change` into `base` table by table; `WHOLE` entries are replaced."""
     result = dict(base)
     for key, value in change.items():
         deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key not in WHOLE
@@ -92,14 +92,14 @@ def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_name(value: Any, where: str) -> str:
-    """A name that can stand in file names, URDF and MJCF ('@' marks the parts that these add)."""
+    """Read a name that is valid in file names, URDF and MJCF ('@' marks the parts that these add)."""
     if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
         raise DescriptionError(f"{shown(value)} is not a name", where, "use letters, digits and . _ - + : only")
     return str(value)
 
 
 def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
-    """A required table of named entries, at least one."""
+    """Read a required, nonempty table of named entries."""
     table = required(data, key, where)
     if not isinstance(table, dict) or not table:
         raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
@@ -109,13 +109,13 @@ def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
 
 
 def check_length(value: Any, n: int, what: str, where: str, remedy: str) -> None:
-    """Refuses what is not a list of n entries."""
+    """Reject all but a list of n entries."""
     if not isinstance(value, list) or len(value) != n:
         raise DescriptionError(what, where, remedy)
 
 
 def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
-    """A list of tables, ``[[key]]``; empty if there is none."""
+    """Read an optional list of tables, ``[[key]]``."""
     items = data.get(key, [])
     if not isinstance(items, list):
         raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
@@ -124,12 +124,12 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
 
 
 def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    """The entries of a list, each read by `read`, which is also given its place in the file."""
+    """Read the entries of a list by `read`, which also receives each entry's place in the file."""
     return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 
 def read_flag(table: dict[str, Any], key: str, where: str) -> bool:
-    """A truth value, false where there is none."""
+    """Read a truth value, false by default."""
     value = table.get(key, False)
     if not isinstance(value, bool):
         raise DescriptionError(f"'{value}' is not true or false", f"{where}.{key}", "write true or false")
@@ -137,7 +137,7 @@ def read_flag(table: dict[str, Any], key: str, where: str) -> bool:
 
 
 def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
-    """The name, if it is one of those known.
+    """Return a name; reject unknown ones.
 
     Raises:
         UnknownNameError: It is not.
@@ -148,12 +148,12 @@ def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
 
 
 def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
-    """Three numbers, zeros where there are none. Shape (3,)."""
+    """Read three numbers, zeros by default. Shape (3,)."""
     return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
 def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
-    """A positive number."""
+    """Read a positive number."""
     result = number(value, where)
     if result <= 0.0:
         raise DescriptionError(f"{result:g} is not positive", where, remedy)
@@ -161,21 +161,21 @@ def positive(value: Any, where: str, remedy: str = "give a positive number") -> 
 
 
 def read_names(value: Any, where: str) -> tuple[str, ...]:
-    """A list of names without repetitions, which may be unknown or none at all."""
+    """Read a list of distinct names, which may be empty or unknown."""
     if not isinstance(value, list):
         raise DescriptionError(f"{shown(value)} is not a list of names", where, "write a list")
     return tuple(dict.fromkeys(str(name) for name in value))
 
 
 def check_text(value: Any, where: str) -> str:
-    """A text that is not empty, unless it is a source."""
+    """Read a nonempty text."""
     if not isinstance(value, str) or (value == "" and not where.endswith("source")):
         raise DescriptionError(f"{shown(value)} is not text", where, "write a name in quotes")
     return value
 
 
 def read_coefficients(value: Any, where: str) -> Array:
-    """Coefficients of a polynomial, lowest first, at least one. Shape (m,)."""
+    """Read the coefficients of a polynomial, lowest first, at least one. Shape (m,)."""
     if not isinstance(value, list) or not value:
         what = f"{shown(value)} is not a list of coefficients"
         raise DescriptionError(what, where, "write them lowest first: [c0, c1]")
@@ -184,7 +184,7 @@ def read_coefficients(value: Any, where: str) -> Array:
 
 
 def check_times(t: Array, where: str) -> None:
-    """Refuses times of samples that do not increase, and none at all. Shape (n,)."""
+    """Reject sample times that do not increase, and an empty list. Shape (n,)."""
     if not len(t):
         raise DescriptionError("has no samples", where, "write at least one row below the header")
     if (np.diff(t) <= 0.0).any():

@@ -42,7 +42,7 @@ BLOCK = 2**18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Anchor:
-    """A closed pose and what was measured around it. No dimension anywhere.
+    """A closed pose and measurements of its neighbourhood, all without dimension.
 
     Attributes:
         z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
@@ -69,7 +69,7 @@ class Anchor:
     weight: Array
 
     def steady(self, K: Array) -> Array:
-        """The velocity map of a pose next to this one: this one's where rounding explains by what K differs.
+        """Replace the velocity map of a nearby pose by this anchor's where they differ by rounding only.
 
         Next to where two branches cross rounding decides on K, which would lead from one branch to the other; both are
         smooth. At a fold K grows by more than that. Shape (n_z, k).
@@ -78,13 +78,13 @@ class Anchor:
         return self.K if np.linalg.norm(K - self.K) <= explained else K
 
     def change(self, J: Array) -> Array:
-        """``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
+        """Compute ``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
         turned = self.U.T @ J @ self.Vt.T - np.diag(self.s)
         return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
 
 
 def aside(K: Array) -> tuple[Array, Array]:
-    """Steps along the columns of a velocity map, forth and back, and what differences over them are divided by.
+    """Steps along the columns of a velocity map, forward and backward, and the divisors of their differences.
 
     Returns:
         Shapes (2 k, n_z), (k,).
@@ -151,7 +151,7 @@ def _gram(D: Array) -> Array:
 
 
 def _steepness(change: Array, L: Array) -> Array:
-    """Change of J per way of the unknowns along the motion, on average of all directions. Shape (...).
+    """Mean change of J per length of the unknowns' path along the motion, over all directions. Shape (...).
 
     Args:
         change: Its metric in y. Shape (..., k, k).
@@ -182,7 +182,7 @@ class Anchors:
     """
 
     def __init__(self, k: int, n_z: int, angles: Flags) -> None:
-        """`angles`: which unknowns are angles, shape (n_z,)."""
+        """Start an empty table; `angles` marks the unknowns that are angles, shape (n_z,)."""
         self.rows, self.angles, self.turning = list[Anchor](), angles, np.zeros(k, dtype=bool)
         kinds = [("y", float, (k,)), ("z", float, (n_z,)), ("K", float, (n_z, k)), ("W", float, (k, k)), ("sheet", int)]
         self.table = np.zeros(64, dtype=kinds)
@@ -197,15 +197,15 @@ class Anchors:
 
     @property
     def sheets(self) -> int:
-        """How many there are."""
+        """Number of sheets."""
         return int(self.table["sheet"][: len(self)].max()) + 1
 
     def sheet_of(self, sheet: int) -> Indices:
-        """The anchors of a sheet: on one branch wherever their balls meet."""
+        """Anchors of a sheet: they lie on one branch wherever their balls meet."""
         return np.flatnonzero(self.table["sheet"][: len(self)] == sheet)
 
     def add(self, anchor: Anchor, sheet: int) -> int:
-        """Keeps an anchor; returns its number."""
+        """Store an anchor and return its number."""
         i = len(self)
         if i == len(self.table):
             self.table = np.concatenate([self.table, np.zeros_like(self.table)])
@@ -214,17 +214,17 @@ class Anchors:
         return i
 
     def move(self, i: int, sheet: int) -> None:
-        """Puts an anchor on another sheet."""
+        """Move an anchor to another sheet."""
         for changed in (int(self.table["sheet"][i]), sheet):
             self.lookups.pop(changed, None)
         self.table["sheet"][i] = sheet
 
     def shrink(self, i: int) -> None:
-        """Halves the ball of an anchor that has promised too much."""
+        """Halve the ball of an anchor whose prediction failed."""
         self.table["W"][i] *= 4.0
 
     def turn(self, i: int) -> None:
-        """Takes an independent coordinate for one that leads back to the same pose after a whole turn."""
+        """Mark an independent coordinate whose whole turn leads back to the same pose."""
         self.turning[i] = True
         self.lookups.clear()
         self.links.clear()
@@ -232,7 +232,7 @@ class Anchors:
     # predictions
 
     def away(self, y: Array, origin: Array) -> Array:
-        """Way from an origin, whole turns left out. Shapes (..., k)."""
+        """Difference from an origin modulo whole turns. Shapes (..., k)."""
         way = y - origin
         return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
 
@@ -250,21 +250,21 @@ class Anchors:
         return np.sqrt(squared)
 
     def predict(self, y: Array, a: Indices) -> Array:
-        """Unknowns to first order, whole turns of y left out. Shapes (n, k), (n,) -> (n, n_z)."""
+        """Predict unknowns to first order; y counts modulo whole turns. Shapes (n, k), (n,) -> (n, n_z)."""
         z = np.empty((len(y), len(self.angles)))
         for rows, i in _groups(a):
             z[rows] = self.table["z"][i] + self.away(y[rows], self.table["y"][i]) @ self.table["K"][i].T
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Size of corrections of unknowns over the distance of other solutions, infinite beyond 1. (n, n_z) -> (n,)."""
+        """Corrections of unknowns divided by the distance of other solutions, infinite beyond 1. (n, n_z) -> (n,)."""
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def alike(self, a: int, b: int) -> bool:
-        """Whether two anchors whose balls meet lie on one branch: their predictions agree half-way."""
+        """True if the predictions of two anchors with intersecting balls agree half-way: they lie on one branch."""
         if (a, b) not in self.links:
             way = self.away(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))
@@ -298,7 +298,7 @@ class Anchors:
 
 
 def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
-    """Rows of samples by their anchor."""
+    """Group rows of samples by their anchor."""
     if len(a) == 1:
         yield np.zeros(1, dtype=np.intp), int(a[0])
         return
@@ -309,7 +309,7 @@ def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
 
 
 class _Lookup:
-    """The anchors of a sheet as points, each coordinate with whole turns being a point of the unit circle.
+    """Search tree over the anchors of a sheet; a coordinate with whole turns is a point of the unit circle.
 
     Attributes:
         count: How many anchors there were when it was made.

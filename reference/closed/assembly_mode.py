@@ -1,4 +1,4 @@
-"""Closed poses on one assembly mode: of a motion, of samples in any order, or step by step along a branch.
+"""Closed poses on one assembly mode: along a motion, for samples in any order, or step by step along a branch.
 
 `AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order
 (`Region`); `Branch` goes on from the last closed pose, wherever it was; `positions` is the short form for one
@@ -33,8 +33,9 @@ class AssemblyMode:
     """
 
     def __init__(self, lay: Layout, *, strict: bool = False) -> None:
-        """`strict`: whether a way from sample to sample is that of the motion or straight, and poses are followed even
-        where there is a closed form: by default other ways will do for samples that are no motion."""
+        """Start at home; `strict` follows every pose along the motion or a straight way, even where a closed form
+        exists. By default samples that form no motion may be reached by other ways.
+        """
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.sizes[self.columns], strict
         self.near = lay.mechanism.home[None]
@@ -42,16 +43,16 @@ class AssemblyMode:
 
     @cached_property
     def continuation(self) -> Continuation:
-        """Continuation that holds where motions have led to."""
+        """Continuation that keeps the anchors of earlier motions."""
         return self.system.walk(Continuation, strict=self.strict)
 
     @cached_property
     def region(self) -> Region:
-        """Where samples in any order have been reached: no motion adds to it, as they are to depend on y alone."""
+        """Region that reaches samples in any order; motions do not extend it, so that its poses depend on y alone."""
         return self.system.walk(Region)
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
-        """Predicts the samples of a motion that goes on from those before.
+        """Predict the samples of a motion that continues from earlier ones.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
@@ -75,13 +76,13 @@ class AssemblyMode:
         return self.region.reach(y)
 
     def restart(self) -> None:
-        """Begins the next motion at home."""
+        """Start the next motion at home."""
         self.near = self.lay.mechanism.home[None]
         if "continuation" in vars(self):  # a motion has begun
             self.continuation.restart()
 
     def in_closed_form(self, y: Array) -> Poses | None:
-        """Poses that need not be followed: of an open tree, and of legs in closed form on this mode."""
+        """Compute poses that need no continuation: those of an open tree, and of legs in closed form on this mode."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
@@ -95,18 +96,18 @@ class AssemblyMode:
         return None if self.strict else closed_form_positions(self.lay, y, self.system.fixed)
 
     def joints(self, poses: Poses) -> Array:
-        """Predicted joint coordinates [rad or m], those of cut joints near what is meant. Shape (n, n_q)."""
+        """Predicted joint coordinates [rad or m]; those of cut joints are near the intended ones. Shape (n, n_q)."""
         near = self._turned(poses.y) if poses.near is None else poses.near[poses.visit]
         near[:, self.columns] = poses.y * self.unit  # with the whole turns that are given
         return self.system.tree(poses.z, near)
 
     def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
-        """Some predicted coordinates of the tree, a row each [rad or m]. Shape (len(columns), n)."""
+        """Some predicted coordinates of the tree, one row each [rad or m]. Shape (len(columns), n)."""
         places = [self.system.unknown.index(c) for c in columns]
         return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
     def _turned(self, y: Array) -> Array:
-        """Home, its angles turned as far as they turn with y. Shape (n, k) -> (n, n_q)."""
+        """Home coordinates with the turns that follow y. Shape (n, k) -> (n, n_q)."""
         home = self.lay.mechanism.home
         near = np.tile(home, (len(y), 1))
         for i, path in self.region.loops.items():
@@ -115,16 +116,16 @@ class AssemblyMode:
         return near
 
     def _followed(self, z: Array, near: Array) -> Array:
-        """All joint coordinates of the anchors along a way that begins near some. Shapes (v, n_z), (n_q,)."""
+        """Joint coordinates of the anchors along a way that starts near given ones. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
 
     def refine(self, poses: Poses) -> Poses:
-        """Better predictions in the place of bad ones, see `Continuation.refine`."""
+        """Replace bad predictions by better ones, see `Continuation.refine`."""
         return poses if poses.path is None else poses.path.refine(poses)
 
     def follow(self, poses: Poses) -> tuple[Array, ...]:
-        """The closed poses next to predictions, without dimension: what `newton` returns.
+        """Compute the closed poses next to predictions, without dimension, as `newton` returns them.
 
         Raises:
             ClosureError: A loop stays open.
@@ -153,14 +154,14 @@ MOST = 40
 
 
 class Branch:
-    """Remembers the last closed pose; the next one is predicted from it by the velocity map dq/dy.
+    """A pose that moves along its branch, predicted at each step by the velocity map dq/dy.
 
     A step may pass over a singular pose: the prediction goes straight on, where the branch that turns off there
     does not.
     """
 
     def __init__(self, lay: Layout, q: Array) -> None:
-        """Starts at joint coordinates `q`, shape (n_q,), that close the loops nearly."""
+        """Start at joint coordinates `q`, shape (n_q,), that nearly close the loops."""
         self.lay = lay
         self.columns = lay.mechanism.independent_columns
         self.system = home_equations(lay)
@@ -174,7 +175,7 @@ class Branch:
             raise ClosureError("the loops do not close there", where, "correct the coordinates")
 
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
-        """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
+        """Run Newton's method from a prediction; keep the pose if it closes within reach of the prediction."""
         corrected = self.system.correct(predicted, goal)
         if corrected is None or self._far(corrected[0] - predicted) > bend:
             return False
@@ -186,12 +187,12 @@ class Branch:
         return float(np.abs(self.system.unknowns(way)).max())
 
     def put(self, q: Array) -> None:
-        """Puts the pose where joint coordinates `q`, shape (n_q,), close the loops already."""
+        """Set the pose to joint coordinates `q`, shape (n_q,), at which the loops are closed."""
         if self.is_tree or not self._try(q, q[self.columns]):
             self.q, self.y = q, q[self.columns]
 
     def move(self, y: Array) -> None:
-        """Moves the pose to independent coordinates `y`, shape (k,), in steps of at most `STEP`.
+        """Move the pose to independent coordinates `y`, shape (k,), in steps of at most `STEP`.
 
         Raises:
             ClosureError: The loops cannot close on the way.
@@ -216,7 +217,7 @@ class Branch:
         raise ClosureError(no_further(self.y), self.lay.mechanism.name, REMEDY)
 
     def joints(self, y: Array) -> Array:
-        """Joint coordinates of closed poses for some independent coordinates in order. Shape (n, k) -> (n, n_q)."""
+        """Compute closed poses along independent coordinates in order. Shape (n, k) -> (n, n_q)."""
         q = np.empty((len(y), len(self.q)))
         if self.is_tree:
             q[:, self.columns] = y

@@ -1,4 +1,4 @@
-"""Continuation of the assembly mode of home along a motion, by its curve between samples.
+"""Continuation of the home assembly mode along the curve of a motion between its samples.
 
 Where that leads no further, the sample and the reason are named. Samples in any order are those of a `Region`.
 """
@@ -46,12 +46,12 @@ REMEDY = "shorten the motion or check the geometry"
 
 
 def no_further(y: Array) -> str:
-    """Message: a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    """Message: the motion cannot be continued beyond independent coordinates `y`, shape (k,)."""
     return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
 class PathEnd(ClosureError):
-    """A motion that cannot be followed any further.
+    """Raised when path following fails.
 
     Attributes:
         z, y: The last pose reached: unknowns without dimension, shape (n_z,), and independent coordinates [rad or m],
@@ -68,7 +68,7 @@ class PathEnd(ClosureError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """Predictions of n closed poses, without dimension but for `near`.
+    """Predictions of n closed poses, without dimension except `near`.
 
     Attributes:
         t: Times [s], or numbers of samples in any order. Shape (n,).
@@ -92,7 +92,7 @@ class Poses:
     ordered: bool = False
 
     def rows(self, rows: Indices) -> Poses:
-        """Predictions of some of the samples, in any order."""
+        """Select the predictions of some samples, in any order."""
         some = self.t[rows], self.y[rows], self.z[rows], self.anchor[rows], self.visit[rows]
         return Poses(*some, self.path, self.near)
 
@@ -101,7 +101,7 @@ class Continuation(Walk):
     """Closed poses of one assembly mode along a motion."""
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
-        """Predicts the samples of a motion that goes on from those before, each linked to the one before.
+        """Predict the samples of a motion that continues from earlier ones; each is linked to its predecessor.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
@@ -124,7 +124,7 @@ class Continuation(Walk):
         return at
 
     def _passed(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
-        """Passes samples without dimension, see `predict`."""
+        """Pass samples without dimension, see `predict`."""
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
         anchor, visit = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp)
@@ -153,7 +153,7 @@ class Continuation(Walk):
         return Poses(t, y, z, anchor, visit, self, ordered=True)
 
     def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
-        """Passes samples that are linked. Anchors, shape (n,) -> the same, and which visit each is."""
+        """Pass linked samples. Anchors, shape (n,) -> the same anchors, and the number of each visit."""
         changed = np.flatnonzero(np.diff(covering, prepend=self.at))
         visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(covering)), side="right")
         self.visits += covering[changed].tolist()
@@ -161,7 +161,7 @@ class Continuation(Walk):
         return covering, visit
 
     def _hop(self, a: int) -> bool:
-        """Moves to an anchor whose ball holds the sample that has been reached, if it is of the same branch."""
+        """Move to an anchor of the same branch whose ball holds the current sample."""
         if a != self.at and not self.anchors.alike(self.at, a):
             return False
         if a != self.at:
@@ -169,7 +169,7 @@ class Continuation(Walk):
         return True
 
     def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
-        """The curve that leads to each sample, whether it is the motion, and by how much that differs half-way.
+        """Build the curve to each sample, a flag if it is the motion, and its deviation from the motion half-way.
 
         Returns:
             Shapes (n, 6, k), (n,), (n, k).
@@ -195,8 +195,9 @@ class Continuation(Walk):
         return points, moving, miss
 
     def _linked(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
-        """Anchors of samples, whether these lie in their balls, and whether they are linked to the sample before: its
-        anchor is of the same branch, and the curve from there, or each half of it, lies in one ball. Shape (n, 6, k).
+        """Find the anchors of samples, flags for those inside their ball, and flags for those linked to their
+        predecessor: both anchors lie on one branch, and the curve from there, or each half of it, lies in one ball.
+        Shape (n, 6, k).
         """
         anchors, y = self.anchors, curves[:, -1]
         covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
@@ -214,7 +215,7 @@ class Continuation(Walk):
         return covering, inside, good
 
     def _within(self, curves: Array, miss: Array, a: Indices) -> Flags:
-        """Whether curves lie in the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
+        """True for curves inside the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
         inside = (self.anchors.distances(curves, a) <= 1.0).all(axis=1)
         if miss.any():
             W = self.anchors.table["W"][a]
@@ -222,7 +223,7 @@ class Continuation(Walk):
         return np.asarray(inside)
 
     def _go(self, curve: Curve, *, moving: bool) -> None:
-        """Moves to the end of a curve: along it if it is the motion, else straight or by any other way."""
+        """Move to the end of a curve: along it if it is the motion, else by any way that leads there."""
         target, t = curve.points[-1], curve.t[1]
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
@@ -251,7 +252,7 @@ class Continuation(Walk):
         raise ends[0]
 
     def _straight_over(self, target: Array) -> bool:
-        """Moves straight to the start of a motion, over singular poses: such as turn off there are left behind."""
+        """Move straight to the start of a motion, across singular poses; branches that turn off there are dropped."""
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):
@@ -265,18 +266,18 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """The error that a way along a curve ends here; it states whether the loops close beyond."""
+        """Build the error for a curve that cannot be followed; it states whether the loops close beyond."""
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
         return PathEnd(anchor.z, anchor.y * self.size, t, singular=singular, beyond=beyond is not None)
 
     def follow(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> tuple[Array, ...]:
-        """The closed poses of samples, see `predict` and `close`."""
+        """Compute the closed poses of samples, see `predict` and `close`."""
         return self.close(self.predict(y, t, rates, drive))
 
     def close(self, poses: Poses) -> tuple[Array, ...]:
-        """What `newton` returns, from predictions; samples that it leads too far are made anchors.
+        """Run `newton` from predictions; samples that it moves too far become anchors.
 
         Raises:
             PathEnd: Such a sample cannot be reached.
@@ -295,7 +296,7 @@ class Continuation(Walk):
         return tuple(solution)
 
     def refine(self, poses: Poses) -> Poses:
-        """Better predictions of samples that were predicted: some of them are made anchors.
+        """Improve predictions by making anchors of some samples.
 
         Raises:
             PathEnd: Such a sample cannot be reached.
@@ -312,7 +313,7 @@ class Continuation(Walk):
         return replace(poses, z=z, anchor=anchor)
 
     def _exact_pose(self, i: int, poses: Poses) -> Array:
-        """Unknowns of a sample that is made an anchor. Shape (n_z,)."""
+        """Unknowns of a sample that becomes an anchor. Shape (n_z,)."""
         try:
             return self._exactly(poses.y[i], int(poses.anchor[i]), poses.z[i])
         except Blocked as blocked:

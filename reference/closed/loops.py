@@ -1,4 +1,4 @@
-"""Loop equations over the coordinates of the spanning tree, without dimension, for Newton's method.
+"""Loop equations over the coordinates of the spanning tree, made dimensionless for Newton's method.
 
 `home_equations` fixes the coordinates that are constant on the assembly mode of home; `read` gives the coordinates
 of cut joints from closed poses. The equations themselves are in `equations.closure`.
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array, follow
 
 
 def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
-    """Joint coordinates in which those of the cut joints are what the poses of the bodies by the tree say.
+    """Read the coordinates of the cut joints from the body poses that the tree gives.
 
     Args:
         guess: Joint coordinates. Shape (n, n_q).
@@ -44,7 +44,7 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
-    """Joint coordinates along a way, those of each cut joint next to those of the pose before.
+    """Follow joint coordinates along a path; those of each cut joint stay next to the preceding pose's.
 
     Args:
         q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
@@ -65,23 +65,24 @@ class LoopEquations(Loops):
 
     @cached_property
     def unknown(self) -> list[int]:
-        """Columns of the tree coordinates that are not fixed."""
+        """Columns of the tree coordinates that are free to move."""
         return self.columns[: self.moving]
 
     @cached_property
     def row_names(self) -> list[str]:
-        """Names of the rows of cut joints, those of their constraint wrenches."""
+        """Names of the cut-joint rows: those of their constraint wrenches."""
         counts = zip(self.cuts, np.diff(self.ends).tolist(), strict=True)
         owners = [joint.name for joint, count in counts for _ in range(count)]
         return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.names, strict=True)]
 
     def closed(self, q: Array) -> Closed:
-        """The equations at some joint coordinates. Shape (n, n_q)."""
+        """Evaluate the closing system at joint coordinates. Shape (n, n_q)."""
         return Closed(self, coordinates(q, NUMPY), self.folds(q), NUMPY)
 
     def matrix(self, q: Array) -> Array:
-        """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
-        coordinates, without dimension. Shape (n, n_q) -> (n, m + k, n_unknown)."""
+        """Derivative of the residuals (loops, then couplings, then the selected coordinates) by the unknowns, without
+        dimension. Shape (n, n_q) -> (n, m + k, n_unknown).
+        """
         return np.asarray(self.closed(q).system.A[..., : self.moving])
 
     def constraints(self, q: Array) -> Array:
@@ -93,7 +94,8 @@ class LoopEquations(Loops):
         return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for `newton`.
+        """Evaluate residuals of loops and couplings and their Jacobian, without dimension: an `Evaluation` for
+        `newton`.
 
         Where coordinates are fixed, the Jacobian with their columns, which come last, follows.
 
@@ -112,18 +114,18 @@ class LoopEquations(Loops):
         return (*equations, full) if self.fixed else equations
 
     def unknowns(self, q: Array) -> Array:
-        """Unknowns without dimension. Shape (..., n_q) -> (..., n_unknown)."""
+        """Convert joint coordinates to dimensionless unknowns. Shape (..., n_q) -> (..., n_unknown)."""
         return np.asarray(q[..., self.unknown] / self.sizes[self.unknown])
 
     def tree(self, z: Array, guess: Array) -> Array:
-        """Joint coordinates, those of cut joints being guessed."""
+        """Convert unknowns to joint coordinates; those of cut joints keep their guess."""
         q = guess.copy()
         q[:, self.fixed] = self.lay.mechanism.home[self.fixed]
         q[:, self.unknown] = z * self.sizes[self.unknown]
         return q
 
     def coordinates(self, z: Array, guess: Array) -> Array:
-        """All joint coordinates of given unknowns. Shape (n, n_q).
+        """Convert unknowns to all joint coordinates. Shape (n, n_q).
 
         Args:
             z: Unknowns without dimension. Shape (n, n_unknown).
@@ -132,7 +134,7 @@ class LoopEquations(Loops):
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
-        """The closed pose next to a prediction, and dq/dy [rad and m]; None where the loops stay open.
+        """Find the closed pose next to a prediction, with dq/dy [rad and m]; None if the loops do not close.
 
         Those of cut joints are read near the prediction.
         """
@@ -145,14 +147,14 @@ class LoopEquations(Loops):
         return self.coordinates(z, q[None])[0], K
 
     def walk(self, kind: type[W], *, strict: bool = False) -> W:
-        """What leads from home to closed poses: a `Continuation` or a `Region`."""
+        """Start a `Continuation` or a `Region` at home."""
         home, turns, given = self.lay.mechanism.home, self.lay.turns, self.y_columns
         start, angles = (self.unknowns(home), home[given]), (turns[self.unknown], turns[given])
         return kind(self.evaluate, start, angles, self.sizes[given], resting=bool(self.fixed), strict=strict)
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
-    """The loop equations with some coordinates fixed at home, made once a layout."""
+    """Return the loop equations with some coordinates fixed at home, built once per layout."""
     if fixed not in lay.kept:
         lay.kept[fixed] = LoopEquations(lay, fixed)
     equations: LoopEquations = lay.kept[fixed]
@@ -170,14 +172,14 @@ _known: WeakKeyDictionary[Mechanism, tuple[int, ...]] = WeakKeyDictionary()
 
 
 def home_equations(lay: Layout) -> LoopEquations:
-    """The loop equations of a layout, coordinates that never move being fixed. Worked out once a mechanism."""
+    """Return the loop equations with all resting coordinates fixed, built once per mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = resting_columns(lay)
     return loop_equations(lay, _known[lay.mechanism])
 
 
 def resting_columns(lay: Layout) -> tuple[int, ...]:
-    """Tree coordinates that keep their home value on the branch of the home pose, such as c of the symmetric leg.
+    """Find the tree coordinates that keep their home value on the home branch, such as c of the symmetric leg.
 
     Coordinates are analytic in y. One that rests at several poses in general position, in value and in every first
     derivative, rests on the whole branch; the loops then close to rounding with it fixed, which is tested too.
@@ -202,14 +204,14 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 
 def _may_rest(system: LoopEquations) -> bool:
-    """Whether at home, to first order, anything stands still that is not chosen: of most mechanisms nothing does."""
+    """True if, to first order at home, a dependent coordinate stands still; in most mechanisms none does."""
     A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
-    """Closed poses in general position near home: unknowns, y and matrices, or None where there are too few."""
+    """Compute closed poses in general position near home: unknowns, y and matrices; None if there are too few."""
     columns = system.y_columns
     unit, k = system.sizes[columns], np.arange(len(columns))
     home = system.lay.mechanism.home[columns] / unit

@@ -35,14 +35,14 @@ PATIENCE = 12
 
 
 def stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
-    """Whether a step made closure residuals no smaller that are as small as rounding lets them be."""
+    """True if a step did not reduce closure residuals that have reached rounding."""
     return np.logical_and(np.less(before, NOISE), ~np.less(after, 0.5 * np.asarray(before)))
 
 
 def newton(
     evaluate: Evaluation, q: Array, y: Array, *, most: int = 60, begun: Sequence[Array] | None = None
 ) -> tuple[Array, ...]:
-    """Newton's method, sample by sample as far as each needs.
+    """Run Newton's method, as many steps as each sample needs.
 
     Args:
         q: Starting values. Shape (n, n_q).
@@ -82,7 +82,7 @@ def newton(
 
 
 def velocity_map(A: Array, k: int) -> Array:
-    """Velocity map K, ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
+    """Solve for the velocity map K, ``qd = K yd``; the last k rows of A select y. Shape (n, m, n_q) -> (n, n_q, k)."""
     right = np.zeros((*A.shape[:2], k), dtype=A.dtype)
     right[:, -k:] = np.eye(k)
     return linear.solve(A, right)
@@ -96,7 +96,7 @@ KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree s
 
 
 def knots(y: Array, every: int, step: float) -> Rows:
-    """Samples that are followed: the first, the last, and of the others so many that none is far from the next.
+    """Choose the samples to follow: the first, the last, and enough between them that none is far from the next.
 
     Args:
         y: Independent coordinates without dimension. Shape (n, k).
@@ -111,7 +111,7 @@ def knots(y: Array, every: int, step: float) -> Rows:
 
 
 def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
-    """Unknowns of all samples by Hermite's interpolation over the number of the sample. Shape (n, n_z).
+    """Interpolate the unknowns of all samples by Hermite's formula over the sample number. Shape (n, n_z).
 
     What the samples differ from the interpolated motion is made up for to first order, so that they need not be evenly
     spread; where they jump, the prediction is bad.
@@ -133,7 +133,7 @@ def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
 
 
 def slopes(y: Array) -> Array:
-    """Derivative of a motion by the number of the sample, of fourth order. Shape (n, k) -> (n, k)."""
+    """Derivative of a motion by the sample number, of fourth order. Shape (n, k) -> (n, k)."""
     slope = np.gradient(y, axis=0)
     if len(y) > len(EDGE):
         slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
@@ -142,7 +142,7 @@ def slopes(y: Array) -> Array:
 
 
 def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
-    """Numbers at n samples from those at some, see `predicted`, and their derivatives. Shapes (m, d) -> (n, d)."""
+    """Interpolate values and derivatives at n samples from those at some, see `predicted`. Shapes (m, d) -> (n, d)."""
     x, c = _differences(rows.astype(float), values, rates)
     result, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
     for first in range(0, n, some):
@@ -161,7 +161,7 @@ def _interval(at: Rows, rows: Rows) -> Rows:
 
 
 def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
-    """Newton's divided differences for each interval, from up to `KNOTS` knots around it, each of which counts twice.
+    """Newton's divided differences for each interval, from up to `KNOTS` double knots around it.
 
     Args:
         at: Of the knots. Shape (m,).
@@ -200,7 +200,7 @@ HALF = _LEFT[-1]
 
 
 def hermite(h: Array, before: State, after: State) -> Array:
-    """Control points of the polynomials of degree five that have given values and derivatives at their ends.
+    """Control points of the quintic polynomials with given values and derivatives at both ends.
 
     Args:
         h: Duration [s]. Shape (...).
@@ -223,7 +223,7 @@ def straight(y0: Array, y1: Array) -> Array:
 
 
 def bent(y0: Array, y1: Array) -> list[Array]:
-    """Control points of two ways that bend to either side of the straight one; none with one coordinate. (6, k)."""
+    """Control points of two ways that bend to either side of the straight one; empty for one coordinate. (6, k)."""
     way = y1 - y0
     if len(way) < 2:
         return []
@@ -234,7 +234,7 @@ def bent(y0: Array, y1: Array) -> list[Array]:
 
 
 def consistent(h: Array, before: State, after: State) -> Array:
-    """Whether derivatives belong to a motion through both values: a list of poses may have any. Shape (...)."""
+    """True where derivatives belong to a motion through both values; a list of poses may carry any. Shape (...)."""
     h = h[..., None]
     (y0, v0, a0), (y1, v1, a1) = before, after
     miss = y1 - y0 - 0.5 * h * (v0 + v1) + h * h * (a1 - a0) / 12.0
@@ -257,7 +257,7 @@ class Curve:
     drive: Drive | None = None
 
     def at(self, share: float) -> Array:
-        """Where the motion is after a share of the time. Shape (k,)."""
+        """Independent coordinates after a share of the time. Shape (k,)."""
         t0, t1 = self.t
         if self.drive is not None:
             return np.asarray(self.drive(np.array([t0 + share * (t1 - t0)]))[0][0])
@@ -265,7 +265,7 @@ class Curve:
         return np.asarray(weights @ self.points)
 
     def halves(self) -> tuple[Curve, Curve, Array]:
-        """Both halves, and by how much the motion half-way differs from this curve, shape (k,)."""
+        """Split the curve; also return how far the motion half-way deviates from it, shape (k,)."""
         (t0, t1), p = self.t, self.points
         middle = 0.5 * (t0 + t1)
         if self.drive is None:

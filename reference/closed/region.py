@@ -23,7 +23,7 @@ class Region(Continuation):
     """Closed poses of one assembly mode in any order."""
 
     def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
-        """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.
+        """Predict samples in any order, from anchors of home's sheet that spread until every sample is in a ball.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
@@ -39,7 +39,7 @@ class Region(Continuation):
         return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._covered_twice(y, anchor)
 
     def _spread(self, y: Array) -> Indices:
-        """Anchors of home's sheet in whose balls samples lie, after adding those that it takes; -1 for the others."""
+        """Assign samples to anchors of home's sheet, adding anchors as needed; -1 for samples out of reach."""
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
         most = len(anchors) + LARGEST  # independent of earlier calls
         covering, inside = anchors.cover(y, 0)
@@ -66,7 +66,7 @@ class Region(Continuation):
         return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
-        """The anchor of home's sheet that way number i leads to: from the nearest anchor, from home, from others."""
+        """Reach the home-sheet anchor of way number i: from the nearest anchor, from home, or from others."""
         first = len(self.anchors)
         self.at, self.left = (nearest, 0, self._aside(y, 3))[i], MOST
         try:
@@ -78,7 +78,7 @@ class Region(Continuation):
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
     def _covered_twice(self, y: Array, anchor: Indices) -> Flags:
-        """Which samples that were reached lie in balls of another sheet of the same piece, too. Shape (n,)."""
+        """Flag reached samples that also lie in balls of another sheet of the same piece. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
@@ -88,7 +88,7 @@ class Region(Continuation):
         return twice
 
     def _keep_straight(self, first: int) -> None:
-        """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
+        """Move anchors from number `first` on off home's sheet unless the straight way from home leads to them.
 
         Round a cusp two ways lead to two poses: which one is meant must not depend on earlier calls.
         """
@@ -104,7 +104,7 @@ class Region(Continuation):
                 anchors.move(a, 1)
 
     def _aside(self, y: Array, i: int) -> int:
-        """The anchor of home's sheet that is number i from the nearest."""
+        """Anchor of home's sheet at place i by distance from the nearest."""
         kin = self.anchors.sheet_of(0)
         order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
         return int(kin[order[min(i, len(kin) - 1)]])

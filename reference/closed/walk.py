@@ -34,7 +34,7 @@ LEAP, BLUR = 1e-3, 1e-6
 
 
 class Blocked(Exception):
-    """No step leads on.
+    """Raised when no step leads on.
 
     Attributes:
         singular: Whether because of a singular pose; else there were too many steps.
@@ -46,7 +46,7 @@ class Blocked(Exception):
 
 
 class Walk:
-    """The anchors of one assembly mode, and where it has got to among them.
+    """The anchors of one assembly mode, and the current position among them.
 
     Attributes:
         anchors: All that are known.
@@ -65,7 +65,7 @@ class Walk:
         resting: bool = False,
         strict: bool = False,
     ) -> None:
-        """Starts at a pose that closes the loops nearly, such as home.
+        """Start at a pose, such as home, that nearly closes the loops.
 
         Args:
             evaluate: Residuals and their Jacobian, whose last k rows are those of y, without dimension.
@@ -96,12 +96,12 @@ class Walk:
         return more[0] if self.resting else J
 
     def restart(self, *, begun: bool = False) -> None:
-        """Begins the next motion at home. `begun`: whether the way to its start belongs to it."""
+        """Start the next motion at home; `begun` counts the way to its start as part of it."""
         self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
         self.begun = begun
 
     def _step(self, target: Array) -> None:
-        """Moves to an anchor nearer to a target: an old one of the same branch, or a new one."""
+        """Move to an anchor nearer to a target: an old one of the same branch, or a new one."""
         anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
@@ -121,7 +121,7 @@ class Walk:
         raise Blocked(singular=True)
 
     def _known(self, goal: Array, target: Array, length: float) -> int | None:
-        """An anchor of this sheet whose ball holds a goal well, nearer to the target than a length."""
+        """Find an anchor of this sheet whose ball holds a goal well and that is nearer to the target than a length."""
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
@@ -132,7 +132,7 @@ class Walk:
         return None
 
     def _grow(self, goal: Array) -> bool:
-        """Makes an anchor of the pose at y within the ball of this one, and goes there; whether it may be one."""
+        """Make an anchor at y within the current ball and move there; return False if it cannot be one."""
         base = self.anchors[self.at]
         start = base.z + base.K @ (goal - base.y)
         both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
@@ -156,7 +156,7 @@ class Walk:
         return True
 
     def _measured(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
-        """An anchor by Newton's method from a pose nearby; None if it does not converge.
+        """Measure an anchor by Newton's method from a nearby pose; None if it does not converge.
 
         The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it, unless
         it would change the Jacobian, as next to a singular pose the smallest one does.
@@ -185,7 +185,7 @@ class Walk:
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
-        """Puts a new anchor on another sheet where one of its sheet lies over the same y in another pose."""
+        """Move a new anchor to another sheet if an anchor of its sheet has another pose over the same y."""
         anchors, y = self.anchors, self.anchors[new].y
         for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
             rows = anchors.sheet_of(candidate)
@@ -201,12 +201,12 @@ class Walk:
         self.visits.append(a)
 
     def _walk(self, target: Array) -> None:
-        """Moves straight to where a target lies within the ball."""
+        """Move straight until a target lies within the ball."""
         while not self.anchors.distance(target, self.at) <= 1.0:
             self._step(target)
 
     def _along(self, curve: Curve, depth: int = 0) -> None:
-        """Moves along a curve, halved until its pieces lie in one ball each."""
+        """Move along a curve, halved until each piece lies in one ball."""
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
 
@@ -227,7 +227,7 @@ class Walk:
         self._along(right, depth + 1)
 
     def _beyond(self, y: Array) -> Anchor | None:
-        """An anchor a little beyond a singular pose, predicted by what is regular there, if the loops close."""
+        """Predict an anchor just beyond a singular pose from the regular directions; None if the loops stay open."""
         anchor, k = self.anchors[self.at], len(y)
         _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
         start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
@@ -236,7 +236,7 @@ class Walk:
         return self._measured(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
-        """Lands a little beyond a singular pose; whether the loops close there."""
+        """Jump just beyond a singular pose; return whether the loops close there."""
         anchor = self.anchors[self.at]
         last = np.linalg.norm(target - anchor.y) <= LEAP * np.linalg.norm(way)
         y = target if last else anchor.y + LEAP * way
@@ -248,7 +248,7 @@ class Walk:
         return True
 
     def _back(self) -> list[int]:
-        """The anchors by which this one was reached, back to home."""
+        """Anchors by which the current one was reached, back to home."""
         path, a = list[int](), self.at
         while a:
             a = self.parent[a]
@@ -256,7 +256,7 @@ class Walk:
         return path
 
     def _exactly(self, y: Array, a: int, near: Array) -> Array:
-        """Unknowns of a sample in the ball of an anchor, by steps to the sample itself. Shape (n_z,)."""
+        """Unknowns of a sample in the ball of an anchor, by steps up to the sample itself. Shape (n_z,)."""
         at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:
             short = SHORTEST * max(1.0, float(np.abs(y).max()))
@@ -268,7 +268,7 @@ class Walk:
         return np.asarray(z + TURN * np.where(self.anchors.angles, np.rint((near - z) / TURN), 0.0))
 
     def _look_for_turns(self, y: Array) -> None:
-        """Looks for whole turns of angles where samples lie farther than half a turn from home. Shape (n, k)."""
+        """Find whole turns of angles if samples lie more than half a turn from home. Shape (n, k)."""
         far = np.abs(y - self.anchors[0].y).max(axis=0) > np.pi
         for i in np.flatnonzero(far & self.turns).tolist():
             if i not in self.tried:
@@ -276,7 +276,7 @@ class Walk:
                 self._turn(i)
 
     def _turn(self, i: int) -> None:
-        """Finds out whether one whole turn of an angle leads back to home, and how other angles turn meanwhile."""
+        """Test whether a whole turn of an angle leads back to home, and how other angles turn meanwhile."""
         at, visits, home = self.at, self.visits, self.anchors[0]
         self.at, self.visits, self.left = 0, [0], MOST
         try:
@@ -299,13 +299,13 @@ class Walk:
             self.at, self.visits = at, visits
 
     def _unwrapped(self, path: Array) -> Array:
-        """Unknowns of poses in order, whole turns added so that angles do not jump. Shape (v, n_z)."""
+        """Add whole turns to the unknowns of successive poses so that angles do not jump. Shape (v, n_z)."""
         jumps = np.where(self.anchors.angles, np.rint(np.diff(path, axis=0) / TURN), 0.0)
         return np.concatenate([path[:1], path[1:] - TURN * np.cumsum(jumps, axis=0)])
 
     @property
     def windings(self) -> Array:
-        """Whole turns of the unknowns per turn of each coordinate that leads back home. Shape (k, n_z)."""
+        """Whole turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
         turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
             turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
@@ -313,7 +313,7 @@ class Walk:
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """Whether a matrix is finite and its norm within a limit; the larger Frobenius norm often suffices."""
+    """True if a matrix is finite and its 2-norm within a limit; the larger Frobenius norm often decides."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

@@ -1,4 +1,4 @@
-"""Wrenches, power and stored energy of loads, springs, dampers and motors; the data themselves are in `applied`."""
+"""Wrenches, power and stored energy of loads, springs, dampers and motors, whose data are in `applied`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Exerted(NamedTuple):
-    """Forces besides inertia, gravity and constraints.
+    """Forces other than inertia, gravity and constraints.
 
     Attributes:
         wrenches: On each body, see `recursion.wrench`. Shape (..., b, 6).
@@ -57,7 +57,7 @@ def exerted(at: Dynamics) -> Exerted:
 
 
 def place(at: Dynamics, load: Load) -> Array:
-    """Place in its body where a load acts, by default the centre of mass. Shape (3,)."""
+    """Point of its body at which a load acts, by default the centre of mass. Shape (3,)."""
     return at.mechanism.body(load.body).com if load.point is None else load.point
 
 
@@ -85,7 +85,7 @@ def point(at: Dynamics, body: int, arm: Array) -> Array:
 
 
 def ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
-    """Bodies that a spring joins, and the world positions of its points. Shape (..., 3)."""
+    """Bodies at the two ends of a spring, and the world positions of its points. Shape (..., 3)."""
     index = at.mechanism.body_index
     return [(index[body], point(at, index[body], arm)) for body, arm in spring.ends]
 
@@ -97,7 +97,7 @@ def distance(at: Dynamics, spring: PointSpring) -> Any:
 
 
 def spring_length(at: Dynamics, spring: Spring) -> Any:
-    """Length of a spring between two points, or the coordinate that it acts along [m or rad]. Shape (...)."""
+    """Length of a point spring, or the coordinate of a joint spring [m or rad]. Shape (...)."""
     return distance(at, spring) if isinstance(spring, PointSpring) else at.joint_coordinate(spring.coordinate)
 
 
@@ -107,7 +107,7 @@ def stretch(at: Dynamics, spring: Spring) -> Any:
 
 
 def stretch_rate(at: Dynamics, spring: Spring) -> Any:
-    """Rate of its length, the one at which its damper moves. Shape (...)."""
+    """Rate of a spring's length, which its damper resists. Shape (...)."""
     if isinstance(spring, PointSpring):
         (i, a), (j, b) = ends(at, spring)
         apart = velocity_at(at.V[..., j, :], b) - velocity_at(at.V[..., i, :], a)
@@ -116,12 +116,12 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 
 
 def tension(at: Dynamics, spring: Spring) -> Any:
-    """Pull of a spring and damper, ``k (l - l0) + c ld``; of one at a joint against its coordinate. Shape (...)."""
+    """Pull of a spring and damper, ``k (l - l0) + c ld``; a joint spring pulls against its coordinate. Shape (...)."""
     return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
 
 
 def resisting_force(at: Dynamics, one: Resistance) -> Any:
-    """Force that a rotor, a damper or dry friction takes along its coordinate. Shape (...)."""
+    """Force of a rotor, damper or dry friction along its coordinate. Shape (...)."""
     if one.what == "rotor":
         return one.amount * at.joint_acceleration[..., one.column]
     rate = at.joint_rate(one.coordinate)
@@ -129,19 +129,19 @@ def resisting_force(at: Dynamics, one: Resistance) -> Any:
 
 
 def sign(at: Dynamics, rate: Any) -> Any:
-    """-1, 0 or 1: the sign of a rate, 0 at `REST`, from the functions that every kind of number has. Shape (...)."""
+    """Sign of a rate: -1, 0 (up to `REST`) or 1, computed by functions that every number type has. Shape (...)."""
     size = at.ops.sqrt(rate * rate)
     moves = -at.ops.maximum(-at.ops.maximum((size / REST - 1.0) / linear.EPS, 0.0), -1.0)
     return moves * rate / at.ops.maximum(size, REST)
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
-    """Force of a motor at its time."""
+    """Force of a motor at its time [s]."""
     return motor.force(at.t, at.ops.cos, at.ops.sin)
 
 
 def check_applied(mechanism: Mechanism, applied: Applied) -> None:
-    """Refuses springs at bodies or coordinates that the mechanism does not have.
+    """Reject springs on bodies or coordinates that the mechanism lacks.
 
     Raises:
         UnknownNameError: There is no such body or coordinate.

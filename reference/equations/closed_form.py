@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of U-P-S and U-P-U legs, for the pose of the body that they carry."""
+"""Closed-form inverse kinematics of U-P-S and U-P-U legs for a given pose of the carried body."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOME = 1e-8
 
 
 def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None = None) -> Coordinates | None:
-    """Coordinates of the tree where every leg has a closed form, its wrist being cut, and home is on that branch.
+    """Tree coordinates, if every leg has a closed form with its wrist cut, and home lies on that branch; else None.
 
     The output body is placed by the joint that carries the independent coordinates, the others of that joint being as
     at home; where a leg forbids that, the loops stay open by that much and Newton's method goes on from here.
@@ -46,7 +46,7 @@ def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None =
 
 
 def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
-    """The joint that carries the output body, and the legs, if all of them have a closed form."""
+    """Find the joint of the output body and the legs; None unless each leg has a closed form."""
     mechanism = lay.mechanism
     chains = serial_chains(mechanism)
     drivers = [chain[0].joint for chain in chains if len(chain) == 1 and not chain[0].reverse]
@@ -62,7 +62,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
-    """U-P-U or U-P-S with the slide through both centres, along the normal of the first U's axes."""
+    """True for U-P-U or U-P-S whose slide passes both centres along the normal of the first U's axes."""
     kinds = "".join(edge.joint.kind for edge in chain)
     if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False
@@ -95,7 +95,7 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
 
 
 def _leg(base: Joint, centre: Array, ops: Ops) -> list[Value]:
-    """Angles of the base and length of the slide of a leg whose wrist is at a point, eqs. (19), (24). (..., 3)."""
+    """Base angles and slide length of a leg with its wrist at a point, eqs. (19), (24). (..., 3)."""
     x, y = base.axes
     AC = times(transpose(base.parent_frame.R), centre - base.parent_frame.p)
     u, v, w = (dot(AC, axis) for axis in (x, y, np.cross(x, y)))

@@ -1,4 +1,4 @@
-"""Closed loops: constraints of the cut joints, couplings and given coordinates, and the motion that they determine.
+"""Closing system: constraints of cut joints, couplings and given coordinates, and the motion that they determine.
 
 ``M qd = [0; 0; yd]`` over the coordinates of the tree stands for the chains of eqs. (15), (25), (26): a cut joint
 constrains its bodies by the wrenches of eq. (8), so that its own coordinates are no unknowns. The transpose of M is
@@ -42,7 +42,7 @@ from screwgauge.reference.mechanism import Mechanism
 
 
 class Loops:
-    """The loops of a layout, whatever the pose.
+    """The loops of a layout, independent of pose.
 
     Attributes:
         fixed: Columns of coordinates that never move on the assembly mode of home.
@@ -76,16 +76,16 @@ class Loops:
         self.owner = {c: (j, i) for j, joint in enumerate(self.cuts) for i, c in enumerate(lay.columns[joint.name])}
 
     def folds(self, q: Array) -> list[Array]:
-        """Which of its two triples of angles each cut joint has, see `cut_coordinates`. Shape (..., n_q) -> (...)."""
+        """Choose between the two angle triples of each cut joint, see `cut_coordinates`. Shape (..., n_q) -> (...)."""
         middle = [self.lay.columns[joint.name][1] if joint.angles == 3 else None for joint in self.cuts]
         return [np.where(np.cos(0.0 if c is None else q[..., c]) < 0.0, -1.0, 1.0) for c in middle]
 
 
 class Closed:
-    """The closing system at one pose, and the motion that it leaves."""
+    """The closing system at one pose, and the motion that it admits."""
 
     def __init__(self, loops: Loops, at: Coordinates, folds: Sequence[Any], ops: Ops) -> None:
-        """`folds`: of each cut joint, see `cut_coordinates`."""
+        """Prepare the system; `folds` has the angle triple of each cut joint, see `cut_coordinates`."""
         self.loops, self.at, self.q, self.ops = loops, at, at.q, ops
         self.pose: TreePose = tree_pose(loops.lay, at)
         index = loops.lay.mechanism.body_index
@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Power of wrenches of cut joint j per rate of each coordinate around its loop: places, (..., m, c)."""
+        """Power of the wrenches of cut joint j per rate of each coordinate around its loop: columns, (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Rate of any coordinate per rate of the tree's: places, (..., 1, c)."""
+        """Rate of any coordinate per rate of the tree's: columns, (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]
@@ -124,7 +124,7 @@ class Closed:
 
     @cached_property
     def system(self) -> Any:
-        """M, ready to be solved in place of eq. (25), see `ops.System`."""
+        """M as a solvable system in place of eq. (25), see `ops.System`."""
         loops = self.loops
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
@@ -138,7 +138,7 @@ class Closed:
         return join(*rows)
 
     def _off(self, column: int, y: Any) -> Any:
-        """A coordinate less its given value."""
+        """Difference between a coordinate and its given value."""
         if column in self.loops.place:
             return self.q[..., column] - y
         j, i = self.loops.owner[column]
@@ -153,13 +153,13 @@ class Closed:
         return self.spread(self.system.solve(-self.residual(y)))
 
     def spread(self, x: Array) -> Array:
-        """Unknowns that move, among all coordinates. Shape (..., moving) -> (..., n_q)."""
+        """Scatter the moving unknowns among all coordinates. Shape (..., moving) -> (..., n_q)."""
         full = np.zeros(x.shape[:-1] + self.q.shape[-1:], dtype=x.dtype)
         full[..., self.loops.columns[: self.loops.moving]] = x
         return full
 
     def solve(self, given: Array, above: Array | None = None) -> Array:
-        """Coordinates of the tree from the right side of M: zero, or `above`, over that of y. Shape (..., n_q)."""
+        """Solve for tree coordinates with zeros, or `above`, over `given` on the right side. Shape (..., n_q)."""
         n = self.loops.given.start
         top = np.zeros((*given.shape[:-1], n), dtype=given.dtype) if above is None else above
         return self.spread(self.system.solve(join(top, given)))
@@ -184,7 +184,7 @@ class Closed:
         return self._with_cuts(w, lambda cut: cut.rates(V))
 
     def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
-        """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
+        """Assemble all coordinates from those of the tree and, for each cut joint, from its two bodies."""
         joined = tree + 0.0
         for cut in self.cuts:
             joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
@@ -203,7 +203,7 @@ class Motion(Closed):
     def __init__(
         self, loops: Loops, at: Coordinates, yd: Array, ydd: Array | None, folds: Sequence[Any], ops: Ops
     ) -> None:
-        """`ydd`: second derivatives of the independent coordinates, shape (..., k); None where forces decide."""
+        """Prepare the motion; `ydd`, shape (..., k), is None where forces determine it."""
         super().__init__(loops, at, folds, ops)
         self.yd, self._ydd, self.near = yd, ydd, dict[int, Any]()
 
@@ -241,7 +241,7 @@ class Motion(Closed):
 
     @cached_property
     def bias(self) -> Accelerations:
-        """Accelerations of the bodies without second derivatives, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
+        """Accelerations of the bodies at zero second derivatives, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
         return outward(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
@@ -275,7 +275,7 @@ class Motion(Closed):
 
     @property
     def A(self) -> Array:
-        """Acceleration screws of the bodies at O, as eq. (44) has them. Shape (..., b, 6)."""
+        """Acceleration screws of the bodies at O in the form of eq. (44). Shape (..., b, 6)."""
         (V, p), b = (x[..., MOVING, :] for x in (self.V, self.pose.p)), self.body_angular_acceleration
         a = self.pose.to_world(self.moved.bodies.a, MOVING)
         A = 0.0 * self.V
@@ -313,7 +313,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.moved)
 
     def accelerations_of_joints(self, beta: Array, moved: Accelerations) -> Array:
-        """Second derivatives of all coordinates from those of the tree and the bodies' accelerations. (..., n_q)."""
+        """Second derivatives of all coordinates, from those of the tree and the accelerations of bodies. (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""A cut joint at a pose: rows of the closing system, its coordinates with their rates, and its forces on two bodies."""
+"""A cut joint at a pose: its rows of the closing system, coordinates, rates, and forces on its two bodies."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class CutJoint:
     """
 
     def __init__(self, at: JointPose, parent: int, child: int, fold: Any, ops: Ops) -> None:
-        """`fold`: see `cut_coordinates`."""
+        """Prepare the joint; for `fold` see `cut_coordinates`."""
         self.at, self.parent, self.child, self.fold, self.ops = at, parent, child, fold, ops
         self.W = constraint_wrenches(at)
 
@@ -55,7 +55,7 @@ class CutJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Unit screws of the cut joint; the first axis and the last are carried by its bodies. Shape (..., f, 6)."""
+        """Unit screws of the cut joint; its bodies carry the first and the last axis. Shape (..., f, 6)."""
         at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
         if len(turns) > 2:
             return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
@@ -72,12 +72,12 @@ class CutJoint:
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _angular(self, V: Array, moved: Accelerations) -> Array:
-        """Angular acceleration of child less parent without own brackets of the joint, eq. (44). Shape (..., 3)."""
+        """Angular acceleration of child minus parent without the joint's own brackets, eq. (44). Shape (..., 3)."""
         turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
         return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
     def _linear(self, V: Array, moved: Accelerations) -> Array:
-        """The same of the points of both bodies at the joint's point of the child. Shape (..., 3)."""
+        """Acceleration of child minus parent at the joint's point of the child, likewise. Shape (..., 3)."""
         joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
         linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
         if self.at.slides:
@@ -87,7 +87,7 @@ class CutJoint:
         return np.asarray(linear)
 
     def bias(self, V: Array, moved: Accelerations) -> Array:
-        """Acceleration along each constraint wrench that is not due to second derivatives. Shape (..., m).
+        """Velocity-dependent acceleration along each constraint wrench. Shape (..., m).
 
         Args:
             V: Twists of all bodies. Shape (..., b, 6).

@@ -69,7 +69,7 @@ class Dynamics(Motion):
 
     @cached_property
     def required(self) -> Array:
-        """Wrenches that bodies need for this motion, see `Accelerations.needs`. Shape (..., b, 6)."""
+        """Wrenches that the motion requires of each body, see `Accelerations.needs`. Shape (..., b, 6)."""
         return self.moved.needs(self.applied.g)
 
     @cached_property
@@ -78,7 +78,7 @@ class Dynamics(Motion):
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Forces along the tree that have the power of forces along all joints. Shape (..., n_q) -> (..., n)."""
+        """Forces along the tree with the same power as forces along all joints. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
@@ -87,7 +87,7 @@ class Dynamics(Motion):
         return tau
 
     def demand(self, need: Array, acting: Array) -> Array:
-        """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
+        """Forces along the tree that actuators and constraints must supply. Shape (..., n).
 
         Args:
             need: Wrenches that bodies need for their motion, see `required`. Shape (..., b, 6).
@@ -97,7 +97,7 @@ class Dynamics(Motion):
         return along[..., self.loops.columns] - self.along_tree(acting)
 
     def acting(self, beta: Array, moved: Accelerations) -> Array:
-        """What acts along all coordinates beside the actuators: exerted forces less what rotors need. (..., n_q).
+        """Forces along all coordinates besides actuators: exerted forces minus rotor inertia. (..., n_q).
 
         A rotor of inertia I, behind a gear or not, takes ``I qdd`` of the force along its coordinate.
 
@@ -117,16 +117,17 @@ class Dynamics(Motion):
 
     @cached_property
     def tau(self) -> Array:
-        """Forces along the tree that actuators and constraints have to make up in this motion. Shape (..., n)."""
+        """Forces along the tree that actuators and constraints must supply in this motion. Shape (..., n)."""
         return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
-        """Forces along the tree projected on y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
+        """Forces along the tree projected on y, ``K^T tau``; accurate next to constraint singularities, too. (...,
+        k)."""
         return times(self.K[..., self.loops.columns], tau)
 
     @cached_property
     def generalized_force(self) -> Array:
-        """Generalized force of the actuators along each independent coordinate; preload does not matter. (..., k)."""
+        """Generalized actuator force along each independent coordinate; preload cancels. (..., k)."""
         return self.virtual_power(self.tau)
 
     # actuators
@@ -150,7 +151,7 @@ class Dynamics(Motion):
 
     @cached_property
     def _B(self) -> Array:
-        """Columns of B of the coordinates that actuators drive. Shape (..., n_act, n_driven)."""
+        """Columns of B for driven coordinates. Shape (..., n_act, n_driven)."""
         return self.B[..., self.driven]
 
     @cached_property
@@ -194,7 +195,7 @@ class Dynamics(Motion):
 
     @cached_property
     def drive(self) -> System:
-        """Matrix of the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
+        """Matrix of the actuator forces: ``B^T`` above the rule of eq. (56), or the smaller of its squares."""
         BT = transpose(self._B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -202,13 +203,13 @@ class Dynamics(Motion):
 
     @property
     def surplus(self) -> int:
-        """Actuators beyond the freedoms that they drive, of which the smallest forces are wanted; none under the rule
-        of eq. (56)."""
+        """Number of actuators beyond the driven freedoms, whose forces are minimised; zero under the rule of eq.
+        (56)."""
         return 0 if self.line is not None else len(self.mechanism.actuator_names) - len(self.driven)
 
     @cached_property
     def actuator_force(self) -> Array:
-        """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act).
+        """Actuator forces f with ``B^T f = Q`` and the smallest norm, or by the rule of eq. (56). Shape (..., n_act).
 
         Too few of them come as near to Q as they can.
         """
@@ -220,7 +221,7 @@ class Dynamics(Motion):
         return self.drive.solve(times(self._B, Q) if self.surplus else Q)
 
     def along_joints(self, f: Array) -> Array:
-        """Forces of the actuators among those along all coordinates. Shape (..., n_act) -> (..., n_q)."""
+        """Scatter actuator forces among all coordinates. Shape (..., n_act) -> (..., n_q)."""
         lead, n = np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1]), self.q.shape[-1]
         along = np.zeros((*lead, n), dtype=self.q.dtype)
         along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
@@ -237,13 +238,14 @@ class Dynamics(Motion):
 
     @property
     def resistance(self) -> Array:
-        """What rotors, damping and dry friction take along coordinates, one by one. Shape (..., n)."""
+        """Force of each rotor, damper and dry friction along its coordinate. Shape (..., n)."""
         taken = [resisting_force(self, one) for one in self.mechanism.resistances]
         return np.stack(np.broadcast_arrays(*taken), axis=-1) if taken else zeros(self.q, 0)
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
-        """Eq. (56), if it is the rule: force of a joint across its line per actuator force, and what these undo."""
+        """Force of a joint across its line (eq. 56) per actuator force, and without actuators; None under another
+        rule."""
         return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
 
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
@@ -263,11 +265,11 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """Reactions under given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
+        """Reactions to given actuator forces, shape (..., n_act) -> (..., r); `idle` leaves out all other forces."""
         return self.constraint_forces(f, idle=idle)[0]
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:
-        """Reaction components, forces along the tree that joints transmit, and forces along the rows of M.
+        """Reaction components, forces along the tree that joints transmit, and multipliers of the rows of M.
 
         The last are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, and what is then
         transmitted all others. Where constraints are redundant, of all answers that of smallest norm, moments over the
@@ -308,14 +310,14 @@ class Dynamics(Motion):
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:
-        """Forces along the rows of M that balance among themselves, and their components over units of size one."""
+        """Null vectors of the rows of M (internal forces), each with its components per unit."""
         null = self.system.null()
         nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
         rows = [null[..., i, :] for i in range(null.shape[-2])]
         return [(x, self.transmitted(x, nothing, rest)[0] / self._arms) for x in rows]
 
     def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
-        """Reaction components of all joints, and forces along the tree, drives included. Shapes (..., r), (..., n_q).
+        """Reaction components of all joints, and forces along the tree with drives. Shapes (..., r), (..., n_q).
 
         Components are powers on the twists that joints forbid, and forces of couplings.
 
@@ -339,7 +341,7 @@ class Dynamics(Motion):
         return join(components, x[..., loops.ends[-1] : loops.given.start]), tree
 
     def open_tree_force(self, shares: Array) -> Array:
-        """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
+        """Forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
 
         Args:
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).

@@ -1,4 +1,4 @@
-"""Forward dynamics: accelerations for given forces, of the independent coordinates and of all bodies at once.
+"""Forward dynamics: accelerations under given forces, of the independent coordinates, or of all bodies at once.
 
 `Forward` projects on the independent coordinates; `NewtonEuler` solves for all accelerations and reactions
 together, eqs. (57) and (58). Inverse dynamics is in `dynamics`.
@@ -32,7 +32,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 class Forward(Dynamics):
-    """Motion that follows from the forces at a closed pose; `Dynamics` of the resulting accelerations."""
+    """Motion under given forces at a closed pose; a `Dynamics` of the resulting accelerations."""
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
@@ -63,14 +63,14 @@ class Forward(Dynamics):
 
     @property
     def ydd(self) -> Array:
-        """Second derivatives of the independent coordinates: given, or the answer to the forces. Shape (..., k)."""
+        """Second derivatives of the independent coordinates: given, or solved from the forces. Shape (..., k)."""
         if self._ydd is None:
             return self.response
         return self.followed if self.idle else self._ydd
 
     @cached_property
     def neutral(self) -> Array:
-        """Motions of y that move no actuator, one for each idle coordinate, whose rate is one. Shape (..., k, m)."""
+        """Motions of y that move no actuator, one per idle coordinate, at unit rate. Shape (..., k, m)."""
         unit, idle, driven = self.loops.sizes[self.loops.y_columns], [*self.idle], self.driven
         N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self.rates_of_actuators[..., idle]
         if self._oversteered:
@@ -98,7 +98,7 @@ class Forward(Dynamics):
 
     @cached_property
     def followed(self) -> Array:
-        """The given second derivatives, those of idle coordinates as forces have them: ``N^T (Q + M x) = 0``. (..., k).
+        """Given second derivatives, with those of idle coordinates solved from ``N^T (Q + M x) = 0``. (..., k).
 
         Q are the forces along y at x = 0, M the columns of the inertia matrix: no actuator can exert either along N.
         """
@@ -113,26 +113,27 @@ class Forward(Dynamics):
 
     @cached_property
     def idle_masses(self) -> System:
-        """``N^T M`` over the idle coordinates, each in the root of its own inertia."""
+        """``N^T M`` over the idle coordinates, each scaled by the root of its inertia."""
         d, N, idle = self.idle_sizes, transpose(self.neutral), [*self.idle]
         total = sum(N @ part @ transpose(momenta[..., idle, :]) for part, momenta in self.momenta)
         return self.ops.square(total / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
     def idle_reluctance(self) -> Any:
-        """How little forces move the idle coordinates while the others move as they are given, 1 where these are apart:
-        the norm of the inverse of `idle_masses`, infinite where what moves one moves the others against it. (...)."""
+        """Norm of the inverse of `idle_masses`: 1 where idle coordinates are decoupled from the given ones, infinite
+        where that matrix is singular. (...).
+        """
         return self.ops.sqrt(self.idle_masses.response(np.ones(len(self.idle))).sum(-1))
 
     @cached_property
     def idle_sizes(self) -> Array:
-        """Roots of the inertia of each idle coordinate alone. Shape (..., m)."""
+        """Square root of each idle coordinate's own inertia. Shape (..., m)."""
         own = sum((part * momenta).sum(-1)[..., [*self.idle]] for part, momenta in self.momenta)
         return np.stack([self.ops.sqrt(own[..., j]) for j in range(len(self.idle))], axis=-1)
 
     @cached_property
     def momenta(self) -> list[tuple[Array, Array]]:
-        """Velocities per rate of each y with their momenta: linear, angular, and of rotors. Shape (..., k, n) each."""
+        """Velocities per rate of each y, with their linear, angular and rotor momenta. Shape (..., k, n) each."""
         (v, w), mechanism = self.partial_motion, self.mechanism
         pairs = [(v, mechanism.masses[:, None] * v), (w, times(mechanism.inertias, w))]
         flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
@@ -151,18 +152,18 @@ class Forward(Dynamics):
 
     @cached_property
     def _masses(self) -> System:
-        """M with ones on its diagonal, as coordinates may be in rad and m."""
+        """M scaled to a unit diagonal, because coordinates may be in rad and m."""
         d = self._sizes
         return self.ops.square(self.inertia_matrix / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
     def _sizes(self) -> Array:
-        """Roots of the diagonal of M. Shape (..., k)."""
+        """Square roots of the diagonal of M. Shape (..., k)."""
         return np.stack([self.ops.sqrt(self.inertia_matrix[..., j, j]) for j in range(self.K.shape[-2])], axis=-1)
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Condition of M with ones on its diagonal; of one coordinate over all mass at the full length. (...)."""
+        """Condition of M at unit diagonal; for one coordinate M over the total mass at the full length. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -184,12 +185,12 @@ class Forward(Dynamics):
 
     @property
     def energy(self) -> Any:
-        """Kinetic energy and that stored in gravity and springs [J]. Shape (...)."""
+        """Kinetic energy plus the potential energy of gravity and springs [J]. Shape (...)."""
         return self.kinetic_energy + self.potential_energy
 
     @property
     def input_power(self) -> Any:
-        """Power of motors, given forces, loads and dampers, which store no energy [W]. Shape (...)."""
+        """Power of motors, given forces, loads and dampers, none of which stores energy [W]. Shape (...)."""
         total = 0.0 * self.yd[..., 0]
         for load in self.applied.loads:
             if load.body != GROUND:
@@ -205,19 +206,19 @@ class Forward(Dynamics):
 
 
 def _flat(x: Array) -> Array:
-    """Vectors of all bodies, one after the other. Shape (..., b, 3) -> (..., 3 b)."""
+    """Flatten the vectors of all bodies. Shape (..., b, 3) -> (..., 3 b)."""
     return x.reshape(*x.shape[:-2], 3 * x.shape[-2])
 
 
 def balances(com: Array, W: Array) -> Array:
-    """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
+    """Stack wrenches on bodies as in eqs. (53)-(55), moments about centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
     moved = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
     return moved.reshape(*moved.shape[:-2], 6 * moved.shape[-2])
 
 
 def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
-    """Wrenches of a joint on its child, as wrenches on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
+    """Expand wrenches of a joint on its child to wrenches on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
     index = at.lay.mechanism.body_index
     total = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
     total[..., index[joint.child], :] += W
@@ -226,7 +227,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """Unit forces along some joint coordinates as wrenches on all bodies: no power on the joint's others, eq. (8).
+    """Unit forces along joint coordinates as wrenches on all bodies, with no power on the joint's others, eq. (8).
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).
@@ -243,14 +244,14 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
 
 
 def exerted_wrenches(at: Dynamics) -> Array:
-    """Wrenches of all applied forces on the bodies, those along joints included. Shape (n, b, 6)."""
+    """Wrenches of all applied forces on the bodies, including those along joints. Shape (n, b, 6)."""
     driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
     along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
     return np.asarray(at_origin(at.pose, at.exerted.wrenches) + along)
 
 
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
-    """The matrix c of eq. (57): what each unknown exerts on each body, see `balances`.
+    """The matrix c of eq. (57): wrench of each unknown on each body, see `balances`.
 
     Unknowns are the reaction components, in the order of `reaction_names`, then the actuator forces. A coupling
     ``q_i = sum_k p_k(q_k)`` acts along its coordinates, by 1 along q_i and -p_k' along q_k, so that it has no power.
@@ -270,13 +271,13 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
 
 
 def preload_space(B: Array) -> Array:
-    """Actuator forces that move nothing, the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
+    """Internal actuator forces, the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
     U, _, _ = np.linalg.svd(B, full_matrices=True)
     return np.asarray(U[..., B.shape[-1] :])
 
 
 class NewtonEuler:
-    """Eq. (57) at n samples, the rows that fix redundant actuators below.
+    """Eq. (57) at n samples, above the rows that fix redundant actuators.
 
     Moments are divided by the length of the mechanism, as equations and as unknowns, so that its size does not matter.
 
@@ -293,7 +294,7 @@ class NewtonEuler:
 
     @cached_property
     def rule(self) -> Array:
-        """Rows below: no preload, or no force across the line of eq. (56) if that is the rule. Shape (n, l, m)."""
+        """Rows that fix redundant actuators: no preload, or no force across the line of eq. (56). Shape (n, l, m)."""
         at, (n, _, m) = self.at, self.c.shape
         if at.axial and at.mechanism.axial is not None:
             name, direction = at.mechanism.axial
@@ -309,7 +310,7 @@ class NewtonEuler:
         return rows
 
     def scaled(self, c: Array) -> Array:
-        """The system without dimension, for this c or one in a wider format. Shape (n, 6 (b - 1) + l, m)."""
+        """Scale the system, for this c or a wider format of it. Shape (n, 6 (b - 1) + l, m)."""
         return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
 
     @cached_property
@@ -318,11 +319,11 @@ class NewtonEuler:
 
     @property
     def condition(self) -> Array:
-        """Condition number of that. Shape (n,)."""
+        """Condition number of the scaled system. Shape (n,)."""
         return self._inverted[1]
 
     def solve(self, need: Array, wide: Array | None = None) -> Array:
-        """All constraint and actuator forces (eq. 58) for what the bodies need, see `balances`.
+        """Solve for all constraint and actuator forces (eq. 58) from the required wrenches, see `balances`.
 
         Next to a singular pose some unknowns are large and cancel in the others, while the rounding of c does not: one
         step of iterative refinement, its residual from a wider c, gives those digits back.
@@ -347,8 +348,8 @@ class NewtonEuler:
         return balances(self.at.com, at_origin(self.at.pose, self.at.required) - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:
-        """Accelerations of all joint coordinates and all reactions, from the balance of every body and the closure of
-        every loop at once: ``[D -c; G 0] [qdd; R] = [W; 0]`` in the minimum-norm least-squares sense.
+        """Accelerations of all joint coordinates and all reactions from the balance of every body and the closure of
+        every loop: ``[D -c; G 0] [qdd; R] = [W; 0]``, in the minimum-norm least-squares sense.
 
         Actuators exert nothing but what is given. Any closed motion will do as the one from which accelerations are
         counted.
@@ -373,6 +374,6 @@ class NewtonEuler:
         return at.accelerations_of_joints(beta, outward(at.pose, at.w, beta)), unknown[:, k:]
 
     def _needs(self, w: Array, beta: Array, g: Array) -> Array:
-        """Wrenches about O that bodies need for rates and accelerations of the tree. (..., n_q) -> (..., b, 6)."""
+        """Wrenches about O that rates and accelerations of the tree require of bodies. (..., n_q) -> (..., b, 6)."""
         pose = self.at.pose
         return at_origin(pose, outward(pose, w, beta).needs(g))

@@ -1,4 +1,4 @@
-"""The joint types: the mechanics of a kind of joint is its entry in `TYPES`.
+"""The joint types; an entry of `TYPES` holds the mechanics of one kind.
 
 A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
@@ -66,23 +66,23 @@ class JointPose:
 
     @cached_property
     def slides(self) -> list[Array]:
-        """Directions in which it slides, at zero of the angles before: these turn about them."""
+        """Sliding directions at zero of the preceding angles, which turn about them."""
         return [times(self.R_parent, axis) for turns, axis in self.joint.freedoms if not turns]
 
 
 @lru_cache(maxsize=4096)
 def is_identity(frame: Frame) -> bool:
-    """Whether a frame is that of its body; looked at once."""
+    """True if a frame coincides with that of its body; tested once per frame."""
     return frame.is_identity
 
 
 def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of a frame that is fixed in a body."""
+    """Pose of a body-fixed frame."""
     return (R, p) if is_identity(frame) else (R @ frame.R, p + times(R, frame.p))
 
 
 def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of the body in which a frame of known pose is fixed."""
+    """Pose of a body, from that of a frame fixed in it."""
     if is_identity(frame):
         return R, p
     R = R @ frame.R.T
@@ -106,34 +106,34 @@ def _unit(dtype: np.dtype[Any]) -> Array:
 
 
 def _child(at: JointPose) -> Array:
-    """The axes of the joint's frame on the child."""
+    """Axes of the joint's child frame."""
     return transpose(at.R_child)
 
 
 def _across(at: JointPose) -> Array:
-    """Two directions across the axis, carried by the child."""
+    """Two directions across the child's axis."""
     return np.asarray(_beside(at.joint)[1] @ transpose(at.R_child))
 
 
 def _normal(at: JointPose) -> Array:
-    """Normal to both axes."""
+    """Normal of both axes."""
     return cross(at.first, at.last)[..., None, :]
 
 
 def _along(at: JointPose) -> Array:
-    """The axis, carried by the child."""
+    """The child's axis."""
     return times(at.R_child, _named_axis(at.joint)[1])[..., None, :]
 
 
 @lru_cache(maxsize=4096)
 def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
-    """Labels and directions across its first axis."""
+    """Labels and directions orthogonal to the first axis."""
     return across(joint.axes[0])
 
 
 @lru_cache(maxsize=4096)
 def _named_axis(joint: Joint) -> tuple[str, Array]:
-    """Label and direction of the axis: that axis of the joint frame that it is, in either sense, or itself."""
+    """Label and direction of the axis: a joint-frame axis, in either sense, if it is one, else itself."""
     axis = joint.axes[0]
     named = np.flatnonzero(axis)
     return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if len(named) == 1 else ("", axis)
@@ -143,19 +143,19 @@ def _named_axis(joint: Joint) -> tuple[str, Array]:
 
 
 def _tilt(at: JointPose) -> Array:
-    """The axes on both sides should coincide."""
+    """Residual of two axes that should coincide."""
     return cross(at.first, at.last)
 
 
 def _turn(at: JointPose) -> Array:
-    """The frames on both sides should be parallel."""
+    """Residual of two frames that should be parallel."""
     M = at.R_child @ transpose(at.R_parent)
     twice = M - transpose(M)
     return np.asarray(0.5 * np.stack([twice[..., 2, 1], twice[..., 0, 2], twice[..., 1, 0]], axis=-1))
 
 
 def _skew(at: JointPose) -> Array:
-    """The axes should be at right angles."""
+    """Residual of two axes that should be perpendicular."""
     return -scale(dot(at.first, at.last), cross(at.first, at.last))
 
 
@@ -184,7 +184,7 @@ def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value
 
 
 def _crossed(at: JointPose, w: Array) -> Any:
-    """Power on the normal of ``[S1 w1, S2 w2] = S w1 w2``, S being the rotation about that normal through both axes."""
+    """Power on the normal of ``[S1 w1, S2 w2] = S w1 w2``; S turns about that normal of both axes."""
     normal = cross(at.first, at.last)
     return dot(normal, normal) * (w[..., 0] * w[..., 1])
 
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role; those of couplings after them."""
+    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role, then those of couplings."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
@@ -239,7 +239,7 @@ def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tu
 
 @lru_cache(maxsize=4096)
 def triad(joint: Joint) -> tuple[Array, float]:
-    """Right-handed orthonormal axes that begin with a joint's first two, or with its only one.
+    """Right-handed orthonormal axes that start with a joint's first two axes, or its only one.
 
     Returns:
         The three, shape (3, 3), and -1 where the joint's third axis is opposite to theirs, else 1.
@@ -261,7 +261,8 @@ def reaction_components(at: JointPose, f: Array, m: Array) -> Array:
 
 
 def closure_residual(at: JointPose) -> Array:
-    """Closure residual of a cut joint along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
+    """Closure residual of a cut joint along each constraint wrench, m and rad; its rate is the power. Shape (...,
+    m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)
@@ -270,7 +271,7 @@ def closure_residual(at: JointPose) -> Array:
 
 
 def dual_wrenches(at: JointPose, S: Array) -> Array:
-    """Wrenches of unit power on one freedom of a joint and none on the others.
+    """Wrenches with unit power on one freedom of a joint and none on the others.
 
     Args:
         S: Its unit screws. Shape (..., f, 6).
@@ -289,7 +290,7 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
 
 
 def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
-    """The coordinates of a cut joint, from the frames on both sides, eqs. (19)-(24) solved for them.
+    """Solve eqs. (19)-(24) for the coordinates of a cut joint, from the frames on both sides.
 
     Args:
         fold: Sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
@@ -306,7 +307,7 @@ SURE = 1e8
 
 
 def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
-    """The coordinates of a cut joint as floats; unlike `cut_coordinates` this goes through gimbal lock.
+    """Read the coordinates of a cut joint as floats; unlike `cut_coordinates` it passes gimbal lock.
 
     Args:
         near: Of all angles that mean the same, those nearest to these are taken, whichever triple they are of; without
@@ -325,6 +326,6 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
 
 
 def _rotation(at: JointPose) -> tuple[Array, float]:
-    """Rotation of the child's frame against the parent's in axes of the joint, see `triad`."""
+    """Rotation of the child's frame relative to the parent's, in the joint's `triad`."""
     A, hand = triad(at.joint)
     return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

@@ -26,7 +26,7 @@ Freedoms = Sequence[tuple[bool, Array]]
 
 
 class Coordinates(NamedTuple):
-    """Joint coordinates with the sines and cosines of the angles among them. Shape (..., n_q) each."""
+    """Joint coordinates with sines and cosines of the angles. Shape (..., n_q) each."""
 
     q: Array
     sine: Array
@@ -34,12 +34,12 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(q: Array, ops: Ops) -> Coordinates:
-    """Coordinates whose sines and cosines follow from them."""
+    """Complete joint coordinates with their sines and cosines."""
     return Coordinates(q, ops.sin(q), ops.cos(q))
 
 
 class Step(NamedTuple):
-    """An edge of a spanning tree as it is walked from ground.
+    """An edge of a spanning tree, walked from ground.
 
     Attributes:
         near, far: Bodies before and after the joint, 0 being ground.
@@ -71,7 +71,7 @@ def walk(lay: Layout) -> list[Step]:
 
 
 class Crossing(NamedTuple):
-    """The way from one frame to the next, which is fixed to it or moves by one freedom.
+    """Transition from one frame to the next, which is fixed in it or moves by one freedom.
 
     Attributes:
         R: Orientation of the next frame in this one; None where they are parallel.
@@ -90,12 +90,12 @@ class Crossing(NamedTuple):
 
     @property
     def arm(self) -> Array | None:
-        """From the origin of this frame to that of the next; None where they are the same. Shape (..., 3)."""
+        """Vector from this frame's origin to the next one's; None where they coincide. Shape (..., 3)."""
         return self.p if self.travel is None or self.axis is None else scale(self.travel, self.axis)
 
 
 class Way(NamedTuple):
-    """An edge of the tree, frame by frame: to the joint, across its freedoms, and on to the far body."""
+    """An edge of the tree, frame by frame: to the joint, across its freedoms, and to the far body."""
 
     step: Step
     start: Sequence[Crossing]
@@ -114,7 +114,7 @@ def ways(lay: Layout, at: Coordinates) -> list[Way]:
 
 
 def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
-    """The freedoms of a joint in order, the last first if it is entered from its child."""
+    """Freedoms of a joint in order of passage, the last first if entered from its child."""
     found = list[Crossing]()
     for column, (turns, axis), (value, cosine) in zip(columns, freedoms, values, strict=True):
         value = sign * value
@@ -125,7 +125,7 @@ def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value
 
 @lru_cache(maxsize=4096)
 def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
-    """From a body to a frame that is fixed in it, or back; nothing where they are the same."""
+    """Transition between a body and a frame fixed in it; empty where they coincide."""
     R, p = (frame.R.T, -frame.p) if leave else (frame.R, frame.p)
     turn = () if np.array_equal(R, np.eye(3)) else (Crossing(R),)
     shift = (Crossing(None, p),) if p.any() else ()
@@ -133,7 +133,7 @@ def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
 
 
 def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Array, Array]], Array, Array]:
-    """Frames of known orientation and origin: directions and points of the axes, eqs. (18)-(20), the end, eq. (24)."""
+    """Traverse a way from a frame: directions and points of the axes, eqs. (18)-(20), and the end, eq. (24)."""
     lines = list[tuple[Array, Array]]()
     for crossing in way:
         if crossing.axis is not None:
@@ -149,7 +149,7 @@ def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Ar
 
 @dataclass(frozen=True, eq=False)
 class TreePose:
-    """Where all bodies are by the joints of the tree; body 0 is ground.
+    """Poses of all bodies from the tree's joints; body 0 is ground.
 
     Attributes:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
@@ -170,11 +170,11 @@ class TreePose:
         return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], self.lay.mechanism.mass_centres)
 
     def to_world(self, v: Array, body: int | slice) -> Array:
-        """Vectors in the axes of a body, or of several, in those of the world. Shape (..., 3)."""
+        """Rotate vectors from the axes of one or several bodies to the world's. Shape (..., 3)."""
         return times(self.R[..., body, :, :], v)
 
     def to_body(self, v: Array, body: int | slice) -> Array:
-        """Vectors of the world in the axes of a body, or of several. Shape (..., 3)."""
+        """Rotate world vectors to the axes of one or several bodies. Shape (..., 3)."""
         return times(transpose(self.R[..., body, :, :]), v)
 
     def joint(self, joint: Joint) -> JointPose:
@@ -187,7 +187,7 @@ class TreePose:
 
 
 def zeros(like: Array, *shape: int) -> Array:
-    """Zeros for each sample of vectors. Shape (..., n) -> (..., *shape)."""
+    """Zeros with the leading shape of vectors. Shape (..., n) -> (..., *shape)."""
     return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
 
 
@@ -200,7 +200,7 @@ def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) ->
 
 
 def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
-    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and its frame beyond them, eq. (24).
+    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and the frame beyond them, eq. (24).
 
     Args:
         R, p: Its frame on the parent.
@@ -212,7 +212,7 @@ def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> t
 
 
 def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
-    """The pose of all bodies by the joints of the tree, eq. (24)."""
+    """Compute the pose of all bodies from the tree's joints, eq. (24)."""
     n, m, found = len(lay.mechanism.body_index), at.q.shape[-1], ways(lay, at)
     R, p, e, r = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, m, 3), zeros(at.q, m, 3)
     R[..., 0, :, :] = np.eye(3)
@@ -225,7 +225,7 @@ def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
 
 
 def twists(at: TreePose, w: Array) -> Array:
-    """Twists of the bodies, sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
+    """Twists of the bodies: sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
 
     Args:
         w: Rates of the tree's coordinates. Shape (..., n_q).
@@ -237,7 +237,7 @@ def twists(at: TreePose, w: Array) -> Array:
 
 
 def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
-    """Sum of the brackets of one joint's screws in eq. (44), by eq. (37) for each freedom.
+    """Sum the brackets of one joint's screws in eq. (44), by eq. (37) for each freedom.
 
     Args:
         V: Twist of the body before it. Shape (..., 6).
@@ -251,7 +251,7 @@ def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
 
 
 def pose(lay: Layout, q: Array) -> TreePose:
-    """Poses by the joints of the tree, and screws of all joints, those of cut joints by their own coordinates.
+    """Poses by the tree's joints, and screws of all joints, those of cut joints from their given coordinates.
 
     Args:
         q: Joint coordinates; the loops need not be closed. Shape (n, n_q).
@@ -263,7 +263,7 @@ def pose(lay: Layout, q: Array) -> TreePose:
 
 
 def gaps(lay: Layout, q: Array) -> Array:
-    """How far cut joints are from where their own coordinates have them: a check of coordinates that are given.
+    """Distance of cut joints from the place that their given coordinates claim.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -282,7 +282,7 @@ def gaps(lay: Layout, q: Array) -> Array:
 
 
 def _beyond(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
-    """Screws of a cut joint and its frame beyond them by its own coordinates, see `joint_screws`."""
+    """Screws of a cut joint and the frame beyond them, from its given coordinates, see `joint_screws`."""
     frames, columns = at.joint(joint), at.lay.columns[joint.name]
     return joint_screws(
         joint, frames.R_parent, frames.p_parent, joint_values(joint.freedoms, columns, coordinates(q, NUMPY))
@@ -293,7 +293,7 @@ _lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()
 
 
 def length(lay: Layout) -> float:
-    """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
+    """Largest distance [m] between joint points and centres of mass at home; 1 if there is none."""
     if lay.mechanism not in _lengths:
         _lengths[lay.mechanism] = _length(lay)
     return _lengths[lay.mechanism]

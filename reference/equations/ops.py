@@ -39,16 +39,16 @@ class System(Protocol):
     inverse: Array
 
     def solve(self, b: Array) -> Array:
-        """Unknowns that move. Shape (..., m) -> (..., moving)."""
+        """Solve for the moving unknowns. Shape (..., m) -> (..., moving)."""
 
     def solve_transposed(self, tau: Array) -> Array:
-        """One x of ``A^T x = tau``. Shape (..., n) -> (..., m)."""
+        """Return some x with ``A^T x = tau``. Shape (..., n) -> (..., m)."""
 
     def null(self) -> Array:
-        """Rows that span all x of ``A^T x = 0``. Shape (..., m - n, m)."""
+        """Return rows that span all x with ``A^T x = 0``. Shape (..., m - n, m)."""
 
     def response(self, unit: Array, *, whole: bool = False) -> Array:
-        """Squares of what errors of `unit` in the rows, shape (m,), make of each unknown, summed up. Shape (..., n).
+        """Sum the squared effects on each unknown of errors `unit` in the rows, shape (m,). Shape (..., n).
 
         Of unknowns that move only, unless `whole`. Of floats exact; else what the pivots say, half to twice as much
         where that of the given coordinates is added.
@@ -72,7 +72,7 @@ class Ops:
     system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
 
     def square(self, A: Array) -> System:
-        """A small square system without units. Shape (..., n, n)."""
+        """Wrap a small square system without units. Shape (..., n, n)."""
         n = A.shape[-1]
         one = np.ones(n, dtype=float if A.dtype == object else A.dtype)
         made: System = self.system([(slice(0, n), range(n), A)], one, one, n, A.shape[:-2])
@@ -80,7 +80,7 @@ class Ops:
 
 
 class Dense:
-    """A system of floats, each sample solved for itself.
+    """A system over floats, solved sample by sample.
 
     Attributes:
         A: The matrix without dimension. Shape (..., m, n).
@@ -105,12 +105,12 @@ class Dense:
 
     @property
     def inverse(self) -> Array:
-        """Inverse without dimension over unknowns that move. Shape (..., moving, m)."""
+        """Dimensionless inverse over moving unknowns. Shape (..., moving, m)."""
         return self._inverted[0]
 
     @property
     def condition(self) -> Array:
-        """Condition number of the same. Shape (...)."""
+        """Condition number of `inverse`. Shape (...)."""
         return self._inverted[1]
 
     @cached_property
@@ -145,7 +145,7 @@ class Dense:
 
 
 class Sparse:
-    """A system of objects, by elimination in an order that is chosen once, see `Factors`."""
+    """A system over objects, eliminated in an order that is chosen once, see `Factors`."""
 
     exact = False
 
@@ -185,17 +185,17 @@ def _objects(values: Any) -> Array:
 
 
 def is_zero(x: Any) -> bool:
-    """Whether a number is zero by structure, whatever the inputs of a trace are."""
+    """True if a number is structurally zero, whatever the inputs of a trace."""
     return isinstance(x, float | int) and x == 0.0
 
 
 def absent(x: Array) -> bool:
-    """Whether all numbers are zero: by structure, or at every sample."""
+    """True if all numbers are zero, structurally or at every sample."""
     return all(map(is_zero, x.flat)) if x.dtype == object else not x.any()
 
 
 def each(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]:
-    """A function of single objects, on arrays of them."""
+    """Vectorise a function of single objects."""
     applied: Callable[..., Any] = np.frompyfunc(function, arguments, 1)
     return applied
 

@@ -25,14 +25,15 @@ MOVING = slice(1, None)
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Angular velocity and acceleration of frames that turn alike. Shape (..., 3)."""
+    """Angular velocity and acceleration of frames that turn together. Shape (..., 3)."""
 
     w: Array
     b: Array
 
     @cached_property
     def E(self) -> Array:
-        """``[b x] + [w x]^2``: points at r from each other accelerate by ``E r``, eq. (49). Shape (..., 3, 3)."""
+        """``[b x] + [w x]^2``; a point at r from another has the relative acceleration ``E r``, eq. (49). (..., 3,
+        3)."""
         E = np.empty((*self.b.shape, 3), dtype=self.b.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             (x, y, z), b = (self.w[..., n] for n in (i, j, k)), self.b[..., k]
@@ -42,7 +43,7 @@ class Turning:
 
 
 class FrameMotion(NamedTuple):
-    """How a frame turns, and acceleration of its origin. Shape (..., 3)."""
+    """Rotation of a frame and acceleration of its origin. Shape (..., 3)."""
 
     turning: Turning
     a: Array
@@ -53,7 +54,7 @@ class FrameMotion(NamedTuple):
 
 
 def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
-    """Motion of the next frame; the vector product is the bracket of eq. (36), a term of eqs. (42), (43), (48).
+    """Motion of the next frame; the cross product is the bracket of eq. (36), in eqs. (42), (43), (48).
 
     Args:
         w, beta: Rates and second derivatives of all coordinates. Shape (..., n_q).
@@ -74,7 +75,7 @@ def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotio
 
 
 def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Array]:
-    """Move force and moment from the origin of the next frame to that of this one; the freedom's part fills tau."""
+    """Transfer force and moment from the next frame's origin to this one's; fills the freedom's entry of tau."""
     if crossing.axis is not None:
         tau[..., crossing.column] = crossing.sign * dot(crossing.axis, m if crossing.travel is None else f)
     if crossing.R is not None:
@@ -84,7 +85,7 @@ def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Arr
 
 
 def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
-    """Accelerations of all bodies, eqs. (38)-(44), from rates and second derivatives of the coordinates, (..., n_q)."""
+    """Accelerations of all bodies, eqs. (38)-(44), from rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
     for step, start, *parts in pose.ways:
@@ -96,7 +97,7 @@ def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
 
 
 def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Array, Array]]]:
-    """Forces along the tree's coordinates that give the bodies wrenches, eqs. (53)-(55).
+    """Forces along the tree's coordinates that give the bodies their wrenches, eqs. (53)-(55).
 
     Args:
         wrenches: About the origins of the bodies, in their axes. Shape (..., b, 6).
@@ -123,7 +124,7 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
 
 
 def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array) -> Array:
-    """Wrench about a body's origin in its axes, from force and moment in the world. Shape (..., 6).
+    """Wrench about a body's origin in its axes, from a world force and moment. Shape (..., 6).
 
     Args:
         place: Where the force acts, in body axes. Shape (3,).
@@ -139,7 +140,7 @@ def at_origin(pose: TreePose, wrenches: Array) -> Array:
 
 
 def on_child(pose: TreePose, way: Way) -> JointPose:
-    """A joint of the tree in the axes of its frame on the child."""
+    """Express a tree joint in the axes of its child frame."""
     world = pose.joint(way.step.edge.joint)
     eye, zero = np.eye(3, dtype=pose.lay.path.dtype), np.zeros(3)
     R = reduce(np.matmul, (crossing.R for crossing in way.freedoms if crossing.R is not None), eye)
@@ -159,7 +160,7 @@ class Accelerations:
 
     @cached_property
     def bodies(self) -> FrameMotion:
-        """All but the ground. Shape (..., b - 1, 3)."""
+        """Motion of all bodies except ground. Shape (..., b - 1, 3)."""
         vectors = zip(*((one.turning.w, one.turning.b, one.a) for one in self.each[1:]), strict=True)
         w, b, a = (np.stack(np.broadcast_arrays(*each), axis=-2) for each in vectors)
         return FrameMotion(Turning(w, b), a)
@@ -174,11 +175,11 @@ class Accelerations:
         return self.pose.to_world(self.each[body].turning.b, body)
 
     def linear(self, body: int, place: Array) -> Array:
-        """Acceleration in the world of the point at a place in the body. Shape (..., 3)."""
+        """World acceleration of a body-fixed point. Shape (..., 3)."""
         return self.pose.to_world(self.each[body].at(place), body)
 
     def needs(self, g: Array) -> Array:
-        """Wrenches about their origins that bodies need for this motion and against gravity, eqs. (51)-(55).
+        """Wrenches about body origins that this motion requires against inertia and gravity, eqs. (51)-(55).
 
         Euler's equations, eq. (52), are in the second moments of mass P: ``J b + w x J w`` is the axial vector of
         ``E P - (E P)^T``.

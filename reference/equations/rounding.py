@@ -1,4 +1,4 @@
-"""Conditioning: by how much the equations at a pose amplify rounding, without dimension.
+"""Conditioning: amplification of rounding by the equations at a pose, without dimension.
 
 A row that closes a loop changes with the coordinates as that loop is long, however long the mechanism is; of the
 mechanism's length is only what the poses of its bodies are rounded to.
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import widest
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """How long the loops are, and which coordinates count for which.
+    """Lengths of the loops, and the coordinates of each.
 
     Attributes:
         loops: Largest distance between joint points around each loop at home [m], see `Layout.loop`. Shape (n_cut,).
@@ -41,7 +41,7 @@ class Extent:
 
 
 def extent(lay: Layout) -> Extent:
-    """Worked out once a layout."""
+    """Measure the loops, once per layout."""
     if "extent" not in lay.kept:
         lay.kept["extent"] = _extent(lay)
     kept: Extent = lay.kept["extent"]
@@ -63,7 +63,7 @@ def _extent(lay: Layout) -> Extent:
 
 
 def gain(at: Closed, *, whole: bool = False) -> Any:
-    """Square of the norm of the inverse of M over its worst loop, each loop counting in its own length. Shape (...).
+    """Squared norm of the inverse of M over its worst loop, scaled by each loop's own length. Shape (...).
 
     Args:
         whole: Whether coordinates at rest count, as they do for constraint forces.
@@ -83,7 +83,7 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Square of the norm of what solves for the actuator forces, coordinates in their units. Shape (...)."""
+    """Squared norm of the map to actuator forces, coordinates in their units. Shape (...)."""
     drives = len(at.mechanism.actuator_names)
     m = min(drives, len(at.driven)) if at.surplus else drives
     squares = at.drive.response(np.ones(m)).sum(-1)
@@ -91,7 +91,7 @@ def drive_gain(at: Dynamics) -> Any:
 
 
 def idle_gain(at: Forward) -> Any:
-    """Square of the inertia of bodies that idle coordinates turn, at the length of the mechanism, over what resists.
+    """Squared inertia of the bodies that idle coordinates turn, at the mechanism's length, over the resisting inertia.
 
     Of the worst of them, times the condition of all. It is as `idle_rounding`, in few operations. Shape (...).
     """
@@ -137,12 +137,12 @@ def chart_conditions(at: Closed) -> Array:
 
 
 def chart_gain(at: Closed) -> Any:
-    """Square of the condition of the angles of cut joints, one each where they are good. Shape (...)."""
+    """Squared condition number of the angles of cut joints, 1 each at its best. Shape (...)."""
     middle = [cut.values[1][1] for cut in at.cuts if cut.at.joint.angles == 3]
     return sum((1.0 / (c * c) for c in middle), start=0.0)
 
 
 def squares(x: Array, sizes: Array) -> Any:
-    """Sum of the squares of numbers over their sizes. Shape (..., m) -> (...)."""
+    """Sum of squared ratios of numbers to their sizes. Shape (..., m) -> (...)."""
     scaled = x * (1.0 / sizes)
     return (scaled * scaled).sum(-1)

@@ -15,7 +15,7 @@ from screwgauge.reference.rotations import FEW
 from screwgauge.reference.rotations import cross as cross  # the vector product, for who works with screws
 
 Array = NDArray[Any]
-"""Floats of any precision, or objects that compute."""
+"""Floats of any precision, or objects with arithmetic."""
 
 _SWAPPED = [3, 4, 5, 0, 1, 2]
 
@@ -26,12 +26,12 @@ def dot(a: Array, b: Array) -> Any:
 
 
 def scale(s: Any, v: Array) -> Array:
-    """Vectors times numbers, one each. Shapes (...), (..., m)."""
+    """Multiply vectors by one number each. Shapes (...), (..., m)."""
     return np.asarray(np.asarray(s)[..., None] * v)
 
 
 def times(M: Array, v: Array) -> Array:
-    """Matrix times vector. Shapes (..., m, n), (..., n)."""
+    """Multiply matrices by vectors. Shapes (..., m, n), (..., n)."""
     if M.size <= FEW or object in (M.dtype, v.dtype):
         return np.asarray((M @ v[..., None])[..., 0])
     return np.asarray(np.einsum("...ij,...j->...i", M, v))  # in about half the time
@@ -43,17 +43,17 @@ def transpose(M: Array) -> Array:
 
 
 def join(*parts: Array) -> Array:
-    """Vectors of different lengths, one after the other. Shapes (..., m_i) -> (..., sum m_i)."""
+    """Concatenate vectors of different lengths. Shapes (..., m_i) -> (..., sum m_i)."""
     return _joined(parts, ())
 
 
 def stack(*parts: Array) -> Array:
-    """Rows of matrices, one below the other. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
+    """Stack the rows of matrices. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
     return _joined(parts, (slice(None),))
 
 
 def _joined(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
-    """Arrays one after the other, leading shapes broadcast. `after`: a slice for each axis behind that one."""
+    """Concatenate arrays with broadcast leading shapes; `after` has a slice for each axis behind the joined one."""
     axis = -1 - len(after)
     leads = {x.shape[:axis] for x in parts}
     if len(leads) == 1:
@@ -75,7 +75,7 @@ def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
 
 @lru_cache(maxsize=1024)
 def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
-    """``e e^T``, ``1 - e e^T`` and ``[e x]``: axes are those of joints, always the same."""
+    """``e e^T``, ``1 - e e^T`` and ``[e x]``, cached because joint axes repeat."""
     e = np.frombuffer(axis, dtype=dtype)
     (x, y, z), E = e, np.outer(e, e)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=e.dtype)
@@ -92,7 +92,7 @@ def unit_screws(turns: Array, directions: Array, points: Array) -> Array:
 
 
 def force(f: Array, r: Array) -> Array:
-    """Wrench of a force `f` that acts at the point `r`, eq. (9). Shape (..., 6)."""
+    """Wrench of a force `f` acting at the point `r`, eq. (9). Shape (..., 6)."""
     return join(f, cross(r, f))
 
 
@@ -118,5 +118,5 @@ def lie_bracket(X: Array, Y: Array) -> Array:
 
 
 def velocity_at(V: Array, r: Array) -> Array:
-    """Velocity [m/s] of the point of a body at `r`, eq. (28)."""
+    """Velocity [m/s] of a body's point at `r`, eq. (28)."""
     return np.asarray(V[..., 3:] + cross(V[..., :3], r))

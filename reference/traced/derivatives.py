@@ -1,4 +1,4 @@
-"""Derivatives of numbers of a trace, recorded in the same trace: folding and common expressions come for free."""
+"""Derivatives of traced numbers, recorded in the same trace, which folds constants and shares expressions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
 
 
 def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> list[Scalar]:
-    """Derivatives of a weighted sum of numbers by some of those that they are made of, by one reverse sweep.
+    """Differentiate a weighted sum by some of its operands, in one reverse sweep.
 
     Args:
         weighted: (number, weight) pairs; weights count as constants.
@@ -53,7 +53,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
 
 
 def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> list[Scalar]:
-    """Numbers with others in the place of some that they are made of: floats, arrays over samples, nodes of a trace."""
+    """Substitute floats, sample arrays or nodes for some operands of traced numbers."""
     known: dict[int, Scalar] = {node.index: number for node, number in numbers.items()}
     for node in _below(outputs, known):
         args = [known.get(x.index, x) if isinstance(x, Node) else x for x in node.args]
@@ -63,7 +63,7 @@ def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> lis
 
 
 def _computed(op: str, args: Sequence[Scalar]) -> Scalar:
-    """Result of an operation on numbers of any kind."""
+    """Apply an operation to numbers of any kind."""
     trace = next((x.trace for x in args if isinstance(x, Node)), None)
     if trace is None:
         return OPERATIONS[op](*args)
@@ -71,7 +71,7 @@ def _computed(op: str, args: Sequence[Scalar]) -> Scalar:
 
 
 def _below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
-    """Nodes that numbers are made of, in the order in which they were made; not what known ones are made of."""
+    """Nodes below some numbers in creation order, without those below `known`."""
     found, ends = dict[int, Node](), set(known)
     stack = [x for x in outputs if isinstance(x, Node)]
     while stack:

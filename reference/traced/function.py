@@ -1,4 +1,4 @@
-"""Functions of samples: programs whose inputs and outputs have names."""
+"""Functions of samples: programs with named inputs and outputs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LANES = 1024
 
 
 class Function:
-    """A program of numbers of a trace, run over samples by NumPy. One call at a time.
+    """A traced function, evaluated over samples by NumPy, one call at a time.
 
     Attributes:
         operations: How many it takes a sample.

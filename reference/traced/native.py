@@ -41,12 +41,12 @@ def _host() -> tuple[Any, str, int]:
 
 
 def cpu() -> str:
-    """The compiler, and name and features of this CPU: what machine code is made by and for."""
+    """Name the compiler, CPU and CPU features for which machine code is made."""
     return _host()[1]
 
 
 def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
-    """The program for LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
+    """Build the program in LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
 
     One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
     its stack keeps to whole lines of the cache.
@@ -72,7 +72,7 @@ def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
 
 
 def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
-    """The program, each output stored as soon as it is there. Returns checks, and 0, or NaN if values are infinite."""
+    """Emit the program, storing outputs at once. Returns checks, and 0, or NaN if values are infinite."""
     b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
     lost, values_end = zero, len(program.outputs) - program.checks
 
@@ -111,7 +111,7 @@ def _statements(maths: VectorMath, program: Program, source: Any, target: Any, o
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
-    """All blocks one after the other; the last ends with the last sample and may repeat some of those before."""
+    """Loop over all blocks; the last ends with the last sample and may repeat earlier ones."""
     i64 = block.ftype.return_type
     function = ir.Function(module, block.ftype, ENTRY)
     *tables, count = function.args
@@ -133,7 +133,7 @@ def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
 
 
 def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
-    """Object code of a program for this CPU, whose numbers are of a type.
+    """Compile a program for this CPU in a number type.
 
     The program is simplified already: LLVM's own passes would double the time and gain nothing.
     """
@@ -142,7 +142,7 @@ def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
 
 
 def machine() -> Any:
-    """The target machine: this CPU."""
+    """Target machine for this CPU."""
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()
@@ -150,10 +150,10 @@ def machine() -> Any:
 
 
 class Native:
-    """Machine code with its entry. Any number of threads may run it at once."""
+    """Machine code with its entry; any number of threads may run it at once."""
 
     def __init__(self, program: Program, code: bytes, dtype: np.dtype[Any] = FLOAT) -> None:
-        """Loads object code, whose numbers are of a type.
+        """Load object code of a number type.
 
         Raises:
             RuntimeError: The code is damaged.
@@ -173,7 +173,7 @@ class Native:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """A function that runs all samples of some arrays, and returns whether none of them is in doubt.
+        """Return a function that runs all samples of some arrays, and returns False if any is in doubt.
 
         Args:
             inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
@@ -194,7 +194,7 @@ class Native:
         return run
 
     def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
-        """Fewer samples than a register holds: the last one fills it."""
+        """Pad samples that do not fill a register by repeating the last."""
         given, results = (
             [np.empty((len(block), self.width), self.dtype) for block in blocks] for blocks in (inputs, outputs)
         )
@@ -211,10 +211,10 @@ class Native:
         return run
 
     def again(self) -> Native:
-        """A runner that may run at the same time: itself."""
+        """Return a runner that may run at the same time: itself."""
         return self
 
 
 def rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
-    """Addresses at which each row begins."""
+    """Addresses of the first number of each row."""
     return np.concatenate([block.ctypes.data + block.strides[0] * np.arange(len(block)) for block in blocks])

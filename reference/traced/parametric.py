@@ -1,4 +1,4 @@
-"""Programs of inverse dynamics in which numbers of the mechanism, and of what acts on it, are inputs.
+"""Programs of inverse dynamics with numbers of the mechanism and its applied forces as inputs.
 
 Loops close by steps of Newton's method from a prediction, whatever the mechanism has in closed form, and no coordinate
 is taken to be at rest where placements change. Derivatives are taken through the nodes of a trace at a closed pose;
@@ -39,7 +39,7 @@ MOST = 1_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedSamples:
-    """Closed poses of the nominal machine in motion.
+    """Closed poses and motion of the nominal machine.
 
     Attributes:
         y, yd, ydd: Independent coordinates and derivatives. Shape (n, k).
@@ -56,7 +56,7 @@ class ClosedSamples:
 
 
 class Symbols:
-    """A trace of the equations at poses near those of the nominal machine, whose numbers are inputs.
+    """A trace of the equations at poses near the nominal ones, with numbers of the machine as inputs.
 
     Inputs are y, yd, ydd, time, the dependent coordinates that Newton's method starts from, angles of joints that close
     loops, which say what of several equal angles is meant, and the numbers.
@@ -77,7 +77,7 @@ class Symbols:
         steps: int,
         axial: bool = False,
     ) -> None:
-        """Traces the equations.
+        """Trace the equations.
 
         Args:
             loops: Of the nominal machine.
@@ -119,11 +119,11 @@ class Symbols:
 
     @property
     def reached(self) -> list[Scalar]:
-        """The dependent coordinates after all steps."""
+        """Dependent coordinates after all steps."""
         return [self.at.q[c] for c in self.predicted]
 
     def checks(self) -> list[Scalar]:
-        """See `CHECKS`."""
+        """Checks of the steps, see `CHECKS`."""
         if not self.predicted:
             return [0.0] * len(CHECKS)
         loops, residual = self.loops, self.at.residual(self.y)
@@ -138,7 +138,7 @@ class Symbols:
 
 
 def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
-    """The same loops of a mechanism with other numbers, lengths and units being those of the nominal one."""
+    """Loops of a mechanism with other numbers, in the lengths and units of the nominal one."""
     joints, lay = {joint.name: joint for joint in mechanism.joints}, loops.lay
     edges = tuple(Edge(joints[edge.joint.name], edge.near) for edge in lay.edges)
     other = Layout(mechanism, edges, tuple(joints[joint.name] for joint in lay.cuts))
@@ -150,7 +150,7 @@ def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sparse:
-    """A matrix of which most entries are zero, as a program of the others.
+    """A mostly zero matrix; a program computes the other entries.
 
     Attributes:
         places: Row and column of each output.
@@ -162,7 +162,7 @@ class Sparse:
     shape: tuple[int, int]
 
     def filled(self, entries: Array) -> Array:
-        """The matrix at samples, from outputs of shape (len(places), n). Shape (n, *shape)."""
+        """Assemble the matrix at samples from outputs of shape (len(places), n). Shape (n, *shape)."""
         out = np.zeros((entries.shape[1], *self.shape))
         for (i, k), values in zip(self.places, entries, strict=True):
             out[:, i, k] = values
@@ -170,7 +170,7 @@ class Sparse:
 
 
 def residual_slopes(symbols: Symbols) -> Sparse:
-    """Derivative of the rows of the loops by the numbers, at a closed pose (`Symbols` with no steps)."""
+    """Derivative of the loops' rows by the numbers, at a closed pose (`Symbols` with no steps)."""
     residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
     places, entries = list[tuple[int, int]](), list[Scalar]()
     for i, row in enumerate(residual):
@@ -182,7 +182,7 @@ def residual_slopes(symbols: Symbols) -> Sparse:
 
 
 def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:
-    """Derivative of a weighted sum of quantities by the numbers, loops closing anew.
+    """Derivative of a weighted sum of quantities by the numbers, with loops closing anew.
 
     By the implicit function theorem: ``dr/dq dq/dp = -dr/dp``, so that the sum's slope by q is pulled back once
     through the transposed equations of the loops, by the factors at hand.

@@ -1,4 +1,4 @@
-"""Straight-line programs: the instructions that outputs of a trace need, in order, and their evaluation with NumPy.
+"""Straight-line programs: the ordered instructions that some outputs of a trace need, run with NumPy.
 
 Samples are evaluated in batches, in buffers that are used again. Machine code of the same programs is in `native`.
 """
@@ -20,7 +20,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import OPERATIONS, Node, Scalar
 
 Operand = int | float
-"""Number of a value, inputs first and then one an instruction, or a constant."""
+"""Number of a value, counting inputs, then instructions; or a constant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Program:
     checks: int = 0
 
     def formulas(self, shown: Callable[[Operand], str]) -> Iterator[tuple[int, str]]:
-        """Each value and its formula, which C and Python read alike. `shown`: how an operand is written."""
+        """Yield each value and its formula, valid in C and Python; `shown` writes an operand."""
         signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
         for i, (op, args) in enumerate(self.code, self.inputs):
             first, *rest = map(shown, args)
@@ -50,7 +50,7 @@ class Program:
                 yield i, f"-{first}" if op == "neg" else f"{op}({', '.join([first, *rest])})"
 
     def as_c(self, name: str = "sample") -> str:
-        """The program as C, for reading."""
+        """Write the program as C for reading."""
 
         def shown(x: Operand) -> str:
             if isinstance(x, float):
@@ -64,7 +64,7 @@ class Program:
 
 
 def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
-    """Instructions that these outputs need; operands come shortly before they are used.
+    """Collect the instructions that outputs need; operands come shortly before their use.
 
     Args:
         first: What is computed before all others, in this order.
@@ -91,7 +91,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
 
 
 def only(program: Program, outputs: Sequence[int]) -> Program:
-    """A program of some of the outputs, without what does not count for these; its checks are the last."""
+    """Reduce a program to some outputs; its checks come last."""
     kept = [program.outputs[i] for i in outputs]
     needed = {x for x in kept if isinstance(x, int)}
     for value in range(program.inputs + len(program.code) - 1, program.inputs - 1, -1):
@@ -114,7 +114,7 @@ KEPT = 1 << 26
 
 
 def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
-    """An array of shape (n, m) in which the numbers of one column lie side by side.
+    """Allocate an array of shape (n, m) with contiguous columns.
 
     Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
     """
@@ -125,7 +125,7 @@ def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
 
 
 class Block:
-    """Memory of one answer.
+    """Memory of one result.
 
     Attributes:
         array: As its owner sees it, see `columns`.
@@ -139,7 +139,7 @@ class Block:
         self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
-        """Lends the numbers of the block to someone else. Shape (n, m).
+        """Lend the block's numbers to a caller. Shape (n, m).
 
         Args:
             back: Called when no array on them is left. All views refer to one array, on which they end as NumPy cannot
@@ -154,7 +154,7 @@ class Block:
 
 
 class Pool:
-    """Blocks of one shape that come back when the last array on them is gone.
+    """Memory blocks of one shape; each returns when its last array is gone.
 
     Memory that is new to the process costs more than the numbers written to it, as the operating system has to clear
     every page. No block is lent twice at a time: arrays, and whatever they export, refer to the one that was lent, and
@@ -166,14 +166,14 @@ class Pool:
         self._lock = RLock()  # a block may come back while one is taken
 
     def take(self, n: int, m: int) -> Block:
-        """A block of n rows and m columns that nobody else has."""
+        """Take a free block of n rows and m columns."""
         with self._lock:
             if (n, m) != self.shape:
                 self.shape, self.free = (n, m), []
             return self.free.pop() if self.free else Block(n, m)
 
     def lend(self, block: Block) -> Array:
-        """A block's numbers for someone else; it comes back when they are done with it. Shape (n, m)."""
+        """Lend a block's numbers to a caller; it returns when they are released. Shape (n, m)."""
         return block.lend(self._take_back)
 
     def _take_back(self, block: Block) -> None:
@@ -205,7 +205,7 @@ def is_clear(outputs: Sequence[Array], weights: Array) -> bool:
 
 
 class Lanes:
-    """A program with its buffers. Threads that run it wait for each other.
+    """A program with its buffers; threads that run it wait for each other.
 
     Attributes:
         code: Functions, and what picks their operands, the result last, from all rows: inputs, outputs, buffers and
@@ -221,7 +221,7 @@ class Lanes:
         self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
-        """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""
+        """Assign each value a free row, last used first because it is still cached. Returns the buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
         at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
@@ -253,7 +253,7 @@ class Lanes:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Binds as `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        """Bind as `screwgauge.reference.traced.native.Native.bind`; the numbers of a row may lie apart."""
         codes, constants = [], [np.array(x, self.dtype) for x in self.constants]
         for start in range(0, inputs[0].shape[1], self.chunk):
             given, results = (
@@ -272,12 +272,12 @@ class Lanes:
         return run
 
     def again(self) -> Lanes:
-        """Lanes that may run at the same time."""
+        """Copy the lanes so that both may run at the same time."""
         return Lanes(self.program, self.chunk, self.dtype)
 
 
 class Narrow:
-    """A runner of float32, lanes or machine code, between arrays of float64: inputs are rounded, outputs widened."""
+    """A float32 runner between float64 arrays: it rounds inputs and widens outputs."""
 
     def __init__(self, inner: Any) -> None:
         self.program, self.inner = inner.program, inner
@@ -301,5 +301,5 @@ class Narrow:
         return run
 
     def again(self) -> Narrow:
-        """A runner that may run at the same time."""
+        """Copy the runner so that both may run at the same time."""
         return Narrow(self.inner.again())

@@ -45,7 +45,7 @@ MOST = 100_000
 
 
 class NotTraceableError(ScrewgaugeError):
-    """A mechanism or a question that no straight-line program is made of; the array solver answers it."""
+    """Raised for a mechanism or request that no straight-line program covers; the array solver handles it."""
 
 
 class Node:
@@ -63,7 +63,7 @@ class Node:
 
     @property
     def value(self) -> Array:
-        """Value of the node at the samples of the trace; it chooses pivots and nothing else. Shape (n,)."""
+        """Value of the node at the trace's samples, used only to choose pivots. Shape (n,)."""
         return self.trace.value(self.index)
 
     # an array on the other side works element by element, and comes back with one of its numbers
@@ -95,7 +95,7 @@ class Node:
 
 
 def apply(name: str, *x: Scalar) -> Scalar:
-    """A function by its name, see `FUNCTIONS`."""
+    """Apply a function by its name, see `FUNCTIONS`."""
     for value in x:
         if isinstance(value, Node):
             return value.trace.function(name, *x)
@@ -104,7 +104,7 @@ def apply(name: str, *x: Scalar) -> Scalar:
 
 
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-    """A number first, nodes as they were made; one at least is a node."""
+    """Order two operands: a number first, nodes by creation; at least one is a node."""
     return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
 
 
@@ -113,7 +113,7 @@ def _negated(x: Scalar) -> bool:
 
 
 class Trace:
-    """The graph of all that was computed from its inputs.
+    """The graph of all numbers computed from its inputs.
 
     Attributes:
         most: Operations that it records at the most, those that no output needs among them.
@@ -129,17 +129,17 @@ class Trace:
         self._known: dict[tuple[Any, ...], Node] = {}
 
     def input(self, value: Array) -> Node:
-        """A new input. `value`: at the samples that the trace is made at, shape (n,)."""
+        """Add an input; `value` has its numbers at the trace's samples, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
 
     @property
     def count(self) -> int:
-        """Samples that the trace is made at."""
+        """Number of samples of the trace."""
         return len(self.inputs[0])
 
     def value(self, index: int) -> Array:
-        """Value of a node; all before it are worked out, too."""
+        """Evaluate a node and all before it."""
         with np.errstate(all="ignore"):
             for node in self.nodes[len(self._values) : index + 1]:
                 operands = [self._values[x.index] if isinstance(x, Node) else x for x in node.args]
@@ -157,7 +157,7 @@ class Trace:
         return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
-        """Node that applies one of `FUNCTIONS`."""
+        """Return a function that applies an entry of `FUNCTIONS` to a node."""
         return self._make(name, *x)
 
     def neg(self, a: Scalar) -> Scalar:
@@ -222,7 +222,7 @@ SMALLEST = 1e-6
 
 
 class Factors:
-    """``A = L U`` with rows and columns in the order of the pivots; rows without pivot are left over.
+    """``A = L U`` in pivot order of rows and columns; rows without pivot remain.
 
     Attributes:
         pivots: (row, column) in the order of elimination.
@@ -238,7 +238,7 @@ class Factors:
         stages: Sequence[Collection[int]],
         smallest: float = SMALLEST,
     ) -> None:
-        """Eliminates the columns of one stage after the other.
+        """Eliminate the columns of one stage after the other.
 
         Args:
             unit, size: Of each row and of each unknown; entries over these have no dimension.
@@ -262,7 +262,7 @@ class Factors:
                 open_columns.remove(column)
 
     def _choose(self, columns: Collection[int]) -> tuple[int, int]:
-        """Markowitz' choice among the entries that are large in their column at every sample."""
+        """Choose a pivot by Markowitz among the entries that are large in their column at every sample."""
         active = [key for key in self.left if key[1] in columns]
         in_row, in_column = (Counter(key[k] for key in active) for k in (0, 1))
         rows: dict[int, list[int]] = {}
@@ -280,7 +280,7 @@ class Factors:
         return pivot or self._where_most(active)
 
     def _where_most(self, active: Sequence[tuple[int, int]]) -> tuple[int, int]:
-        """The entry that is large in its column at most of the samples; the trace is of no use at the others.
+        """Choose the entry that is large in its column at the most samples; the trace is invalid at the others.
 
         Raises:
             NotTraceableError: There is none, or the trace has to be of use at all samples.
@@ -299,14 +299,14 @@ class Factors:
         return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
-        """Row -> least share of the largest entry of a column, of those that are large at every sample."""
+        """Least share of its column's largest entry, by row, for entries that are large at every sample."""
         shares, large = self._shares(rows, column)
         if self.trace is not None and self.trace.kept is not None:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
         return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
 
     def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Shares of some entries in the largest of their column, and whether they are large. Shape (len(rows), n)."""
+        """Shares of some entries in their column's largest, and flags for large ones. Shape (len(rows), n)."""
         values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
         lead = np.ones(self.trace.count if self.trace else 1)
         scales = [self.size[column] / self.unit[row] for row in rows]
@@ -335,7 +335,7 @@ class Factors:
         self.inverse.append(inverse)
 
     def solve(self, b: Sequence[Scalar], count: int | None = None) -> dict[int, Scalar]:
-        """Column -> unknown of ``A x = b``, the columns of the first `count` pivots alone, others being zero."""
+        """Solve ``A x = b`` for the columns of the first `count` pivots, by column; other unknowns are zero."""
         b, x = list(b), dict[int, Scalar]()
         pivots = self.pivots[:count]
         for k, (row, _) in enumerate(pivots):
@@ -347,7 +347,7 @@ class Factors:
         return x
 
     def solve_transposed(self, tau: Mapping[int, Scalar], free: Mapping[int, Scalar] | None = None) -> list[Scalar]:
-        """Unknown of each row of ``A^T x = tau``, those of spare rows being given, zero by default."""
+        """Solve ``A^T x = tau`` for the unknown of each row; those of spare rows are given, zero by default."""
         open_tau, z = dict(tau), list[Scalar]()
         for k, (_, column) in enumerate(self.pivots):
             z.append(open_tau[column] * self.inverse[k])

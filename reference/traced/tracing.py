@@ -40,12 +40,12 @@ CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force
 #: Quantities that rest on the rates of the actuators.
 DRIVEN = {"actuator_force", "axis_moment", "reaction", "jacobian"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
-"""Quantities and checks of a trace -> other outputs."""
+"""Further outputs from the quantities and checks of a trace."""
 
 
 @dataclass(frozen=True, slots=True)
 class Traced:
-    """A program and what its numbers mean.
+    """A program and the meaning of its numbers.
 
     Attributes:
         arcs: One program, or several that differ in their pivots only, where none are large over the whole motion; of
@@ -65,7 +65,7 @@ class Traced:
 
     @property
     def program(self) -> Program:
-        """The first program."""
+        """First program of the chain."""
         return self.arcs[0][0]
 
 
@@ -100,7 +100,7 @@ def traced(
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
-    """Traces inverse dynamics, once more for samples at which no pivot chosen so far is large.
+    """Trace inverse dynamics, and again for samples at which no chosen pivots are large.
 
     Args:
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
@@ -129,7 +129,7 @@ def _traced(
     further: Further,
     folds: Sequence[float],
 ) -> tuple[Traced, NDArray[np.bool_]]:
-    """Traces inverse dynamics with one choice of pivots; at which samples these are large. Shape (n,)."""
+    """Trace inverse dynamics with one choice of pivots; also flag the samples where these are large. Shape (n,)."""
     trace = Trace()
     trace.kept = np.ones(len(samples[0]), dtype=bool)
     y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])
@@ -161,7 +161,7 @@ def _traced(
 
 
 def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], float]:
-    """Samples at which pivots make little more of rounding than the best of all orders, and their largest gain.
+    """Flag samples whose pivots amplify rounding little more than the best order, and return their largest gain.
 
     Args:
         q: All joint coordinates. Shape (n, n_q).
@@ -177,19 +177,19 @@ def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]
 
 
 def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
-    """Angles of cut joints that springs act on."""
+    """Angles of cut joints with springs."""
     sprung = tuple(x.coordinate for x in applied.springs if isinstance(x, JointSpring))
     columns = loops.lay.mechanism.columns(sprung)
     return [c for c in dict.fromkeys(columns) if c in loops.owner and loops.lay.turns[c]]
 
 
 def dependent(loops: Loops) -> list[int]:
-    """Coordinates of the tree that follow from those given."""
+    """Tree coordinates that depend on the given ones."""
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
 
 
 def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
-    """Coordinates after some steps of Newton's method."""
+    """Coordinates after steps of Newton's method."""
     q = loops.lay.mechanism.home.astype(object)
     for c, value in (*guess.items(), *zip(loops.y_columns, y, strict=True)):
         q[c] = value
@@ -199,7 +199,7 @@ def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[fl
 
 
 def _given(trace: Trace, load: Load, n: int) -> Load:
-    """A load whose force and torque are inputs."""
+    """Turn a load's force and torque into inputs."""
     force, torque = (
         np.array([trace.input(np.full(n, x)) for x in np.ravel(vector)], dtype=object)
         for vector in (load.force, load.torque)
@@ -208,7 +208,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 
 def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
-    """Quantity -> its numbers, in the order of its components."""
+    """Components of each quantity, in order."""
     outputs = {}
     for name in wanted.quantities:
         if name in QUANTITIES:
@@ -221,7 +221,7 @@ def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
 def _checks(
     at: Response, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
 ) -> dict[str, list[Any]]:
-    """Per-sample diagnostics, see `CHECKS`."""
+    """Diagnostics of each sample, see `CHECKS`."""
     loops, by = at.loops, extent(at.loops.lay)
     driven, reacted = DRIVEN & outputs.keys(), "reaction" in outputs
     charted = CHARTED & outputs.keys()
@@ -254,7 +254,7 @@ BEND, SLACK = 0.3, 1e-9
 
 
 def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, list[int]]:
-    """Traces forward dynamics.
+    """Trace forward dynamics.
 
     Args:
         applied: What acts.
@@ -298,12 +298,12 @@ PLACES = ((1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 
 
 def _mean(at: Closed, y: Array) -> Any:
-    """Square of the mean closure residual."""
+    """Squared mean closure residual."""
     return squares(at.residual(y), at.loops.unit) * (1.0 / max(1, at.loops.given.start))
 
 
 def _corrected(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
-    """Coordinates after steps of Newton's method, and the square of the last one.
+    """Coordinates after steps of Newton's method, and the square of the last step.
 
     Where only rounding is left a step would move the pose by that, magnified: it fades out there.
     """
@@ -317,7 +317,7 @@ def _corrected(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Co
 
 
 def _condition(at: Closed) -> Any:
-    """Square of an estimate of the condition number of the closed loops."""
+    """Squared estimate of the condition number of the closed loops."""
     loops = at.loops
     if not at.cuts and not len(loops.couplings):
         return 1.0

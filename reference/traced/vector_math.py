@@ -37,12 +37,12 @@ def _arc_coefficients(count: int = 11) -> list[float]:
 
 
 def number_of(ir: Any, dtype: np.dtype[Any]) -> Any:
-    """The type that LLVM has for numbers."""
+    """LLVM's type of a number."""
     return ir.DoubleType() if dtype == FLOAT else ir.FloatType()
 
 
 def _half_pi(dtype: np.dtype[Any]) -> tuple[float, float, float]:
-    """pi/2 as a sum of numbers of a type."""
+    """pi/2 as a sum of numbers of a type, from large to small."""
     if dtype == FLOAT:
         return HALF_PI
     first = float(np.float32(HALF_PI[0]))
@@ -76,7 +76,7 @@ class VectorMath:
         return self.ir.Constant(self.vector, [x] * self.width)
 
     def spread(self, x: Any) -> Any:
-        """A number in all places."""
+        """Broadcast a number to all places."""
         one = self.b.insert_element(self.ir.Constant(self.vector, self.ir.Undefined), x, self.ir.IntType(32)(0))
         places = self.ir.Constant(self.ir.VectorType(self.ir.IntType(32), self.width), [0] * self.width)
         return self.b.shuffle_vector(one, one, places)
@@ -88,14 +88,14 @@ class VectorMath:
         return self.b.call(known, x)
 
     def fetch(self, place: Any) -> None:
-        """Asks for the line of the cache at a place, to be written to soon."""
+        """Prefetch the cache line of a place for writing."""
         byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
         kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
         prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
         self.b.call(prefetch, [self.b.bitcast(place, byte), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
-        """One instruction of a program. Products may be fused with sums; nothing is reordered."""
+        """Emit one instruction of a program; products may fuse with sums, without reordering."""
         flags = ["contract"]
         if op in ("add", "sub", "mul", "div"):
             return getattr(self.b, f"f{op}")(*x, flags=flags)
@@ -116,7 +116,7 @@ class VectorMath:
         return self.pairs[x[0]][op == "cos"]
 
     def called(self, name: str, x: list[Any], emit: Any) -> Any:
-        """A call of a function of this module, which is written when it is first called."""
+        """Call a function of this module, emitted on first use."""
         if name not in self.functions:
             ir, outer = self.ir, self.b
             result = ir.LiteralStructType([self.vector] * 2) if name == "sincos" else self.vector
@@ -138,7 +138,7 @@ class VectorMath:
         return self.intrinsic("fma", a, b, c)
 
     def polynomial(self, coefficients: list[float], x: Any) -> Any:
-        """Horner's scheme."""
+        """Evaluate a polynomial by Horner's scheme."""
         total = self.constant(coefficients[-1])
         for c in reversed(coefficients[:-1]):
             total = self.fma(total, x, self.constant(c))
