@@ -15,7 +15,6 @@ from support.command import LIMITS, main, named_file, read_file
 from support.errors import DescriptionError, ModelFileError
 from support.mechanism import ROD, load_mechanism
 from support.models import read_loops
-from support.scene import check_home
 
 BOM = b"\xef\xbb\xbf"
 SCENE = 'mechanism = "rod.toml"\nmotion = { csv = "motion.csv" }\n'
@@ -204,42 +203,11 @@ def test_a_model_file_is_read_as_all_others(
     assert re.search("is not UTF-8 text|the encoding 'UTF-7'|links, more than 2000|does not exist", said)
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "what"),
-    [
-        ('bodies = ["leg1.lower"', 'bodies = ["leg1.lower", "leg1.lower"', "bodies: names 'leg1.lower' twice"),
-        ('tree = ["leg1.q1"', 'tree = ["leg1.q1", "leg1.q1"', "tree: names 'leg1.q1' twice"),
-        ('coordinates = ["s.q1"', 'coordinates = ["leg1.q1"', "joints: names 'leg1.q1' twice"),
-    ],
-)
-def test_a_loops_file_that_names_something_twice_is_refused(old, new, what, paper_models, write):
-    text = paper_models["3ups-upu-s.loops.toml"]
-    assert old in text
-    with pytest.raises(ModelFileError, match=what):
-        read_loops(write("own.loops.toml", text.replace(old, new, 1)))
-
-
 @pytest.mark.parametrize("key", ["bodies", "joints", "closures", "tree", "independent"])
 def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, paper_models, write):
     data = tomllib.loads(paper_models["3ups-upu-s.loops.toml"])
     with pytest.raises(ModelFileError, match=f"{key}: -1 is not a"):
         read_loops(write("own.loops.toml", document(data | {key: -1})))
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ('"leg2.base".parent_frame.position = ["0.8", 0.1, 0]', r"stays open by \S+ m at"),
-        ('"leg2.base".home = [0.1, 0]', r"stays open by \S+ rad and \S+ m at"),
-        ('"s".home = [0.1, 0, 0]', "stays open by"),
-    ],
-)
-def test_a_loop_that_stays_open_says_how_far_in_its_unit(change, said, write):
-    path = write("open.toml", f'extends = "3ups-upu-s"\nname = "open"\njoints.{change}\n')
-    with pytest.raises(ScrewgaugeError, match=said) as caught:
-        check_home(load_mechanism(path, closed=False))
-    assert "rad or m" not in str(caught.value)
-    assert re.search(r"by \S+ (rad|m)( and \S+ m)? at", str(caught.value))
 
 
 def test_limits_are_documented():

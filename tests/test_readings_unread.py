@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge import ScrewgaugeError
 from support.models import INERTIAL, MATTER, mjcf
 from support.readings import read
 
@@ -118,13 +117,6 @@ GEOM = '<geom type="sdf" mesh="m"><plugin instance="i"/></geom>'
 def test_plugins_of_collisions_are_left_out_by_name_though_mujoco_knows_none_of_that_name(tmp_path):
     (tmp_path / "m.xml").write_text(PLUGIN.format(name="soil.grains", geom=GEOM), encoding="utf-8")
     assert "plugin soil.grains" in read(tmp_path / "m.xml", "mujoco").ignored
-
-
-def test_lines_of_plugins_that_mujoco_refuses_are_named(tmp_path):
-    text = PLUGIN.format(name="soil.grains", geom='\n<plugin plugin="soil.grains"/>')
-    (tmp_path / "m.xml").write_text(text, encoding="utf-8")
-    with pytest.raises(ScrewgaugeError, match="line 1, 2, 4"):
-        read(tmp_path / "m.xml", "mujoco")
 
 
 def test_a_declaration_may_stand_below_an_empty_line(tmp_path):
