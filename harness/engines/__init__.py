@@ -1,1 +1,1 @@
-"""Everything that answers a problem: one folder or file for each engine, the only place that imports its library."""
+"""The engines: one folder or file each, the only place that imports its library."""

@@ -1,4 +1,4 @@
-"""Puts the parts of a trajectory, computed one after the other, together into a `Solution`."""
+"""Assembly of a `Solution` from successively computed parts of a trajectory."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def assemble(
     length: float,
     mass: float,
 ) -> Solution:
-    """Solves a trajectory part by part.
+    """Solve a trajectory part by part.
 
     Args:
         labels: Engine, version, setting.
@@ -57,7 +57,7 @@ def assemble(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """A motion in the joint coordinates of the description, at m states.
+    """Motion in the description's joint coordinates at m states.
 
     Attributes:
         q, v, a: In its order, unwrapped, with rates and accelerations [rad or m, per s, per s^2]. Shape (m, n_q).
@@ -72,7 +72,7 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulated:
-    """A motion as an engine integrated it, as far as it came: m of the n times of the grid were reached.
+    """An integrated motion, which reached m of the n times of the grid.
 
     Attributes:
         work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
@@ -88,7 +88,7 @@ class Simulated:
     reactions: tuple[tuple[str, ...], tuple[str, ...], Array] | None = None
 
     def solution(self, labels: tuple[str, str, str], joints: Sequence[Joint], task: InitialValue) -> Solution:
-        """The motion at the wanted times, NaN where it was not reached.
+        """Convert to a solution at the requested times, NaN beyond the end.
 
         Args:
             labels: Engine, version, setting.

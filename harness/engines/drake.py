@@ -1,4 +1,4 @@
-"""Drake on the URDF, for given motions: it says what its open tree does; loops are closed as of all such trees."""
+"""Drake on the URDF, for given motions: supplies its open tree's mechanics; the shared code closes the loops."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from screwgauge.plugins import Array
 
 
 def load(files: kit.ModelFiles) -> kit.TreeModel:
-    """Loads a URDF with its loops file."""
+    """Load a URDF with its loops file."""
     file = kit.loops_file(files)
     return kit.TreeModel(kit.close_tree(DrakeTree(files.model, file), file))
 
 
 class DrakeTree(kit.OpenTree):
-    """See `OpenTree`. Drake has [angular; linear], too, and bodies at their joints."""
+    """Drake's open tree, see `OpenTree`. Twists are [angular; linear] and bodies sit at their joints, as here."""
 
     engine, version = "drake", version("drake")
 
@@ -66,7 +66,7 @@ class DrakeTree(kit.OpenTree):
         self.under(None)
 
     def under(self, gravity: Array | None) -> None:
-        """Sets gravity."""
+        """Set gravity."""
         self.g = np.array(kit.GRAVITY if gravity is None else gravity)
         self.plant.mutable_gravity_field().set_gravity_vector(self.g)
 
@@ -76,7 +76,7 @@ class DrakeTree(kit.OpenTree):
             yield i
 
     def poses(self, q: Array) -> kit.BodyPoses:
-        """Poses, and screws by Drake's Jacobians at the world's origin."""
+        """Compute poses, and screws by Drake's Jacobians at the world's origin."""
         shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
         R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
         moves = np.zeros((shape[1], q.shape[1]))
@@ -91,7 +91,7 @@ class DrakeTree(kit.OpenTree):
         return kit.BodyPoses(R, p, screws, moves)
 
     def bias(self, at: kit.BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        """Accelerations of the bodies at constant velocities."""
+        """Compute body accelerations at constant velocities."""
         A = np.zeros_like(V)
         for i in self._at(q, v):
             moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, np.zeros_like(v[i]))
@@ -100,7 +100,7 @@ class DrakeTree(kit.OpenTree):
         return A
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        """Inverse dynamics of the open tree, with the armatures that a URDF does not say."""
+        """Inverse dynamics of the open tree, plus the armatures that a URDF cannot hold."""
         tau = np.empty_like(q)
         for i in self._at(q, v):
             weights = MultibodyForces(self.plant)
@@ -109,7 +109,7 @@ class DrakeTree(kit.OpenTree):
         return tau + self.rotors * a
 
     def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Newton and Euler from the tips inwards.
+        """Compute joint wrenches by Newton and Euler from the tips inwards.
 
         Drake's own reactions need its forward dynamics, which massless crosses of composite joints make singular.
         """

@@ -1,4 +1,4 @@
-"""How far an engine's numbers can be trusted: an estimate of the error of every quantity at every sample.
+"""Error estimates: the trustworthy accuracy of each quantity of an engine at each sample.
 
 Poses close to rounding, eps in each closing equation. That moves the unknowns by up to g eps, g being the norm of the
 inverse of the closing system, without dimension; the rates, which are solved with a matrix at that pose, by g^2 eps;
@@ -42,7 +42,7 @@ ACCELERATED = tuple(name for name, quantity in QUANTITIES.items() if quantity.ne
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """What the estimate of some samples rests on.
+    """Condition numbers and sizes from which the errors of some samples are estimated.
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
@@ -72,11 +72,11 @@ class Trust:
 
     @classmethod
     def unknown(cls, n: int) -> Trust:
-        """Error estimate of n samples of which nothing is known yet."""
+        """Build a `Trust` for n samples without any information."""
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
-        """Samples for which powers of the gain would say too much. `slack`: by how much these numbers may be larger."""
+        """Find samples whose errors powers of the gain would overestimate; `slack` scales these numbers."""
         worst = np.maximum(self.gain, self.charts) / CLEAR
         for condition in self.forces.values():
             worst = np.maximum(worst, condition / CLEAR_FORCES)
@@ -84,7 +84,7 @@ class Trust:
         return rows
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
-        """Error estimate that takes some samples from another solution."""
+        """Replace some samples by those of another solution."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))
@@ -106,23 +106,23 @@ class Trust:
         )
 
     def rush_of(self, quantity: str) -> Array | float:
-        """Size of what the accelerations of a quantity are the sum of."""
+        """Largest summand of the accelerations of a quantity."""
         return self.rushes.get(quantity, self.rush)
 
     def of(self, quantity: str) -> Array:
-        """Condition number of all that a quantity was solved from."""
+        """Condition number of the systems that a quantity was solved from."""
         condition = np.maximum(self.condition, self.forces.get(quantity, 0.0))
         return np.maximum(condition, self.charts) if quantity in OF_JOINTS else condition
 
 
 def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str, Array]:
-    """Condition numbers of quantities, the larger where both have one. Shape (n,) each."""
+    """Merge condition numbers of quantities by their maximum. Shape (n,) each."""
     return {**some, **{name: np.maximum(number, some.get(name, 1.0)) for name, number in others.items()}}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Some samples of a solution: quantity -> (n, m), and what is known of their errors.
+    """Some samples of a solution with their error data: quantity -> (n, m).
 
     Attributes:
         doubtful: Samples that were solved again.
@@ -136,7 +136,7 @@ class Part:
 
 
 def shakes(A: Array, k: int) -> list[Array]:
-    """How far rounding may have moved the unknowns: in the direction that suffers most, and in a general one.
+    """Perturbations of the unknowns by rounding: in the most sensitive direction and in a general one.
 
     Args:
         A: Closing system without dimension, its last k rows picking y, which is exact. Shape (n, m + k, n_unknown).
@@ -164,7 +164,7 @@ def examined(
     units: Units,
     length: float,
 ) -> Part:
-    """Completes a part of a solution: solves what is doubtful again, and refuses what is singular.
+    """Complete a part of a solution: solve doubtful samples again, and refuse singular ones.
 
     Args:
         A, k: As for `shakes`.
@@ -192,7 +192,7 @@ def examined(
 
 
 def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
-    """Samples to solve again on behalf of all at which a unit of a quantity is zero against its summands.
+    """Choose samples to solve again for all those at which a unit of a quantity vanishes beside its summands.
 
     What cancels is measured by its summands, which may be a million times the measure of the comparison; powers of the
     gain, which know nothing of what cancels, would then admit far too much. One sample stands for all that have smaller
@@ -217,7 +217,7 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
 def by_unit(
     name: str, array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
-    """Each unit of a quantity, with its columns, and the size of its numbers at each sample.
+    """Yield each unit of a quantity with its columns and the size of its numbers at each sample.
 
     First alone, then with their summands, then with those that are numbers of another unit, of which they are made.
     """
@@ -231,7 +231,7 @@ def by_unit(
 
 
 def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> Error:
-    """What rounding makes of a quantity.
+    """Estimate the rounding error of a quantity.
 
     What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
     tolerance of that summand, the quantity is zero within rounding, and the summand measures it.
@@ -295,12 +295,12 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zer
 
 
 def by_powers(name: str, trust: Trust) -> Scalar:
-    """Error of a well-conditioned sample over the size of what is summed up."""
+    """Error of a well-conditioned sample relative to its largest summand."""
     return (ROUNDED * linear.EPS + trust.open) * amplified(name, trust)
 
 
 def amplified(name: str, trust: Trust) -> Scalar:
-    """Factor by which rounding is amplified in a well-conditioned sample."""
+    """Amplification of rounding in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:
         g = apply("max", g, trust.charts)
@@ -311,7 +311,7 @@ def amplified(name: str, trust: Trust) -> Scalar:
 
 
 def summand(name: str, unit: str, trust: Trust) -> Scalar:
-    """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
+    """Size of a component's summands: in rad, N or lengths of the mechanism."""
     if unit in ("rad", "m") or unit in RATIOS:
         return 1.0
     if unit in INERTIA:

@@ -24,13 +24,14 @@ STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
 
 
 def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> ExudynModel:
-    """Loads a description; with `integrator`, a solver type of EXUDYN, it also integrates, at steps of dt [s]."""
+    """Load a description; given `integrator`, a solver type of EXUDYN, the model also integrates, at steps of dt
+    [s]."""
     return ExudynModel(kit.load_mechanism(files.model), str(files.model), integrator, dt)
 
 
 @dataclass(frozen=True)
 class ExudynModel:
-    """A description, of which each problem builds a system of EXUDYN's."""
+    """A description; each problem builds its own EXUDYN system from it."""
 
     mechanism: kit.Mechanism
     where: str
@@ -38,7 +39,7 @@ class ExudynModel:
     dt: float = 0.0
 
     def solve(self, problem: kit.Problem, progress: kit.Progress = kit.quiet) -> kit.Solution:
-        """Answers a given motion, or integrates."""
+        """Solve a given motion or a simulation."""
         takes = (kit.GivenMotion, kit.InitialValue) if self.integrator else (kit.GivenMotion,)
         if not isinstance(problem.task, takes):
             raise kit.ModelFileError("takes given motions only", self.where, "name another engine")
@@ -52,7 +53,7 @@ class ExudynModel:
 
 
 class System(kit.Stepped):
-    """A system of EXUDYN's, which is put into any state: x has position and Euler parameters of each body.
+    """An EXUDYN system that can be set to any state x: position and Euler parameters of each body.
 
     Attributes:
         home: x at home. Shape (n_x,).
@@ -94,13 +95,13 @@ class System(kit.Stepped):
         self.units, self.gap_units = np.tile([L, L, L, 1.0, 1.0, 1.0, 1.0], bodies), np.array([1.0] * bodies + lengths)
 
     def _mark(self, body: str, place: Array, R: Array | None = None) -> int:
-        """Adds a marker at a point of a body, by default in its axes."""
+        """Add a marker at a point of a body, aligned with the body by default."""
         frame = exu.HT(rotation=np.eye(3) if R is None else R, translation=place)
         number = self.numbers[self.mechanism.body_index[body]]
         return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
 
     def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
-        """Adds a joint between frames whose z is its last axis: number of the object, and what it locks."""
+        """Add a joint between frames with z along its last axis; return the object's number and the locked axes."""
         z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
         y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # y of the parent stays across z
         frame = np.stack([np.cross(y, z), y, z], axis=1)
@@ -108,7 +109,7 @@ class System(kit.Stepped):
         return int(self.mbs.AddObject(ObjectJointGeneric("", markers, locked))), locked
 
     def _put(self, x: Array, xd: Array | float = 0.0) -> None:
-        """Sets a state."""
+        """Set the state."""
         self.mbs.systemData.SetODE2Coordinates(x - self.home)
         self.mbs.systemData.SetODE2Coordinates_t(xd + 0.0 * x)
 
@@ -122,7 +123,7 @@ class System(kit.Stepped):
         return gaps[self.kept], np.array(self.solver.GetSystemJacobian())[n:, :n][self.kept]
 
     def place(self, x: Array) -> kit.Placement:
-        """What coordinates make of the mechanism, parameters of norm one: in others gaps are no functions of pose."""
+        """Map coordinates to poses and gaps; Euler parameters are normalised, since else gaps depend on their norm."""
         parts = x.reshape(len(x), -1, 7).copy()
         norms = np.linalg.norm(parts[..., 3:], axis=2)
         parts[..., 3:] /= norms[..., None]
@@ -131,7 +132,7 @@ class System(kit.Stepped):
         return kit.Placement(*kit.absolute_poses(parts), gaps, G)
 
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Second derivatives of the gaps, and accelerations of the bodies, at constant rates: E(e') e' vanishes."""
+        """Second derivatives of the gaps and body accelerations at constant rates, where E(e') e' vanishes."""
         out = np.empty((len(x), len(self.kept)))
         for i, (at, v) in enumerate(zip(x, xd, strict=True)):
             h = 0.2 / max(float(np.abs(v).max()), 1e-9)
@@ -139,7 +140,7 @@ class System(kit.Stepped):
         return out, np.zeros((len(x), len(self.numbers), 6))
 
     def dynamics(self, x: Array, xd: Array, applied: kit.Applied) -> tuple[Array, Array]:
-        """Mass matrix, and all that acts with velocity terms."""
+        """Mass matrix, and applied forces with velocity terms."""
         M, acting = np.empty((len(x), x.shape[1], x.shape[1])), np.empty_like(x)
         vectors = [np.broadcast_to(v, (len(x), 3)) for load in applied.loads for v in (load.force, load.torque)]
         for i, state in enumerate(zip(x, xd, strict=True)):
@@ -152,13 +153,13 @@ class System(kit.Stepped):
         return M, acting
 
     def begin(self, x: Array, xd: Array) -> None:
-        """Sets the state at the start, and the loads."""
+        """Set the initial state and the loads."""
         self.dynamics(x[None], xd[None], self.applied)
         self.mbs.systemData.SetODE2Coordinates(x - self.home, exu.ConfigurationType.Initial)
         self.mbs.systemData.SetODE2Coordinates_t(xd, exu.ConfigurationType.Initial)
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Makes steps by EXUDYN's own integrator."""
+        """Step by EXUDYN's own integrator."""
         how, kind = self.settings.timeIntegration, getattr(exu.DynamicSolverType, self.integrator)
         how.startTime, how.endTime, how.numberOfSteps = t, t + n * h, n
         try:

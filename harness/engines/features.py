@@ -1,4 +1,4 @@
-"""What mechanisms and scenes have that an engine may not know, and the sentence by which it is refused."""
+"""Features of mechanisms and scenes that an engine may lack, and the sentence that refuses them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TASKS = {
 
 
 def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
-    """Find the features that a mechanism has under what acts on it: feature -> what has it first."""
+    """Find the features of a mechanism and its applied forces: feature -> its first owner."""
     found: dict[str, str] = {}
     for joint in mechanism.joints:
         found.setdefault(joint.kind, f"joint {joint.name}")
@@ -50,7 +50,7 @@ def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
 
 
 def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
-    """Say what an engine refuses of a mechanism; empty if it takes all."""
+    """Name the features that an engine lacks; empty if it supports all."""
     for feature, whose in features(mechanism, applied).items():
         if why := engine.refuses.get(feature):
             return f"{engine.name} takes no {FEATURES[feature]}, which {whose} has or is: {why}"

@@ -1,4 +1,4 @@
-"""The engine `lagrange`: Lagrange's equations of all joint coordinates, a second opinion that shares no formulation.
+"""The engine `lagrange`: Lagrange's equations in all joint coordinates, an independent second formulation.
 
 They are made of positions of bodies alone, see `virtual_work`.
 """
@@ -22,7 +22,7 @@ MOST = 1_000_000
 REST = 1e-9
 
 Samples = tuple[kit.Array, kit.GivenMotion, kit.Applied]
-"""Joint coordinates of closed poses, shape (n, n_q), and motion and what acts there."""
+"""Joint coordinates of closed poses, shape (n, n_q), with motion and applied forces."""
 Answers = dict[str, kit.Array]
 """Quantity -> numbers at each sample."""
 
@@ -39,7 +39,7 @@ class Lagrange:
         self.mechanism, self.where, self.independent = mechanism, where, tuple(mechanism.independent)
 
     def solve(self, problem: kit.Problem, progress: kit.Progress = kit.quiet) -> kit.Solution:
-        """Answers a given motion.
+        """Solve a given motion.
 
         Raises:
             ScrewgaugeError: The problem is not that of the description, or its motion cannot be followed.
@@ -73,7 +73,7 @@ def times(A: kit.Array, x: kit.Array) -> kit.Array:
 
 
 class Motion:
-    """All quantities of some samples that follow those before.
+    """All quantities of samples that continue the previous ones.
 
     Attributes:
         q, v, a: All joint coordinates and their derivatives. Shape (n, n_q).
@@ -96,7 +96,7 @@ class Motion:
 
     @cached_property
     def ydd(self) -> kit.Array:
-        """Second derivatives of the independent coordinates; those that no actuator drives follow. Shape (n, k)."""
+        """Second derivatives of the independent coordinates; undriven ones follow from forces. Shape (n, k)."""
         ydd, idle = self.motion.ydd, [*self.motion.idle]
         if idle:
             given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
@@ -109,22 +109,22 @@ class Motion:
 
     @cached_property
     def moved(self) -> Mapping[str, kit.Array]:
-        """See `Equations.motion`."""
+        """Body motions, see `Equations.motion`."""
         return self.equations.motion(self.n, q=self.q, v=self.v, a=self.a)
 
     def matrices(self, name: str) -> kit.Array:
-        """Orientations of bodies or their time derivatives, ground first. Shape (n, n_body + 1, 3, 3)."""
+        """Orientations of bodies or their time derivatives, ground included. Shape (n, n_body + 1, 3, 3)."""
         ground = np.eye(3) * (name == "pose") + np.zeros((self.n, 1, 1, 1))
         return np.concatenate([ground, self.moved[name].reshape(self.n, -1, 12)[..., :9].reshape(self.n, -1, 3, 3)], 1)
 
     def spin(self, name: str) -> kit.Array:
-        """Angular velocities or accelerations of bodies, from derivatives of orientations. Shape (n, 3 n_body)."""
+        """Angular velocities or accelerations of bodies, from orientation derivatives. Shape (n, 3 n_body)."""
         products = self.matrices(name)[:, 1:] @ self.matrices("pose")[:, 1:].swapaxes(2, 3)
         return np.stack(axial(products), axis=-1).reshape(self.n, -1)
 
     @cached_property
     def state(self) -> dict[str, kit.Array]:
-        """Inputs of the equations: the motion, and what acts on bodies."""
+        """Inputs of the equations: motion and forces on bodies."""
         each = [*zip(self.equations.springs, self.moved["lengths"].T, self.moved["stretches"].T, strict=True)]
         if met := [spring for spring, length, _ in each if not length.all()]:
             raise met[0].no_direction()
@@ -136,7 +136,7 @@ class Motion:
 
     @cached_property
     def along(self) -> kit.Array:
-        """What acts along joint coordinates besides actuators, less what rotors take. Shape (n, n_q)."""
+        """Forces along joint coordinates besides actuators, minus rotor inertia. Shape (n, n_q)."""
         out, at = np.zeros_like(self.q), self.mechanism.coordinates.index
         for spring, c in ((x, at(x.coordinate)) for x in self.applied.springs if isinstance(x, kit.JointSpring)):
             out[:, c] -= spring.pull(self.q[:, c], self.v[:, c])
@@ -148,7 +148,7 @@ class Motion:
 
     @cached_property
     def resistance(self) -> kit.Array:
-        """What rotors, dampers and dry friction take along their coordinates, one by one. Shape (n, n_resistance)."""
+        """Force of each rotor, damper and dry friction along its coordinate. Shape (n, n_resistance)."""
         sign = np.where(np.abs(self.v) > REST, np.sign(self.v), 0.0)
         by = {"rotor": self.a, "damping": self.v, "friction": sign}
         each = [one.amount * by[one.what][:, one.column] for one in self.mechanism.resistances]
@@ -156,7 +156,7 @@ class Motion:
 
     @cached_property
     def needs(self) -> kit.Array:
-        """Forces along coordinates that actuators and loops make up. Shape (n, n_q)."""
+        """Forces along coordinates that actuators and loops must supply. Shape (n, n_q)."""
         return self.equations.balance(self.n, **self.state)["needs"] - self.along
 
     @cached_property
@@ -165,7 +165,7 @@ class Motion:
 
     @cached_property
     def actuator_force(self) -> kit.Array:
-        """Of the smallest norm, or by the rule of a joint's line."""
+        """Actuator forces of smallest norm, or by the rule of a joint's line."""
         given = [i for i in range(self.K.shape[2]) if i not in self.motion.idle]
         A = self.K[:, self.mechanism.actuated_columns][..., given].swapaxes(1, 2)
         b = self.generalized_force[:, given]
@@ -185,13 +185,13 @@ class Motion:
         return times(np.asarray(np.linalg.pinv(A, rcond=1e-13), dtype=float), b)
 
     def driven(self, f: kit.Array) -> kit.Array:
-        """Actuator forces along all coordinates. Shape (..., n_act) -> (n, n_q)."""
+        """Scatter actuator forces among all coordinates. Shape (..., n_act) -> (n, n_q)."""
         out = np.zeros_like(self.q)
         out[:, self.mechanism.actuated_columns] = f
         return out
 
     def multipliers(self, needs: kit.Array, f: kit.Array) -> kit.Array:
-        """Forces along the gaps that make up what actuators leave over, of the smallest norm. Shape (n, m)."""
+        """Forces along the gaps that balance the rest beside actuators, of smallest norm. Shape (n, m)."""
         return times(self.back.swapaxes(1, 2), needs - self.driven(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:
@@ -213,7 +213,7 @@ class Motion:
 
     @property
     def jacobian(self) -> kit.Array:
-        """From derivatives of poses by each independent coordinate."""
+        """The quantity `jacobian`, from derivatives of poses by each independent coordinate."""
         twists, R = np.zeros((self.n, len(self.mechanism.body_index), 6, self.K.shape[2])), self.matrices("pose")
         com = np.array([body.com for body in self.mechanism.bodies])
         for j, v in enumerate(np.moveaxis(self.K, 2, 0)):

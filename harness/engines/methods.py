@@ -1,4 +1,4 @@
-"""Integrators of scipy, how a step is retried whose accelerations proved unreliable, and where dry friction holds."""
+"""Integrators of scipy, retries of steps with unreliable accelerations, and detection of sticking friction."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ ENDLESS = 1e6
 
 
 class Pace:
-    """Distinguishes steps that have shrunk for good from those of a fast phase of the motion, at any size of either.
+    """Distinguishes permanently shrunken steps from a fast phase of the motion, at any scale.
 
     Next to some singular poses accelerations vary with rounding, or with what an engine regularises, over ways that no
     motion has: the error is within tolerance only in steps so short that they lead nowhere, and nothing ends them.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:
-        """Watches the steps of a method with a tolerance until the `end` of the motion [s]."""
+        """Watch the steps of a method with a tolerance until the `end` of the motion [s]."""
         self.end, self.window = end, int(PHASES * tolerance ** (-1.0 / ORDER[method]))
         self.times: deque[float] = deque(maxlen=self.window)
 
     def endless(self, t: float) -> bool:
-        """Takes the time that a step has reached [s]: whether steps as those before it would never reach the end."""
+        """Record the time [s] that a step has reached; return whether steps like the last ones never reach the end."""
         self.times.append(t)
         return len(self.times) == self.window and (t - self.times[0]) * ENDLESS < (self.end - t) * self.window
 
@@ -59,13 +59,13 @@ State = tuple[float, Array]
 
 
 def straight(before: State, after: State) -> Callable[[float], Array]:
-    """States of a step on the straight line between its ends."""
+    """Interpolate a step linearly between its ends."""
     (begin, first), (end, last) = before, after
     return lambda t: first + (t - begin) / (end - begin) * (last - first)
 
 
 class DryFriction:
-    """Sees where a joint comes to rest and its dry friction holds it: the law of rates says nothing of what follows.
+    """Detects joints that come to rest and stick, which the law of rates cannot describe.
 
     Friction holds where it stops the joint from either side of rest.
     """
@@ -73,7 +73,7 @@ class DryFriction:
     def __init__(
         self, joints: tuple[Joint, ...], rates: Callable[[Array, Sequence[str]], Array], slope: Callable[..., Array]
     ) -> None:
-        """Looks at the coordinates with dry friction.
+        """Watch the coordinates with dry friction.
 
         Args:
             rates: Of named coordinates in a state. Shape (m,).
@@ -83,7 +83,7 @@ class DryFriction:
         self._rates, self._slope = rates, slope
 
     def holds(self, before: State, after: State, between: Callable[[float], Array]) -> str:
-        """Why the motion cannot be followed over a step, empty where it can.
+        """Return why the motion cannot continue over a step; empty if it can.
 
         Args:
             between: State at a time of the step.
@@ -106,7 +106,7 @@ class DryFriction:
         return ""
 
     def _row(self, state: Array, c: int) -> Array:
-        """Derivative of the rate of a coordinate by the rates of a state; zero by all else. Shape (2 n + 1,)."""
+        """Derivative of a coordinate's rate by the rates in a state; zero by other entries. Shape (2 n + 1,)."""
         n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
             row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
@@ -119,7 +119,7 @@ class DryFriction:
 
 
 def check_method(name: str) -> type[OdeSolver]:
-    """The method of a name.
+    """Return the method of a name.
 
     Raises:
         UnknownNameError: There is none.
@@ -131,7 +131,7 @@ def check_method(name: str) -> type[OdeSolver]:
 def keep_passed(
     solver: OdeSolver, between: DenseOutput, times: Array, kept: Sized, keep: Callable[[float, Array], None]
 ) -> None:
-    """Keeps the motion at all wanted times, of which `kept` has the first ones, that the last step passed."""
+    """Store the motion at the wanted times that the last step passed; `kept` counts the stored ones."""
     while len(kept) < len(times) and times[len(kept)] <= solver.t:
         t = float(times[len(kept)])
         keep(t, solver.y if t == solver.t else between(t))

@@ -1,4 +1,4 @@
-"""Raw queries to a library on any model at given states, in the terms of its reading: no problem, no closure."""
+"""Raw queries to a library about any model, in terms of its reading, without problem and closure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from screwgauge.reference.rotations import Array, quaternion_rotation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointStates:
-    """Samples of one joint's motion, as a reading has them.
+    """Samples of one joint's motion in terms of the reading.
 
     Attributes:
         kind: One of `reading.FREEDOMS`.
@@ -34,7 +34,7 @@ class JointStates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answers:
-    """The library's answers, along the velocities of the reading.
+    """The library's answers along the reading's velocities.
 
     Attributes:
         covers: What `tau` contains besides inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
@@ -62,7 +62,7 @@ Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carried:
-    """Motion of the frame that the library's own ball or free joint carries.
+    """Motion of the frame carried by the library's own ball or free joint.
 
     Attributes:
         pose: In that frame at home. Shape (n, 4, 4).
@@ -74,7 +74,7 @@ class Carried:
 
 
 def carried(states: JointStates, frame: Array) -> Carried:
-    """Motion of a frame of the library's in place of the reading's.
+    """Convert the reading's motion to that of a frame of the library.
 
     Args:
         frame: Of the library's joint in the world at home. Shape (4, 4).

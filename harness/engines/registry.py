@@ -1,4 +1,4 @@
-"""The engines: everything about one in one entry. A further one is an `Engine` of the entry point group
+"""The registry of engines, one entry each. Further ones are `Engine`s of the entry point group
 ``screwgauge.engines``."""
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ _WORDS: dict[type[Task], str] = {
 
 
 class EngineModel(Protocol):
-    """A loaded model file, to which any number of problems can be put.
+    """A loaded model file that solves any number of problems.
 
     It may have an attribute `independent`: labels of its independent coordinates, if they are to be in another order
     than that of the description, and `lacks`: quantities that it cannot give of this model -> why not.
     """
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answers a problem.
+        """Solve a problem.
 
         Raises:
             ScrewgaugeError: The problem does not fit the model, or cannot be solved.
@@ -48,7 +48,7 @@ class EngineModel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """An engine.
+    """Entry of an engine.
 
     Attributes:
         meaning: What it is, in a few words.
@@ -88,19 +88,19 @@ class Engine:
 
     @property
     def requirement(self) -> str:
-        """What pip has to install."""
+        """The requirement to install with pip."""
         return f"'screwgauge[{self.extra}]'" if self.extra else self.package
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there."""
+        """True if the engine's package is installed."""
         try:
             return bool(version(self.package))
         except PackageNotFoundError:
             return False
 
     def load(self, files: ModelFiles, **settings: Any) -> EngineModel:
-        """Loads a model file.
+        """Load a model file.
 
         Args:
             settings: The engine's own, see its folder.
@@ -121,11 +121,11 @@ class Engine:
 
     @property
     def methods(self) -> dict[str, str]:
-        """Name -> number type: the engine's own name stands for float64, ``mjx@float32`` for float32."""
+        """Map each name to its number type: the bare name means float64, ``mjx@float32`` float32."""
         return {self.name if each == FLOAT64.name else f"{self.name}{AS}{each}": each for each in self.precisions}
 
     def in_precision(self, name: str, where: str = "") -> Engine:
-        """The engine in the number type of a name, such as ``mjx@float32``; of given motions alone if not float64.
+        """Return the engine in the number type of a name like ``mjx@float32``; only given motions if not float64.
 
         Raises:
             DescriptionError: It does not compute in that type.
@@ -138,7 +138,7 @@ class Engine:
         return replace(self, name=name, precision=self.methods[name], tasks=self.tasks & {GivenMotion})
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
-        """Refuses names that are no parameters of what takes the settings."""
+        """Reject settings that their receiver has no parameters for."""
         parameters = signature(takes).parameters.values()
         if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
             return
@@ -156,7 +156,7 @@ _MUJOCO = (f"{_HERE}.mujoco.model:load", "mujoco", ".xml")
 
 
 def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) -> Engine:
-    """An engine with an open tree; `code`: its source, package and the ending of its files."""
+    """Build the entry of an open-tree engine; `code` has its source, package and file ending."""
     source, package, reads = code
     if cut == "minimal":
         return Engine(name, meaning, source, _ALL, package, reads, cut)
@@ -167,7 +167,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 
 def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
-    """A port of MuJoCo."""
+    """Build the entry of a port of MuJoCo."""
     source = f"{_HERE}.mujoco.ports:load_{name}"
     refuses = {"InitialValue": "forward, it has soft constraints alone", "States": "it is asked given motions only"}
     more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
@@ -175,7 +175,7 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 
 def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> Engine:
-    """An engine of given motions without an open tree; `why` it has none."""
+    """Build the entry of an engine of given motions without an open tree; `why` it has none."""
     lacks = dict.fromkeys(("tree_force", "tree_force_soft"), why)
     refuses = {"InitialValue": _GIVEN_ONLY, "States": why}
     return Engine(name, meaning, f"{_HERE}.{name}:load", _GIVEN, package, lacks=lacks, refuses=refuses, **more)
@@ -241,22 +241,22 @@ ENGINES: dict[str, Engine] = {
 
 @lru_cache(maxsize=1)
 def further_entries() -> Mapping[str, EntryPoint]:
-    """Entries of engines of other packages by name."""
+    """Map names to the entry points of other packages' engines."""
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}
 
 
 def engine_names() -> tuple[str, ...]:
-    """All names, those of other packages last. Nothing is loaded for them."""
+    """List all names, other packages' last, without loading any engine."""
     return (*ENGINES, *further_entries())
 
 
 def engines() -> dict[str, Engine]:
-    """All engines by name."""
+    """Map names to all engines."""
     return {name: _named(name) for name in engine_names()}
 
 
 def get_engine(name: str, where: str = "") -> Engine:
-    """An engine by name, with a number type as in ``mjx@float32`` if that is not float64.
+    """Return an engine by name; ``mjx@float32`` also names a number type other than float64.
 
     One of another package that cannot be described gives the reason when it is loaded.
 
@@ -289,7 +289,7 @@ os._exit(0)
 
 @lru_cache
 def _described(entry: EntryPoint) -> Engine:
-    """The engine of another package, by a description that a process of its own prints.
+    """Return the engine of another package, from the description that a separate process prints.
 
     Whatever is none stands for an engine that is loaded, and fails, when it is used.
     """
@@ -309,7 +309,7 @@ def _described(entry: EntryPoint) -> Engine:
 
 
 def description(value: str) -> str:
-    """The description of an engine as JSON.
+    """Write the description of an engine as JSON.
 
     Args:
         value: ``module:object`` of its entry.
@@ -321,7 +321,7 @@ def description(value: str) -> str:
 
 
 def _checked(engine: object) -> Engine:
-    """An engine whose description has what it must have, and texts that can be shown.
+    """Return an engine with a complete, printable description; reject others.
 
     Raises:
         TypeError, ValueError: It has not.
@@ -351,7 +351,7 @@ def _checked(engine: object) -> Engine:
 def check_engines(
     names: Iterable[str], where: str = "", task: type[Task] | None = None, others: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """The names, once each, in the order given.
+    """Return the names in the given order without repetitions.
 
     Args:
         task: A kind of task that all of them have to take.

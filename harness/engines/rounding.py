@@ -1,4 +1,4 @@
-"""What a narrow number type may make of a given motion, whoever computes it: by type, conditioning and operations.
+"""Rounding error of a narrow number type in a given motion, for any engine: by type, conditioning and operations.
 
 Each operation rounds by half an eps at the most, and n of them, as often up as down, by about the root of n. Poses
 close to rounding; how far that moves all else is seen from poses that are moved by as much, as in `error_estimate`.
@@ -30,13 +30,13 @@ MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
-    """Number of operations behind the forces of a sample: along the joints, and to solve for all coordinates."""
+    """Number of operations per sample of forces: along the joints, and to solve for all coordinates."""
     n = len(mechanism.coordinates)
     return PER_COORDINATE * n + n**3 / 3
 
 
 def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) -> dict[str, Error]:
-    """Quantity -> what rounding may make of it; `Error.scaled` is over the largest summand, of positions over 1 or L.
+    """Rounding error of each quantity; `Error.scaled` is relative to the largest summand, of positions to 1 or L.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -50,7 +50,7 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
 
 
 def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
-    """Quantity -> unit -> what rounding may make of accelerations that depend on idle coordinates, whoever solves them.
+    """Rounding error of accelerations that depend on idle coordinates, for any solver: quantity -> unit -> error.
 
     A rod that spins freely weighs on its bearings a thousand times what turns it: what cancels is large, and so is its
     rounding, whatever else of the motion is.
@@ -74,7 +74,7 @@ Sizes = tuple[Array, Mapping[str, tuple[Array, Array]]]
 
 
 def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]:
-    """Errors of some samples, by quantity."""
+    """Errors of some samples by quantity."""
     closed = work.close(motion, work.predict(motion))
     with np.errstate(all="ignore"):  # next to a singular pose nothing is known
         values, trust, A = work.beyond(closed, motion)

@@ -1,4 +1,4 @@
-"""Lagrange's equations of all joint coordinates, of positions of bodies alone: the programs of the engine `lagrange`.
+"""Lagrange's equations in all joint coordinates, from body positions only: programs of the engine `lagrange`.
 
 Time derivatives are taken by forward mode. One reverse sweep of the virtual work of inertia, weight, loads and
 multipliers gives the equations of the coordinates, and those of six virtual displacements at each joint of the tree,
@@ -20,7 +20,7 @@ Pose = tuple[Any, Any]
 
 
 def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
-    """Joints of an open tree in order, each with whether its parent is the inner body, and the joints left over.
+    """Joints of an open tree in order, each with a flag if its parent is the inner body, and the remaining joints.
 
     No body has fewer joints between itself and ground in another tree.
     """
@@ -35,22 +35,22 @@ def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], lis
 
 
 def skew(v: Any) -> Any:
-    """The matrix that multiplies as the cross product with a vector does. Shape (3, 3)."""
+    """Cross-product matrix of a vector. Shape (3, 3)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]], dtype=object)
 
 
 def axial(M: Any) -> list[Any]:
-    """Vector of the skew part of a matrix. (..., 3, 3) -> three numbers."""
+    """Vector of a matrix's skew part. (..., 3, 3) -> three numbers."""
     return [0.5 * (M[..., i, j] - M[..., j, i]) for i, j in ((2, 1), (0, 2), (1, 0))]
 
 
 def at(pose: Pose, p: Any) -> Any:
-    """Place in the world of a point of a body. Shape (3,)."""
+    """World point of a body-fixed point. Shape (3,)."""
     return pose[1] + pose[0] @ p
 
 
 class Equations:
-    """Programs of a mechanism under certain loads and springs.
+    """Programs of a mechanism under given loads and springs.
 
     Attributes:
         tree, cuts: See `outward`.
@@ -86,20 +86,20 @@ class Equations:
         return self._function(gaps=self.gaps, rates=self.rate(self.gaps))
 
     def closed(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
-        """Gaps, (n, m), and their derivatives, (n, m, n_q): rates for a unit rate of each coordinate, side by side."""
+        """Gaps, (n, m), and their derivatives, (n, m, n_q), by rates at unit rates of all coordinates."""
         n, m = q.shape
         found = self.closing(n * m, q=q.repeat(m, axis=0), v=np.tile(np.eye(m), (n, 1)))
         return found["gaps"][::m], found["rates"].reshape(n, m, len(self.gaps)).swapaxes(1, 2)
 
     @property
     def angular(self) -> list[bool]:
-        """Whether each gap is an angle."""
+        """Flags of the gaps that are angles."""
         coupled = [self.mechanism.units[column] == "rad" for column in self.mechanism.coupling_rows.columns]
         return [False, False, False, True, True, True] * len(self.cuts) + coupled
 
     @cached_property
     def motion(self) -> kit.Function:
-        """q, v, a -> of each body R and centre of mass with two time derivatives, and its origin.
+        """q, v, a -> R and centre of mass of each body with two time derivatives, and its origin.
 
         Also lengths of springs with their rates, and the second time derivative of gaps without accelerations.
         """
@@ -110,16 +110,16 @@ class Equations:
 
     @cached_property
     def balance(self) -> kit.Function:
-        """q, v, a, g, loads, pulls -> forces along q that the motion needs besides. Shape (n, n_q)."""
+        """q, v, a, g, loads, pulls -> remaining forces along q that the motion requires. Shape (n, n_q)."""
         return self._function("multipliers", "moved", needs=self._virtual_work[: len(self.q)])
 
     @cached_property
     def transmitted(self) -> kit.Function:
-        """The same and multipliers -> force and moment of each joint of the tree on its outer body. (n, 6 n_tree)."""
+        """The same inputs and multipliers -> force and moment of each tree joint on its outer body. (n, 6 n_tree)."""
         return self._function("moved", wrenches=self._virtual_work[len(self.q) :])
 
     def _function(self, *zero: str, **outputs: Sequence[Any]) -> kit.Function:
-        """A function in which some inputs are zero."""
+        """Build a function with some inputs set to zero."""
         numbers = dict.fromkeys([x for name in zero for x in self.inputs[name]], 0.0)
         return kit.Function(self.inputs, {name: kit.substitute(some, numbers) for name, some in outputs.items()})
 
@@ -129,7 +129,7 @@ class Equations:
         return kit.adjoints(self._works(), self.q + self.inputs["moved"])
 
     def _works(self) -> Iterator[tuple[Any, Any]]:
-        """Pairs of a number and a force along it: inertia less weight, loads, pulls of springs and multipliers."""
+        """Yield coordinates with forces along them: inertia minus weight, loads, pulls of springs, multipliers."""
         inputs = {name: np.array(some, dtype=object) for name, some in self.inputs.items()}
         pose = self._poses(self.inputs["moved"])
         changes = np.array(self.second, dtype=object).reshape(-1, 12)
@@ -152,7 +152,7 @@ class Equations:
         return kit.apply("sqrt", (b - a) @ (b - a))
 
     def _across(self, joint: kit.Joint) -> Pose:
-        """Pose of the joint's frame on the child in that on the parent."""
+        """Pose of the joint's child frame in its parent frame."""
         R, p = np.eye(3).astype(object), np.zeros(3).astype(object)
         for column, (turns, axis) in zip(self.mechanism.columns(joint.coordinates), joint.freedoms, strict=True):
             if turns:
@@ -163,7 +163,7 @@ class Equations:
         return R, p
 
     def _poses(self, moved: Sequence[Any]) -> dict[str, Pose]:
-        """Poses of all bodies after the virtual displacements."""
+        """Poses of all bodies after virtual displacements."""
         pose: dict[str, Pose] = {kit.GROUND: (np.eye(3).astype(object), np.zeros(3).astype(object))}
         for (joint, out), x in zip(self.tree, np.array(moved, dtype=object).reshape(-1, 6), strict=True):
             ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)

@@ -1,1 +1,1 @@
-"""Functions of common steps for engines of any formulation; `screwgauge.plugins` names and explains them."""
+"""Common steps for engines of any formulation; `screwgauge.plugins` names and explains them."""

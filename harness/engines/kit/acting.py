@@ -1,4 +1,4 @@
-"""What acts besides gravity and constraints: loads, springs, dampers, motors, rotors, damping and friction of joints.
+"""Applied forces besides gravity: loads, springs, dampers, motors, rotors, damping and friction of joints.
 
 `exert_along` and `exert_on_bodies` state it once, for many samples and for one state. `acting` makes wrenches on bodies
 and forces along joint coordinates of it; trees make theirs.
@@ -25,12 +25,12 @@ Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 """Joint coordinate -> its value and rate. Shape (...)."""
 
 LoadPoint = Callable[[Load], Array]
-"""Where a load acts, in its body [m]. Shape (3,)."""
+"""Point of its body at which a load acts [m]. Shape (3,)."""
 
 
 @dataclass(slots=True, eq=False)
 class ActingForces:
-    """What acts besides gravity.
+    """Applied forces besides gravity, collected.
 
     Attributes:
         wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
@@ -46,7 +46,7 @@ class ActingForces:
 def exert_along(
     out: ActingForces, applied: Applied, resist: Sequence[Resistance], t: Array | float, read: Coordinate
 ) -> None:
-    """Adds forces of motors, springs and dampers at joints, and of joints that resist.
+    """Add forces of motors, springs and dampers at joints, and of resisting joints.
 
     Args:
         t: Times [s]. Shape (...).
@@ -76,7 +76,7 @@ def exert_on_bodies(
     t: Array | float,
     body: BodyMotion,
 ) -> None:
-    """Adds forces of loads, and of springs and dampers between points of bodies.
+    """Add forces of loads, and of springs and dampers between points of bodies.
 
     Args:
         index: Body -> its number, ground being 0.
@@ -96,7 +96,7 @@ def exert_on_bodies(
 
 
 def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
-    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (...)."""
+    """Force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (...)."""
     if one.what == "friction":
         return one.amount * np.sign(rate) * (np.abs(rate) > REST)
     return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
@@ -105,7 +105,7 @@ def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Ar
 def _pull(
     spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
 ) -> Array:
-    """Adds the tension of a spring between two points; returns the rate of its length."""
+    """Add the tension of a point spring; return the rate of its length."""
     arms = [times(R, point) for _, R, _, _, point in ends]
     first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
     u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
@@ -125,7 +125,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
-    """Wrenches on bodies and forces along joint coordinates, besides gravity and rotors. Their works add up.
+    """Wrenches on bodies and forces along joint coordinates, besides gravity and rotors; their powers add up.
 
     Args:
         t: Times [s]. Shape (n,).
@@ -160,7 +160,7 @@ def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> 
 
 
 def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
-    """What rotors, damping and dry friction of joints take, one by one [N or N m].
+    """Force of each rotor, damper and dry friction along its coordinate [N or N m].
 
     Args:
         qd, qdd: Rates and accelerations of all joint coordinates. Shape (n, n_q).
@@ -173,7 +173,7 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
 
 
 def load_point(mechanism: Mechanism, load: Load) -> Array:
-    """Where a load acts, in its body [m]: by default the centre of mass, of the ground its origin. Shape (3,)."""
+    """Point of its body at which a load acts [m]: by default the centre of mass, for ground the origin. Shape (3,)."""
     if load.point is not None:
         return load.point
     i = mechanism.body_index[load.body]

@@ -1,4 +1,4 @@
-"""Answers: quantities of a closed motion, and values with the names and units of the description, part after part."""
+"""Answers: quantities of a closed motion, named and assembled part by part."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PART = 256
 
 @contextmanager
 def temporary(owner: Any, **values: Any) -> Iterator[None]:
-    """Context in which an object, such as the settings of a library, has other attributes."""
+    """Set attributes of an object, such as a library's settings, within the context."""
     before = {name: getattr(owner, name) for name in values}
     try:
         for name, value in values.items():
@@ -39,7 +39,7 @@ def temporary(owner: Any, **values: Any) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answered:
-    """What an engine found at some samples.
+    """An engine's values at some samples, with what its error estimate needs.
 
     Attributes:
         values: Quantity -> its components in the order of `names`; what is not wanted is left out later. Shape (n, m).
@@ -55,7 +55,7 @@ class Answered:
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
-    """Quantities of velocity, or of acceleration if that is given, as far as they are wanted."""
+    """Quantities of velocity, or of acceleration if `moved` is given, among the wanted ones."""
     n, V = len(closed.x), closed.V
     known: dict[str, Callable[[], Array]] = {
         "joint_velocity": lambda: closed.qd,
@@ -73,7 +73,7 @@ def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelera
 
 
 def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, along: Array) -> dict[str, Array]:
-    """Quantities of forces but for reactions.
+    """Quantities of forces, reactions excepted.
 
     Args:
         along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
@@ -90,7 +90,7 @@ def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
 
 
 def inertia(closed: ClosedMotion, M: Array) -> Array:
-    """The mass matrix in the independent coordinates, from that in an engine's, without rotors.
+    """Project an engine's mass matrix, without rotors, on the independent coordinates.
 
     Shape (n, n_x, n_x) -> (n, k, k).
     """
@@ -106,7 +106,7 @@ def answer(
     progress: Progress = quiet,
     clock: Clock | None = None,
 ) -> Solution:
-    """Solves a given motion part by part, and gives the wanted values with names and units.
+    """Solve a given motion part by part; return the wanted values with names and units.
 
     Args:
         labels: Engine, its version, and method and settings in words.
@@ -134,7 +134,7 @@ def answer(
 
 
 def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
-    """Some samples of a given motion, and what acts there.
+    """Select samples of a given motion and its applied forces.
 
     Raises:
         TypeError: The task is no given motion.
@@ -147,7 +147,7 @@ def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
 
 
 def at_samples(applied: Applied, rows: slice | Rows) -> Applied:
-    """What acts at some samples."""
+    """Select samples of the applied forces."""
 
     def some(vectors: Array) -> Array:
         return vectors[rows] if vectors.ndim == 2 else vectors

@@ -1,4 +1,4 @@
-"""Closed poses of a motion for engines whose unknowns are all joint coordinates, followed from home.
+"""Closed poses of a motion, followed from home, for engines whose unknowns are all joint coordinates.
 
 Poses are predicted along the tangent and closed by Newton's method; steps are halved until two neighbours are seen to
 lie on one branch. It shares nothing with the continuation of `screw` and of trees.
@@ -24,11 +24,12 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 
 Gaps = Callable[[Array], tuple[Array, Array]]
-"""Joint coordinates, (n, n_q), to how far loops and couplings are open, (n, m), and its derivative, (n, m, n_q)."""
+"""Joint coordinates (n, n_q) -> openings of loops and couplings, (n, m), and their derivative, (n, m, n_q)."""
 
 Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str, Array]]]
-"""Joint coordinates (n, n_q), motion and what acts to quantities, (n, m) each, and condition numbers (n,) of those that
-are solved from more than closed poses."""
+"""Joint coordinates (n, n_q), motion and applied forces -> quantities, (n, m) each, and condition numbers (n,) of those
+that are solved from more than closed poses.
+"""
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
 #: Steps of Newton's method; one after which rounding is left, and one that leads nowhere.
@@ -42,10 +43,10 @@ MANY, HALVINGS = 256, 17
 
 
 class Branch:
-    """The branch of closed poses that begins at home, as far as it has been followed."""
+    """The branch of closed poses from home to the last pose that was followed."""
 
     def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool], points: Sequence[Point] = ()) -> None:
-        """Begins at home.
+        """Start at home.
 
         Args:
             gaps: Loops and couplings; redundant ones may be among them.
@@ -60,7 +61,7 @@ class Branch:
         self._q, self._K, _ = self._newton(mechanism.home[None].copy(), self._y[None])
 
     def follow(self, motion: GivenMotion) -> Array:
-        """All joint coordinates [rad or m] at samples that go on from those before. Shape (n, n_q).
+        """Follow the branch along the next samples: all joint coordinates [rad or m]. Shape (n, n_q).
 
         Raises:
             ClosureError: The branch ends, or meets another one, on the way.
@@ -76,7 +77,7 @@ class Branch:
         return np.concatenate(parts)
 
     def system(self, q: Array, y: Array) -> tuple[Array, Array, Array]:
-        """The closing system at poses, rows of y last.
+        """Closing system at poses, rows of y last.
 
         Returns:
             What solves it for the coordinates, by least squares, (n, n_q, m + k); its condition number without
@@ -88,7 +89,7 @@ class Branch:
         return inverse * self._sizes[:, None] / self._units, condition, missed
 
     def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> Answered:
-        """What an engine finds at samples that go on from those before, with estimates of its errors.
+        """Solve the next samples, with error estimates.
 
         These follow from the condition of what was solved. Badly conditioned samples are solved again, their poses
         moved as rounding may have moved them.
@@ -111,7 +112,7 @@ class Branch:
         return Answered(part.values, q, condition, part)
 
     def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:
-        """The closing system without dimension, and gaps and how far y is missed."""
+        """Dimensionless closing system, and residuals of gaps and y."""
         with np.errstate(all="ignore"):
             gaps, G = self._gaps(q)
             A = np.concatenate([G, np.eye(q.shape[1])[self._columns] + np.zeros((len(q), 1, 1))], axis=1)
@@ -119,7 +120,7 @@ class Branch:
             return A * self._sizes / self._units[:, None], missed
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
-        """Moves to a pose, by shorter steps where it is far: along the motion between samples, if that is known."""
+        """Move to a pose, in shorter steps if it is far: along the motion between samples if that is known."""
         if len(self._linked(np.array([t]), y[None])):
             return
         if halvings == HALVINGS:
@@ -133,7 +134,7 @@ class Branch:
         self._go(motion, t, y, halvings + 1)
 
     def _linked(self, t: Array, y: Array) -> Array:
-        """Poses as far as they follow each other: steps are short, and along the tangents at both of their ends."""
+        """Follow poses while steps are short and agree with the tangents at both ends."""
         q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
         K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]
         step = np.diff(np.concatenate([self._q, q]), axis=0)
@@ -146,7 +147,7 @@ class Branch:
         return q[:count]
 
     def _newton(self, q: Array, y: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Closes poses by Newton's method, each until a step is small: it leaves the square of that.
+        """Close poses by Newton's method until a step is small, whose square is the remaining error.
 
         Returns:
             Coordinates, tangents, and whether they are regular and closed. Shapes (n, n_q), (n, n_q, k), (n,).

@@ -1,4 +1,4 @@
-"""Closed poses, velocities and accelerations of a given motion, for engines in coordinates of their own.
+"""Closed poses, velocities and accelerations of a given motion, for engines with coordinates of their own.
 
 An engine says where its coordinates put the bodies and how far constraints are open there. Joint coordinates that a
 motion gives, or that couplings join, become further unknowns: whole turns of them count, which no pose tells.
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """What coordinates x of an engine make of a mechanism.
+    """Poses and gaps of a mechanism at engine coordinates x.
 
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
@@ -42,7 +42,7 @@ class Placement:
 
 
 Place = Callable[[Array], Placement]
-"""Coordinates of an engine, shape (n, n_x), to what they make of the mechanism."""
+"""Coordinates of an engine, shape (n, n_x), -> poses and gaps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class Accelerated:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balanced:
-    """Forces that deliver what a motion needs.
+    """Forces that balance a motion.
 
     Attributes:
         generalized: Along the independent coordinates [N or N m]. Shape (n, k).
@@ -80,7 +80,7 @@ class Balanced:
 
 @dataclass(frozen=True, eq=False)
 class ClosedMotion:
-    """Samples of a given motion at which all loops are closed.
+    """Samples of a given motion with closed loops.
 
     Attributes:
         x: Coordinates of the engine. Shape (n, n_x).
@@ -119,7 +119,7 @@ class ClosedMotion:
 
     @property
     def A(self) -> Array:
-        """The closing system with dimensions, without rows of y. Shape (n, m + s + c, n_x + s)."""
+        """Closing system with dimensions, without rows of y. Shape (n, m + s + c, n_x + s)."""
         m = len(self.rows) - self.task.y.shape[1]
         return np.asarray(self.system[:, :m] * self.rows[:m, None] / self.units)
 
@@ -174,7 +174,7 @@ class ClosedMotion:
         return Accelerated(xdd, A, self.joints.accelerations(self.V, A))
 
     def balanced(self, need: Array, line: Array | None = None) -> Balanced:
-        """Forces of actuators and constraints that deliver forces along x.
+        """Solve for forces of actuators and constraints that supply given forces along x.
 
         Args:
             need: What actuators and constraints have to deliver: inertia less all that acts besides. Shape (n, n_x).
@@ -197,18 +197,18 @@ class ClosedMotion:
 
 
 def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
-    """The couplings of a mechanism as equations in some of its joint coordinates."""
+    """Bind a mechanism's couplings to some of its joint coordinates."""
     return bind(mechanism.couplings, [mechanism.coordinates[i] for i in columns])
 
 
 class Closing:
-    """Closes the loops of an engine by Newton's method along a motion, from the assembly of home on.
+    """Closes the loops of an engine by Newton's method along a motion that starts at home's assembly.
 
     Redundant constraints may be among the gaps.
     """
 
     def __init__(self, mechanism: Mechanism, place: Place, home: Array, units: Array, gap_units: Array) -> None:
-        """Begins at home.
+        """Start at home.
 
         Args:
             home: Coordinates of the engine at home, which close the loops there nearly. Shape (n_x,).
@@ -232,7 +232,7 @@ class Closing:
         self.path = Continuation(self._evaluate, start, angles, self.y_size)
 
     def _evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Residuals and their derivative, both without dimension."""
+        """Residuals and their derivative, both dimensionless."""
         x, s = self._split(z)
         at = self.place(x)
         read = read_joints(self.mechanism, at.R, at.p, self._known(s))
@@ -241,13 +241,13 @@ class Closing:
         return np.concatenate([open_by, away], axis=1) / self.rows, A * self.size / self.rows[:, None]
 
     def _known(self, s: Array) -> Array:
-        """Joint coordinates as far as they are unknowns, else NaN. Shape (n, n_s) -> (n, n_q)."""
+        """Scatter the unknown joint coordinates, NaN elsewhere. Shape (n, n_s) -> (n, n_q)."""
         near = np.full((len(s), len(self.mechanism.coordinates)), np.nan)
         near[:, self.tracked] = s
         return near
 
     def _system(self, at: Placement, read: JointReading, s: Array) -> tuple[Array, Array]:
-        """What is open, and the whole closing system, rows of y last."""
+        """Residuals and the whole closing system, rows of y last."""
         (n, m, n_x), k, c = at.G.shape, len(self.tracked), len(self.couplings)
         A = np.zeros((n, m + k + c + len(self.pick), n_x + k))
         A[:, :m, :n_x] = at.G
@@ -260,7 +260,7 @@ class Closing:
         return np.concatenate([at.gaps, tied, self.couplings.residuals(s)], axis=1), A
 
     def follow(self, task: GivenMotion) -> ClosedMotion:
-        """Closes the samples of a motion that goes on from those before.
+        """Close the next samples of a motion.
 
         Raises:
             ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
@@ -273,7 +273,7 @@ class Closing:
         return self._closed(task, x, at, joints, system)
 
     def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
-        """Some samples of a closed motion, their unknowns moved as rounding may have moved them.
+        """Perturb the unknowns at some samples by rounding.
 
         Args:
             some: Indices of the samples.
@@ -287,7 +287,7 @@ class Closing:
         return self._closed(closed.task.part(some), x, at, joints, system)
 
     def _split(self, z: Array) -> tuple[Array, Array]:
-        """Coordinates of the engine, and further unknowns."""
+        """Split the unknowns into engine coordinates and further ones."""
         x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
         return x, s
 

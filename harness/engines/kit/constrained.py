@@ -1,4 +1,4 @@
-"""Given motions of engines that state constraints in coordinates of their own, such as absolute ones of all bodies."""
+"""Given motions for engines that state constraints in their own coordinates, such as absolute ones of all bodies."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from screwgauge.solution import Clock, Solution
 
 
 class Constrained(Protocol):
-    """What an engine says of a mechanism in its coordinates x. Couplings, and what acts along joints, it need not know.
+    """An engine's statement of a mechanism in its coordinates x; couplings and forces along joints are handled here.
 
     Attributes:
         mechanism: Its description.
@@ -53,11 +53,11 @@ class Constrained(Protocol):
 
     @abstractmethod
     def place(self, x: Array) -> Placement:
-        """Poses of the bodies, what moves them, and gaps of the constraints. Shape (n, n_x)."""
+        """Poses of the bodies, their derivatives, and gaps of the constraints. Shape (n, n_x)."""
 
     @abstractmethod
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Second derivatives of the gaps, and accelerations of the bodies, at constant rates.
+        """Second derivatives of the gaps, and body accelerations, at constant rates.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -68,7 +68,7 @@ class Constrained(Protocol):
 
     @abstractmethod
     def dynamics(self, x: Array, xd: Array, applied: Applied) -> tuple[Array, Array]:
-        """Mass matrix, and gravity, loads, springs between points and velocity terms along x.
+        """Mass matrix, and gravity, loads, point springs and velocity terms along x.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -82,7 +82,7 @@ class Constrained(Protocol):
 def solve_constrained(
     labels: tuple[str, str, str], engine: Constrained, problem: Problem, progress: Progress = quiet
 ) -> Solution:
-    """Answers a given motion: all quantities but those of an open tree.
+    """Solve a given motion for all quantities except those of an open tree.
 
     Args:
         labels: Engine, its version, and method and settings in words.
@@ -99,7 +99,7 @@ def solve_constrained(
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """Solves the parts of a problem, as far as its quantities need it."""
+    """Solver of the parts of a problem, for its requested quantities only."""
 
     engine: Constrained
     problem: Problem
@@ -121,7 +121,7 @@ class _Parts:
         return Answered(part.values, closed.q, closed.condition, part)
 
     def _beyond(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:
-        """All that is wanted at closed poses, and what its errors rest on."""
+        """Compute the requested quantities at closed poses, with their error data."""
         wanted, depth, moved = self.problem.wanted, stages(self.problem.wanted), None
         values, sizes, conditions = {"joint_position": closed.q}, dict[str, Array](), dict[str, Array]()
         x_units, dynamics = self.engine.units, None
@@ -154,7 +154,7 @@ class _Parts:
     def _accelerated(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
     ) -> Accelerated:
-        """Second derivatives; of coordinates that no actuator drives, those that their forces make.
+        """Second derivatives; forces determine those of undriven coordinates.
 
         Args:
             dynamics: See `Constrained.dynamics`; needed where there are such coordinates.
@@ -175,11 +175,11 @@ class _Parts:
         return closed.accelerated(*bias, ydd)
 
     def _along(self, closed: ClosedMotion, along: Array) -> Array:
-        """Forces along joint coordinates as forces along x. Shape (n, n_q) -> (n, n_x)."""
+        """Transform forces along joint coordinates to x. Shape (n, n_q) -> (n, n_x)."""
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
     def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
-        """Rates per rate of each actuator, and the condition number of theirs."""
+        """Rates per rate of each actuator, with their condition number."""
         mechanism = self.engine.mechanism
         B = closed.J[:, mechanism.actuated_columns] @ closed.K
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points
@@ -188,7 +188,7 @@ class _Parts:
     def _forces(
         self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
     ) -> dict[str, Array]:
-        """Forces, and condition numbers of what they are solved from.
+        """Forces, with condition numbers of their systems.
 
         Args:
             need: What constraints, actuators, and what acts along joints deliver. Shape (n, n_x).

@@ -1,4 +1,4 @@
-"""Newton's and Euler's equations, for engines that only know how bodies move."""
+"""Newton-Euler equations for engines that only supply the motion of bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class Matter(NamedTuple):
-    """What the bodies are made of, ground left out.
+    """Mass properties of the bodies without ground.
 
     Attributes:
         masses: [kg]. Shape (n_body,).
@@ -27,12 +27,12 @@ class Matter(NamedTuple):
 
 
 def matter_of(mechanism: Mechanism) -> Matter:
-    """What the bodies of a description are made of."""
+    """Read the mass properties of a mechanism's bodies."""
     return Matter(mechanism.masses, mechanism.mass_centres, mechanism.inertias)
 
 
 def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) -> Array:
-    """What has to act on each body besides gravity.
+    """Wrench that each body requires besides gravity.
 
     Args:
         R: Orientations, ground first. Shape (n, n_body + 1, 3, 3).
@@ -54,7 +54,7 @@ def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) ->
 
 
 def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
-    """Wrench on each body of a tree from the body that carries it, so that all bodies have what they need.
+    """Sum required wrenches from the tips of a tree inwards.
 
     Args:
         parents: Number of the body that carries each, ground being 0 and itself left out. Length n_body.

@@ -1,4 +1,4 @@
-"""Poses of bodies from joint coordinates, and joint coordinates with their rates from poses and motions of bodies."""
+"""Conversion between joint coordinates with their rates and poses and motions of bodies."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def body_poses(mechanism: Mechanism, q: Array) -> tuple[Array, Array]:
 
 
 def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
-    """Poses of bodies in absolute coordinates, and what moves them.
+    """Poses of bodies in absolute coordinates, and their derivatives.
 
     Args:
         x: Position and unit quaternion (w, x, y, z), the Euler parameters, of each body. Shape (n, n_body, 7).
@@ -62,7 +62,7 @@ def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
 
 
 def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> JointPose:
-    """The frames of a joint on its parent and on its child at poses of the bodies, in the world."""
+    """World frames of a joint on its parent and child at given body poses."""
     sides = [(mechanism.body_index[body], frame) for body, frame in joint.sides]
     (before, after) = (placed(R[:, i], p[:, i], frame) for i, frame in sides)
     return JointPose(joint, *before, *after)
@@ -70,7 +70,7 @@ def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> Join
 
 @dataclass(frozen=True, eq=False)
 class JointReading:
-    """Joint coordinates as poses of the bodies have them, and how motions of bodies change them.
+    """Joint coordinates read from body poses, with their derivatives by body motion.
 
     Attributes:
         R, p: Poses of the bodies. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
@@ -84,7 +84,7 @@ class JointReading:
 
     @cached_property
     def _screws(self) -> list[tuple[slice, int, int, Array, Array]]:
-        """Of each joint: columns, parent, child, unit screws of its freedoms and the wrenches that read them, at O."""
+        """Per joint: columns, parent, child, unit screws of its freedoms and dual wrenches, at O."""
         found, index = list[tuple[slice, int, int, Array, Array]](), self.mechanism.body_index
         for joint, columns in _columns(self.mechanism):
             frames = joint_frames(self.mechanism, joint, self.R, self.p)
@@ -95,7 +95,7 @@ class JointReading:
 
     @cached_property
     def matrix(self) -> Array:
-        """Rates of the coordinates per twist of each body, angular, then of its origin. (n, n_q, n_body + 1, 6)."""
+        """Rates of the coordinates per body twist, angular, then of the origin. (n, n_q, n_body + 1, 6)."""
         out = np.zeros((*self.q.shape, self.p.shape[1], 6))
         for columns, parent, child, _, duals in self._screws:
             for body, sign in ((child, 1.0), (parent, -1.0)):
@@ -106,20 +106,20 @@ class JointReading:
 
     @cached_property
     def condition(self) -> Array:
-        """How much the rates of angles lose at the worst joint, 1 at best, see `angle_condition`. Shape (n,)."""
+        """Worst condition of a joint's angle rates, 1 at best, see `angle_condition`. Shape (n,)."""
         worst = np.ones(len(self.q))
         for joint, columns in _columns(self.mechanism):
             worst = np.maximum(worst, angle_condition(self.q[:, columns][:, np.array(KINDS[joint.kind])]))
         return worst
 
     def rates(self, V: Array) -> Array:
-        """Rates of the coordinates for twists of the bodies. Shape (n, n_body + 1, 6) -> (n, n_q)."""
+        """Rates of the coordinates at body twists. Shape (n, n_body + 1, 6) -> (n, n_q)."""
         at_origin = _at_origin(V, cross(self.p, V[..., :3]))
         parts = [powers(W, (at_origin[:, j] - at_origin[:, i])[:, None])[..., 0] for _, i, j, _, W in self._screws]
         return np.concatenate(parts, axis=1)
 
     def accelerations(self, V: Array, A: Array) -> Array:
-        """Second derivatives of the coordinates, for twists and accelerations of the bodies.
+        """Second derivatives of the coordinates at body twists and accelerations.
 
         Args:
             V, A: Angular, then of the origin of each body. Shape (n, n_body + 1, 6).
@@ -145,12 +145,12 @@ def _columns(mechanism: Mechanism) -> Iterator[tuple[Joint, slice]]:
 
 
 def _at_origin(V: Array, added: Array) -> Array:
-    """Twists whose linear part has something added. Shapes (n, b, 6), (n, b, 3)."""
+    """Add to the linear part of twists. Shapes (n, b, 6), (n, b, 3)."""
     return np.concatenate([V[..., :3], V[..., 3:] + added], axis=-1)
 
 
 def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = None) -> JointReading:
-    """Joint coordinates at poses of the bodies.
+    """Read joint coordinates from body poses.
 
     Args:
         R, p: Orientations and origins, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
@@ -167,7 +167,7 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
 
 
 def _nearest(angles: Array, near: Array) -> Array:
-    """Of all angles of the same rotation those nearest to others, where these are not NaN. Shape (n, m)."""
+    """Choose the equivalent angles nearest to others, where these are not NaN. Shape (n, m)."""
     known, goal = ~np.isnan(near), np.nan_to_num(near)
     one = np.where(known, nearest_turn(angles, goal), angles)
     if angles.shape[1] < 3 or not known.any():
@@ -178,7 +178,7 @@ def _nearest(angles: Array, near: Array) -> Array:
 
 
 def follow_joints(mechanism: Mechanism, R: Array, p: Array, near: Array, before: Array | None = None) -> JointReading:
-    """Joint coordinates along a motion, whole turns counted from sample to sample where they are not known.
+    """Read joint coordinates along a motion, counting unknown whole turns from sample to sample.
 
     Args:
         R, p: Poses of the bodies at samples that follow each other, see `read_joints`.
@@ -211,20 +211,20 @@ def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Arr
 
 
 def shifted(V: Array, A: Array, arms: Array) -> Array:
-    """Accelerations of points of bodies. V, A of others: (n, m, 6); arms to those wanted: (n, m, 3) -> (n, m, 3)."""
+    """Accelerations of displaced body points. V, A of the origins: (n, m, 6); arms: (n, m, 3) -> (n, m, 3)."""
     w = V[..., :3]
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
 def angle_condition(angles: Array) -> Array:
-    """How much the rates of angles about a joint's axes lose, 1 at best: at most two lose nothing. (n, m) -> (n,)."""
+    """Condition of angle rates about a joint's axes, 1 at best, as it is for up to two axes. (n, m) -> (n,)."""
     if angles.shape[1] < 3:
         return np.ones(len(angles))
     return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(angles[:, 1]) ** 2) / 3.0))
 
 
 def counted_turns(begin: Array, angles: Array, given: bool) -> Array:
-    """Angles at the samples of a given motion, without jumps of a turn. Shape (n, m).
+    """Unwrap angles along the samples of a given motion. Shape (n, m).
 
     Args:
         begin: As in `follow`.

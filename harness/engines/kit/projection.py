@@ -1,4 +1,4 @@
-"""Actuator forces from what a motion needs, by either rule of redundancy, and the motion of what nobody drives."""
+"""Actuator forces under either redundancy rule, and the motion of undriven coordinates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from screwgauge.reference.rotations import Array
 
 
 def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array]:
-    """The actuator forces of smallest norm with ``B^T f = Q``.
+    """Actuator forces of smallest norm with ``B^T f = Q``.
 
     Args:
         B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
@@ -27,7 +27,7 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
 
 
 def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Second derivatives x of coordinates that no actuator drives, so that the actuators deliver the rest.
+    """Second derivatives x of undriven coordinates, such that actuators can supply the remaining forces.
 
     ``N^T (Q + M x) = 0``: N, motions of y in which no actuator moves, leaves the forces of the actuators out.
 
@@ -53,12 +53,12 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
 
 
 def others(k: int, idle: Sequence[int]) -> list[int]:
-    """Numbers below k that are not among some."""
+    """Numbers below k that `idle` lacks."""
     return [i for i in range(k) if i not in idle]
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:
-    """Actuator forces for which a joint's force lies along its line (eq. 56), multipliers being solved beside them.
+    """Actuator forces that keep a joint's force along its line (eq. 56), solved together with multipliers.
 
     Args:
         drive: Rates of the actuated coordinates per rate of the engine's. Shape (n, n_actuator, n_x).

@@ -1,4 +1,4 @@
-"""Reactions of joints from the multipliers of an engine's constraints, for engines in coordinates of single bodies."""
+"""Joint reactions from constraint multipliers, for engines in coordinates of single bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.reference.mechanism import Joint, Mechanism, by_role
 from screwgauge.reference.rotations import Array, across_direction, skew
 
 Rows = Sequence[int]
-"""Gaps that a joint closes."""
+"""Gaps closed by a joint."""
 
 
 def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows) -> Array:
@@ -50,7 +50,7 @@ def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], mu
 
 
 def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Array:
-    """What unit multipliers make of the force that the rule ``spherical_axial`` wants along a line, across that line.
+    """Force across the line of the rule ``spherical_axial`` per unit multiplier.
 
     Args:
         rows: Gaps of each joint, in the order of the description.
@@ -72,7 +72,7 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
 
 
 def reactions(mechanism: Mechanism, R: Array, p: Array, wrenches: Array, couplings: Array | None = None) -> Array:
-    """Reaction components in their order, see `names`, from what joints exert.
+    """Reaction components in the order of `names`, from joint wrenches.
 
     Args:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).

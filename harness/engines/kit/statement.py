@@ -1,4 +1,4 @@
-"""Whether what an engine says of a mechanism is of the right shapes, and its derivatives are derivatives.
+"""Checks of an engine's statement of a mechanism: shapes, and derivatives against differences.
 
 Asked once, at home. What is wrong there would otherwise end as loops that do not close, far from its cause.
 """
@@ -30,7 +30,7 @@ OFF, LEAST = 1e-4, 1e-4
 
 
 def check_statement(engine: Constrained, problem: Problem) -> None:
-    """Refuses what an engine says of its mechanism, as far as a problem needs it, where it contradicts itself at home.
+    """Reject statements of an engine that contradict each other at home, as far as a problem needs them.
 
     Raises:
         ValueError: An array has the wrong shape, is no number, or is no derivative of another one. Not an error that
@@ -53,7 +53,7 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
 
 
 def _pair(found: object, method: str, names: str) -> tuple[Array, Array]:
-    """What a method returns, if that is two arrays."""
+    """Return the two arrays of a method; reject anything else."""
     if not isinstance(found, tuple) or len(found) != 2:
         raise ValueError(f"{method}: it has to return two arrays, {names}")
     return found
@@ -76,7 +76,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Rates of x that leave the gaps of no joint alone, by which coordinates that are too many depend on each other."""
+    """Rates of x that violate no joint's gaps, by which redundant coordinates depend on each other."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]
@@ -120,7 +120,7 @@ def _check_dynamics(engine: Constrained, x: Array, v: Array, applied: Applied) -
 
 
 def _gap_names(engine: Constrained) -> list[str]:
-    """What each gap is of."""
+    """Name the owner of each gap."""
     names = [f"gap {row}, which is of no joint" for row in range(np.size(engine.gap_units))]
     for joint, rows in zip(engine.mechanism.joints, engine.rows, strict=True):
         for row in rows:
@@ -131,7 +131,7 @@ def _gap_names(engine: Constrained) -> list[str]:
 def _check_same(
     method: str, found: Array, right: Array, what: str, names: Sequence[str], of: str = "body '{}'"
 ) -> None:
-    """Refuses numbers, a row for each name, that differ from what they have to be."""
+    """Reject numbers, one row per name, that differ from the expected ones."""
     away = np.abs(found - right).reshape(len(names), -1).max(axis=1, initial=0.0)
     size, most = max(np.abs(some).max(initial=LEAST) for some in (found, right)), away.max(initial=0.0)
     if most > OFF * size:

@@ -1,4 +1,4 @@
-"""Simulations by an engine's own integrator at a fixed step, for engines that state constraints."""
+"""Simulation by an engine's own fixed-step integrator, for engines that state constraints."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ ROUNDED = 1e-9
 
 
 class Stepped(Constrained, Protocol):
-    """An engine that integrates by itself."""
+    """An engine with its own integrator."""
 
     def begin(self, x: Array, xd: Array) -> None:
-        """Sets the state at the start. Shape (n_x,) each."""
+        """Set the initial state. Shape (n_x,) each."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Makes n steps of size h from time t on; x and its rates then, arrays that stay as they are.
+        """Make n steps of size h from time t; return x and its rates, which later steps leave unchanged.
 
         Raises:
             ScrewgaugeError: It cannot go on.
@@ -40,7 +40,7 @@ class Stepped(Constrained, Protocol):
 def solve_stepwise(
     labels: tuple[str, str, str], engine: Stepped, problem: Problem, dt: float, progress: Progress = quiet
 ) -> Solution:
-    """Integrates from a closed start on, by steps that meet all wanted times.
+    """Integrate from a closed start, by steps that meet all requested times.
 
     Args:
         labels: Engine, its version, and method and settings in words.
@@ -74,7 +74,7 @@ def solve_stepwise(
 
 
 def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
-    """Refuses couplings and what acts along joints, of which an engine's own equations know nothing.
+    """Reject couplings and forces along joints, which an engine's equations lack.
 
     Raises:
         ModelFileError: There is one of them.
@@ -94,7 +94,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
 
 
 def _read(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:
-    """Joint coordinates of states, and the accelerations of the engine's equations there."""
+    """Read joint coordinates and the engine's accelerations from states."""
     at, n = engine.place(x), x.shape[1]
     unknown = np.full((len(x), len(before)), np.nan)
     joints = follow_joints(engine.mechanism, at.R, at.p, unknown, before)

@@ -1,4 +1,4 @@
-"""MuJoCo's motion of a closed tree: accelerations as exact as it can make them, and its own stepper.
+"""MuJoCo's dynamics of a closed tree: accelerations at its best accuracy, and its own stepper.
 
 `MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` is `mj_step`, raw
 or from refined accelerations. Springs are MuJoCo's own, which its implicit integrators see: one along a joint of the
@@ -52,7 +52,7 @@ UNSAFE = 1e-6
 
 
 class MujocoMover:
-    """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
+    """Accelerations of a closed tree, see `screwgauge.engines.tree.protocol.Mover`."""
 
     def __init__(self, tree: MujocoTree) -> None:
         self.tree = tree
@@ -109,7 +109,7 @@ class MujocoMover:
 
 @dataclass(frozen=True, slots=True)
 class MujocoSettings:
-    """How accelerations and steps are made; None leaves the value of the file or MuJoCo's default.
+    """Settings of accelerations and steps; None keeps the value of the file or MuJoCo's default.
 
     Scipy's methods take none of them: they integrate refined accelerations of constraints as hard as they get.
 
@@ -149,7 +149,7 @@ class MujocoSettings:
             )
 
     def soften(self, model: mujoco.MjModel) -> None:
-        """Sets the equality constraints, switched on."""
+        """Apply the settings of equality constraints, switched on."""
         model.opt.disableflags &= ~DISABLED
         if self.solimp is not None:
             model.eq_solimp[:, :2] = self.solimp
@@ -157,7 +157,7 @@ class MujocoSettings:
             model.eq_solref[:, : np.size(self.solref)] = self.solref
 
     def set_steps(self, model: mujoco.MjModel) -> None:
-        """Sets constraints and integrator for steps.
+        """Apply the settings of constraints and integrator for steps.
 
         Raises:
             UnknownNameError: This version of MuJoCo has no such integrator.
@@ -174,14 +174,14 @@ class MujocoSettings:
 
     @property
     def steps(self) -> str:
-        """The stepper in words."""
+        """Describe the stepper."""
         solref = self.solref if isinstance(self.solref, tuple) else (self.solref,)
         spring = " ".join("default" if x is None else f"{x:g}" for x in solref)
         return f"{self.integrator}, dt {self.dt:g} s, solref {spring}, {self._constraints('at most ')}"
 
     @property
     def states(self) -> str:
-        """Accelerations of given states in words."""
+        """Describe how accelerations of given states are made."""
         return f"mj_forward, {self._constraints()}"
 
     def _constraints(self, most: str = "") -> str:
@@ -192,7 +192,7 @@ class MujocoSettings:
 def sprung_model(
     mjcf: Path, applied: Applied, resist: Sequence[Resistance], tree: MujocoTree
 ) -> tuple[mujoco.MjModel, Applied, list[Resistance]]:
-    """Puts springs and dampers into a model: exact equivalents, which the implicit integrators see.
+    """Move springs and dampers into a model, as exact equivalents that implicit integrators include.
 
     Returns:
         The model, and what is left to be applied in every step.
@@ -224,12 +224,12 @@ def sprung_model(
 
 
 def _off_centre(load: Load) -> bool:
-    """Whether the moment of a load about the centre of mass turns with the body."""
+    """True if the load's moment about the centre of mass turns with the body."""
     return load.point is not None and bool(load.force.any())
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
-    """Makes a spring the joint's own; False where that is cut or has one already."""
+    """Give a spring to its joint; False if the joint is cut or has a spring."""
     if spring.coordinate not in tree.coordinates:
         return False
     j = tree.coordinates.index(spring.coordinate)
@@ -242,19 +242,19 @@ def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -
 
 
 def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the forces of the constraints in world axes, if all of them join points."""
+    """Names of the constraint forces in world axes, if all constraints join points."""
     if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
         return ()
     return tuple(f"{model.equality(e).name}.f{axis}" for e in range(model.neq) for axis in "xyz")
 
 
 class MujocoStepper:
-    """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
+    """Stepper by `mj_step` or its stages, see `screwgauge.engines.tree.protocol.Stepper`."""
 
     def __init__(
         self, model: mujoco.MjModel, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings
     ) -> None:
-        """Prepares the steps.
+        """Prepare the steps.
 
         Args:
             applied: All that acts; what never changes is set once.
@@ -301,7 +301,7 @@ class MujocoStepper:
         return data.qpos.copy(), data.qvel.copy()
 
     def _apply(self, t: float) -> None:
-        """Forces along the coordinates for the step to come."""
+        """Set the forces along the coordinates for the next step."""
         data = self.data
         data.qfrc_applied[:] = self.base
         if self.held.acts:

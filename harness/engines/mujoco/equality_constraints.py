@@ -1,4 +1,4 @@
-"""MuJoCo's equality constraints: as hard as they get, without their softness, and with what joint equalities lack.
+"""MuJoCo's equality constraints: hardened, softness removed, and joint equalities completed.
 
 Softness is taken out by proximal refinement. Of the second derivative of a coupling ``q_i - p(q_j)`` the term
 ``-p'' v_j^2`` is added: MuJoCo has the like of it for connects and welds (from 3.7 on), but in 4.0.0 joint equalities
@@ -21,13 +21,13 @@ _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
 def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
-    """Couplings whose second derivative is not zero."""
+    """Select couplings with nonzero second derivative."""
     return [one for one in couplings if not one.function.linear]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curvature:
-    """Couplings that are no straight lines.
+    """Nonlinear couplings bound to a model.
 
     Attributes:
         rows: These couplings, in MuJoCo's coordinates.
@@ -38,7 +38,7 @@ class Curvature:
     ids: tuple[int, ...]
 
     def complete(self, data: mujoco.MjData) -> None:
-        """Adds the term to the reference accelerations, after MuJoCo's velocity stage has made them."""
+        """Add the curvature term to the reference accelerations after MuJoCo's velocity stage."""
         if not self.ids:
             return
         for number, own in zip(self.ids, self.rows.bias(data.qpos[None], data.qvel[None])[0], strict=True):
@@ -46,14 +46,14 @@ class Curvature:
 
 
 def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Curvature:
-    """Binds the couplings that are `curved` to a model."""
+    """Bind the `curved` couplings to a model."""
     some = curved(couplings)
     rows = bind(some, [model.joint(j).name for j in range(model.njnt)])
     return Curvature(rows, tuple(model.equality(one.name).id for one in some))
 
 
 def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_steps: bool) -> tuple[str, ...]:
-    """A sentence on couplings that MuJoCo takes for straight, where an answer rests on that.
+    """Note couplings that MuJoCo linearises, if an answer depends on their curvature.
 
     Args:
         own_steps: Simulations are MuJoCo's own, of which nothing is made better.
@@ -81,7 +81,7 @@ VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 def harden(model: mujoco.MjModel) -> None:
-    """Makes the equality constraints as hard as they get, without springs that pull closing errors in.
+    """Harden equality constraints to the limit, without springs against closing errors.
 
     With solref (0, 0) the reference acceleration is that of the closed loop, -Jdot v: its own springs and dampers
     (100 per second by default) would make every motion stiff.
@@ -100,7 +100,7 @@ def harden(model: mujoco.MjModel) -> None:
 def refine(
     model: mujoco.MjModel, data: mujoco.MjData, a: Array, passes: int, *, same: float = SAME, total: Array | None = None
 ) -> tuple[int, float]:
-    """Proximal refinement: the last constraint force is applied from outside and the accelerations solved again.
+    """Refine by proximal steps: apply the last constraint force from outside and solve accelerations again.
 
     Args:
         a: Accelerations so far, and in the end the refined ones. Shape (n_v,).

@@ -1,4 +1,4 @@
-"""Fixed joints of a description, whose bodies an MJCF nests: hinges that an equality holds stand for them."""
+"""Fixed joints of a description, nested in an MJCF: represented by hinges that equalities hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from screwgauge.reference.mechanism import Joint
 
 
 def editable(mjcf: Path, joints: Sequence[Joint]) -> mujoco.MjSpec:
-    """The model before it is compiled, with a hinge about the axis z of each fixed joint, and what holds it.
+    """Build the uncompiled model with a hinge about z for each fixed joint, and the equality that holds it.
 
     Keyframes, which lack its coordinate, are gone.
 

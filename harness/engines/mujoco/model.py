@@ -32,7 +32,7 @@ Settings = MujocoSettings
 
 
 def load(files: ModelFiles, **settings: Any) -> MujocoModel:
-    """Loads an MJCF with its loops file; see `MujocoSettings`."""
+    """Load an MJCF with its loops file; see `MujocoSettings`."""
     file = loops_file(files)
     with warned():
         tree = MujocoTree(files.model, file)
@@ -40,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree whose engine warns, and whose file has small moments of inertia in place of zeros."""
+    """A tree model that collects MuJoCo's warnings; its file has small moments of inertia instead of zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)
@@ -57,7 +57,7 @@ class MujocoModel(TreeModel):
 
 
 class MujocoDynamics(TreeDynamics):
-    """What moves an MJCF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
+    """Dynamics of an MJCF, see `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
     def __init__(self, mjcf: Path, tree: MujocoTree, settings: MujocoSettings) -> None:
         self.mjcf, self.tree, self.settings = mjcf, tree, settings
@@ -111,7 +111,7 @@ class MujocoDynamics(TreeDynamics):
 
 
 def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
-    """The model with every closure a weld of the frames of its cut joint."""
+    """Build the model with each closure a weld of its cut joint's frames."""
     spec, kinds = editable(mjcf, tree.fixed), mujoco.mjtEq
     for row in [row for row in spec.equalities if row.type != kinds.mjEQ_JOINT]:
         spec.delete(row)
@@ -124,7 +124,7 @@ def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
 
 
 def _align(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Turns the second frame of every weld so that it agrees with the first."""
+    """Turn the second frame of every weld to agree with the first."""
     mujoco.mj_kinematics(model, data)
     for e in range(model.neq):
         if model.eq_type[e] == mujoco.mjtEq.mjEQ_WELD:

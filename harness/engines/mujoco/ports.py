@@ -1,4 +1,4 @@
-"""The ports of MuJoCo to arrays, MJX (in JAX) and MuJoCo Warp, on the MJCF of the minimal cut.
+"""MuJoCo's array ports MJX (in JAX) and MuJoCo Warp, on the MJCF of the minimal cut.
 
 The file is read as by the engine ``mujoco``. All numbers are the port's, of `BLOCK` samples at a time: what has to be
 compiled is compiled once. Equality constraints, which are soft, are left out.
@@ -28,7 +28,7 @@ def load_mjx(files: ModelFiles, precision: str = "float64") -> TreeModel:
 
 
 def load_mjwarp(files: ModelFiles, precision: str = "float32") -> TreeModel:
-    """Load an MJCF into MuJoCo Warp, on a GPU if there is one."""
+    """Load an MJCF into MuJoCo Warp, on a GPU if available."""
     return _load(files, ("mjwarp", "mujoco-warp", mjwarp), precision)
 
 
@@ -102,7 +102,7 @@ def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Ca
 
 
 class PortTree(MujocoTree):
-    """A loaded MJCF in a port. See `OpenTree`."""
+    """An MJCF loaded in a port, see `OpenTree`."""
 
     def __init__(self, files: ModelFiles, file: Any, source: tuple[str, str, Port], precision: str) -> None:
         super().__init__(files.model, file)
@@ -113,7 +113,7 @@ class PortTree(MujocoTree):
         self.roots = self.model.body_rootid[[0, *self.ids]]
 
     def _of(self, function: Callable[..., Sequence[Any]], *arrays: Any) -> list[Any]:
-        """Results over all samples, block by block; the last is filled up. Shape (n, ...) each."""
+        """Evaluate all samples in blocks; the last block is padded. Shape (n, ...) each."""
         n, found = len(arrays[0]), list[list[Any]]()
         for first in range(0, n, BLOCK):
             rows = np.minimum(np.arange(first, first + BLOCK), n - 1)
@@ -121,7 +121,7 @@ class PortTree(MujocoTree):
         return [np.concatenate(parts)[:n] for parts in zip(*found, strict=True)]
 
     def motion(self, q: Any, v: Any, a: Any, push: Any = None, gravity: Any = None) -> Iterator[Any]:
-        """Yield what `MOTION` names. Shape (n, ...) each."""
+        """Yield the results named in `MOTION`. Shape (n, ...) each."""
         push = np.zeros((len(q), self.model.nbody, 6)) if push is None else push
         g = np.array(self.model.opt.gravity if gravity is None else gravity)
         return iter(self._of(lambda *state: self._motion(g, *state), q, v, a, push))

@@ -1,4 +1,4 @@
-"""Raw queries to MuJoCo on any model at given states, constraints and contacts off."""
+"""Raw queries to MuJoCo about any model at given states, without constraints and contacts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """See `raw_queries.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
+    """Query MuJoCo, see `raw_queries.Ask`. `mj_inverse` includes passive forces; dry friction, a constraint, is off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
@@ -38,7 +38,7 @@ def ask(
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
-    """Rows of equalities along the velocities of the reading, all other constraints off.
+    """Rows of equalities along the reading's velocities, all other constraints off.
 
     Returns:
         Rows, shape (n, m, n_freedom), and their rate at zero accelerations, Jdot v, where the velocities keep the loops
@@ -55,7 +55,7 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
 def _begun(
     path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
-    """Model and data with some things off, and its states, see `_state`."""
+    """Load model and data with some constraints off, and iterate over states, see `_state`."""
     model = loaded(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
@@ -92,7 +92,7 @@ def _carried(model: Any, data: Any, name: str, states: JointStates) -> Carried:
 def _state(
     model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, Carried], k: int
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Coordinates, velocities, accelerations; the velocities of the reading -> MuJoCo's, their derivatives."""
+    """Coordinates, velocities, accelerations; map from the reading's velocities to MuJoCo's, with derivatives."""
     q, a, column = model.qpos0.copy(), np.zeros(model.nv), 0
     B = np.zeros((model.nv, sum(each.qd.shape[1] for each in joints.values())))
     qd, qdd = (np.concatenate([getattr(each, rate)[k] for each in joints.values()]) for rate in ("qd", "qdd"))
@@ -144,5 +144,5 @@ def _inverse(model: Any, data: Any, state: tuple[Array, Array, Array]) -> Array:
 
 
 def _passive(data: Any) -> Array:
-    """What springs, dampers and the medium need, not what bears weight."""
+    """Forces of springs, dampers and the medium, without borne weight."""
     return np.asarray(data.qfrc_gravcomp - data.qfrc_passive)

@@ -1,4 +1,4 @@
-"""The open tree of an MJCF as MuJoCo computes it (see `engines.tree.protocol`).
+"""The open tree of an MJCF, computed by MuJoCo (see `engines.tree.protocol`).
 
 MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
 contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree."""
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class DataBlock:
-    """Arrays that lie near each other in one buffer, with what is between.
+    """Arrays that lie close together in one buffer, with the gaps between them.
 
     Attributes:
         block: From the first of them to the end of the last. Shape (size,).
@@ -42,16 +42,16 @@ class DataBlock:
         self.block = np.lib.stride_tricks.as_strided(first, (size,), (8,))
 
     def rows(self, n: int) -> Array:
-        """Room for as many samples of it. Shape (n, size)."""
+        """Allocate space for n samples. Shape (n, size)."""
         return np.empty((n, len(self.block)))
 
     def parts(self, rows: Array) -> Iterator[Array]:
-        """The arrays of such samples, as views. Shape (n, ...) each."""
+        """Views of the arrays in such samples. Shape (n, ...) each."""
         for at, shape in self.spans:
             yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
 
     def filled(self, *values: Array) -> Array:
-        """Samples of the given arrays. Shape (n, ...) each -> (n, size)."""
+        """Pack samples of the given arrays. Shape (n, ...) each -> (n, size)."""
         rows = self.rows(len(values[0]))
         rows[:] = self.block
         for part, value in zip(self.parts(rows), values, strict=True):
@@ -66,7 +66,7 @@ _FRICTION = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 
 
 def prepare(model: mujoco.MjModel) -> None:
-    """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one.
+    """Undo the compiler's changes to every model: minimal masses, and merged frames.
 
     Switched off is what a user's model may have and MuJoCo has in some of its forces only: dry friction, which inverse
     dynamics take from the acceleration, not the rate; borne weight and drag, which forces between bodies lack; damping,
@@ -82,7 +82,7 @@ def prepare(model: mujoco.MjModel) -> None:
 
 
 class MujocoTree(OpenTree):
-    """A loaded MJCF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
+    """A loaded MJCF; `screwgauge.engines.tree.protocol.OpenTree` has the shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
         self.fixed = tuple(joint for joint in file.joints if joint.fixed)
@@ -120,7 +120,7 @@ class MujocoTree(OpenTree):
         self._check_motors(file)
 
     def open_model(self) -> mujoco.MjModel:
-        """The model of the file without its equality constraints, for libraries that take no flag against them."""
+        """The file's model without equality constraints, for libraries without a flag against them."""
         spec = editable(self.file, self.fixed)
         for constraint in [*spec.equalities]:
             spec.delete(constraint)
@@ -132,7 +132,7 @@ class MujocoTree(OpenTree):
         self.model.opt.gravity[:] = self.gravity if gravity is None else gravity
 
     def _check_motors(self, file: LoopsFile) -> None:
-        """Refuses motors, where the file has any, that are not those of the description."""
+        """Reject motors of the file that differ from the description's."""
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
         for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # see `check_names`
@@ -146,7 +146,7 @@ class MujocoTree(OpenTree):
                 )
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
-        """Closures as the equality constraints of the file have them, from its sites."""
+        """Closures from the equality constraints of the file and its sites."""
         pairs_of: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
         disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
@@ -172,8 +172,9 @@ class MujocoTree(OpenTree):
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
-        """Couplings as the equalities of the file have them, each as that of the loops file of the coordinate that this
-        one names, if it says the same of it."""
+        """Couplings from the equalities of the file; each is replaced by the loops file's coupling of the same
+        coordinate if both agree.
+        """
         where = f"MJCF of {file.mechanism}"
         readings = {self.model.equality(i).name: coupling_reading(self.model, i) for i in range(self.model.neq)}
         coordinates = {one.name: one.coordinate for one in file.couplings}
@@ -198,12 +199,13 @@ class MujocoTree(OpenTree):
         return (self.model.body(body).name if body else "") or "ground"
 
     def _above(self, body: int) -> list[int]:
-        """A body and those that carry it, without the world."""
+        """A body and its ancestors, without the world."""
         return [body, *self._above(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
-        """Runs `mj_inverse` on each sample, without equality constraints unless `soft`; these are
-        completed where MuJoCo takes a coupling for a straight line."""
+        """Run `mj_inverse` on each sample, without equality constraints unless `soft`; where MuJoCo linearises a
+        coupling, the constraints are completed.
+        """
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
         state, qacc, bent = self.state.block, data.qacc, soft and self.curvature.ids  # views are slow to get
@@ -278,7 +280,9 @@ class MujocoTree(OpenTree):
         return out
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""
+        """Run mj_inverse with soft equality constraints; also the force that their stiffness makes of closure
+        residuals.
+        """
         out, rows, data, force = np.empty_like(q), list[tuple[Array, ...]](), self.data, self.data.qfrc_inverse
         for i in self._inverse(q, v, a, soft=True):
             out[i] = force
@@ -288,7 +292,7 @@ class MujocoTree(OpenTree):
         return out, self._soft_tolerance(rows, residuals)
 
     def _soft_tolerance(self, rows: list[tuple[Array, ...]], residuals: Array) -> float:
-        """Largest joint force of ``f = D (k r + b rdot + rddot)`` for residuals r as large as those measured.
+        """Largest joint force ``f = D (k r + b rdot + rddot)`` for residuals r as large as the measured ones.
 
         Args:
             rows: K, B, impedance and power of the constraints of each sample, their D and their Jacobian.

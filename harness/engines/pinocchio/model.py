@@ -34,7 +34,7 @@ UNSAFE = 1e-6
 
 
 class PinocchioMover:
-    """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
+    """Accelerations of a closed tree, see `screwgauge.engines.tree.protocol.Mover`."""
 
     notes: tuple[str, ...] = ()
 
@@ -93,8 +93,9 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Accelerations, what those of loops are off by (the last change of the multipliers times mu) or those of
-        couplings, and the largest acceleration, 1 at least."""
+        """Accelerations, their residual on loops (last change of the multipliers times mu) or couplings, and the
+        largest acceleration, 1 at least.
+        """
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
         if len(self.constraints.couplings):
@@ -104,7 +105,7 @@ class PinocchioMover:
 
 @dataclass(frozen=True, slots=True)
 class PinocchioSettings:
-    """How accelerations are made.
+    """Settings of accelerations.
 
     Attributes:
         mu, iterations: Of `constraintDynamics` on given states; None, None are the defaults of Pinocchio.
@@ -129,7 +130,7 @@ class PinocchioSettings:
             raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "give a positive number")
 
     def proximal(self) -> Any:
-        """Pinocchio's own settings. Accuracies 0: all iterations are made."""
+        """Pinocchio's own settings; zero accuracies force all iterations."""
         if self.mu is None or self.iterations is None:
             return pin.ProximalSettings()
         return pin.ProximalSettings(0.0, 0.0, self.mu, self.iterations)
@@ -140,14 +141,14 @@ Settings = PinocchioSettings
 
 
 def load(files: ModelFiles, **settings: Any) -> TreeModel:
-    """Loads a URDF with its loops file; see `PinocchioSettings`."""
+    """Load a URDF with its loops file; see `PinocchioSettings`."""
     file = loops_file(files)
     tree = PinocchioTree(files.model, file)
     return TreeModel(close_tree(tree, file), PinocchioDynamics(tree, PinocchioSettings(**settings)))
 
 
 class PinocchioDynamics(TreeDynamics):
-    """What moves a URDF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
+    """Dynamics of a URDF, see `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
     def __init__(self, tree: PinocchioTree, settings: PinocchioSettings) -> None:
         self.tree, self.settings = tree, settings
@@ -175,8 +176,9 @@ class PinocchioDynamics(TreeDynamics):
         return Accelerations(a, cost, condition, tolerances, (f"rank leaves {q.shape[1] - rank} freedoms",))
 
     def _examine(self, q: Array, v: Array, tau: Array, mu: float) -> tuple[Array, float, int]:
-        """Condition of ``D + mu``, ``D = J M^-1 J^T``, shape (n,); the norm of ``M^-1 J^T D^+``, which turns residuals
-        of rows into accelerations, at its worst; and the rank of J at the last state."""
+        """Condition of ``D + mu``, ``D = J M^-1 J^T``, shape (n,); largest norm of ``M^-1 J^T D^+``, which maps row
+        residuals to accelerations; and rank of J at the last state.
+        """
         model, data, safe = self.tree.model, self.tree.model.createData(), pin.ProximalSettings(0.0, 0.0, 1e-10, 2)
         condition, lift, rank = np.empty(len(q)), 0.0, 0
         for i in range(len(q)):

@@ -1,4 +1,4 @@
-"""Raw queries to Pinocchio on any model at given states."""
+"""Raw queries to Pinocchio about any model at given states."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """See `raw_queries.Ask`. RNEA knows armature, and no damping, friction, springs, nor what no reading holds."""
+    """Query Pinocchio, see `raw_queries.Ask`. RNEA includes armature, but no damping, friction or springs."""
     source = prepare(path, floating=floating)
     model = loaded(source)
     data = model.createData()
@@ -34,7 +34,7 @@ def ask(
 
 
 def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
-    """The map of velocities at each sample, and what its rate adds to accelerations. Shapes (n, n_v, m), (n, n_v).
+    """Velocity map at each sample, and its rate's part of accelerations. Shapes (n, n_v, m), (n, n_v).
 
     Pinocchio counts the linear velocity of a planar joint along the axes of the body that it carries, while its parts,
     two slides and then a hinge, have theirs along those of the body before.
@@ -53,7 +53,8 @@ def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
 
 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
-    """Coordinates, velocities and accelerations of the reading, and its velocities -> Pinocchio's at home."""
+    """Coordinates, velocities and accelerations of the reading, and the map of its velocities to Pinocchio's at
+    home."""
     n = len(next(iter(joints.values())).q)
     q = np.tile(start(model), (n, 1))
     data = model.createData()
@@ -82,7 +83,7 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
 
 
 def _coordinates(T: Array, width: int) -> Array:
-    """Coordinates of a ball or free joint, quaternion last, real part at the end."""
+    """Coordinates of a ball or free joint, quaternion (real part last) at the end."""
     quaternion = pin.Quaternion(T[:3, :3]).coeffs()
     return np.concatenate([T[:3, 3], quaternion]) if width == 6 else np.asarray(quaternion)
 

@@ -1,4 +1,4 @@
-"""The open tree of a URDF as Pinocchio computes it (see `engines.tree.protocol`), and closures as its constraints.
+"""The open tree of a URDF, computed by Pinocchio (see `engines.tree.protocol`), with closures as its constraints.
 
 Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
@@ -35,7 +35,7 @@ ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
 def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
-    """Loads a URDF, in which fixed joints of the description become hinges.
+    """Load a URDF with the description's fixed joints as hinges.
 
     Its parser reports errors on stderr only, and goes on with half of the file.
     """
@@ -52,7 +52,7 @@ def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
 
 
 class PinocchioTree(OpenTree):
-    """A loaded URDF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
+    """A loaded URDF; `screwgauge.engines.tree.protocol.OpenTree` has the shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile) -> None:
         self.model = _load(urdf, file.joints)
@@ -91,7 +91,7 @@ class PinocchioTree(OpenTree):
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
 
     def _parent(self, joint: int) -> str:
-        """The body that carries a joint, past the massless crosses of composite joints."""
+        """The body that carries a joint, skipping the massless crosses of composite joints."""
         while joint:
             joint = self.model.parents[joint]
             if joint in self.joints:
@@ -140,7 +140,7 @@ class PinocchioTree(OpenTree):
         return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """See `screwgauge.engines.tree.protocol.OpenTree`. Forces of joints are taken in the joints' own frames."""
+        """See `screwgauge.engines.tree.protocol.OpenTree`; Pinocchio gives joint forces in the joints' frames."""
         n, out, origin = len(q), np.zeros_like(wrench), self.origins
         # orientation of the joint that carries each body
         R = at.R[:, 1:] @ self.turned.swapaxes(1, 2)
@@ -160,7 +160,7 @@ class PinocchioTree(OpenTree):
 
 
 class _Views:
-    """What Pinocchio's functions write to `data`, as arrays on the same memory: each sample is copied at once.
+    """Array views of the memory in `data` that Pinocchio's functions overwrite; copy each sample at once.
 
     Attributes:
         joints: Their rotation by columns, then translation. Shape (n_joint, 12).
@@ -180,7 +180,7 @@ class _Views:
 
 
 def _rows(parts: list[Array], size: int) -> Array:
-    """An array over items of a C++ vector, each of so many numbers. `parts`: what each begins with."""
+    """View items of a C++ vector as rows of `size` numbers; `parts` are their first elements."""
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
@@ -190,7 +190,7 @@ def _rows(parts: list[Array], size: int) -> Array:
 
 
 class Constraints:
-    """The closures of a tree as Pinocchio's constraints, and its couplings, for which Pinocchio has none.
+    """Closures of a tree as Pinocchio's constraints, and its couplings, which Pinocchio lacks.
 
     Attributes:
         models, datas: A 3D contact for each pair of points, a 6D one for each weld.
@@ -198,7 +198,7 @@ class Constraints:
     """
 
     def __init__(self, tree: PinocchioTree, *, frames: bool = False, gains: tuple[float, float] | None = None) -> None:
-        """Makes the constraints.
+        """Build the constraints.
 
         Args:
             frames: Every closure is a 6D contact of its two frames, as a weld would be.
@@ -218,7 +218,7 @@ class Constraints:
         return len(self.models)
 
     def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Accelerations of the tree; by `aba` where nothing closes it. Shape (n_v,) each.
+        """Accelerations of the tree, by `aba` without closures. Shape (n_v,) each.
 
         They are linear in the forces, so that Pinocchio's answers to unit forces along the couplings give those that
         keep the couplings; what rounding leaves of them is taken out once more.
@@ -237,7 +237,7 @@ class Constraints:
         return a
 
     def _check_inertia(self, q: Array) -> None:
-        """Refuse a joint that moves no inertia in the open tree, whose mass matrix is singular, by name.
+        """Reject a joint that moves no inertia in the open tree, since its mass matrix is singular.
 
         Raises:
             SingularPoseError: There is one.
@@ -253,19 +253,19 @@ class Constraints:
             M -= np.outer(M[:, k], M[k]) / M[k, k]
 
     def uncoupled(self, q: Array, v: Array, a: Array) -> Array:
-        """What accelerations leave over of the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
+        """Residual of accelerations in the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
         (stiffness, damping), rows = self.gains, self.couplings
         C, bias, gap = (of[0] for of in (rows.matrix(q[None]), rows.bias(q[None], v[None]), rows.residuals(q[None])))
         return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
 
     def _closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Accelerations of the closed tree, couplings not kept."""
+        """Accelerations of the closed tree, without couplings."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Derivative of the gaps for a placed `data`: velocity of the second side less that of the first, couplings.
+        """Derivative of the gaps for placed `data`: velocity of the second side minus the first, then couplings.
 
         Puts `datas` there, too.
         """
@@ -278,7 +278,7 @@ class Constraints:
 
 
 def initialise(model: Any, data: Any, models: Any, datas: Any) -> None:
-    """`initConstraintDynamics`, which wants the data of the constraints, too, since Pinocchio 4."""
+    """Call `initConstraintDynamics`, which also takes the constraints' data since Pinocchio 4."""
     pin.initConstraintDynamics(model, data, models, *([datas] if PIN_4 else []))
 
 
@@ -301,7 +301,7 @@ def _contacts(tree: PinocchioTree, frames: bool) -> Any:
 
 
 def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
-    """Joint that carries a body, and a placement in the body in that joint's frame."""
+    """Joint that carries a body, and a placement in the body relative to the joint."""
     if body == GROUND:
         return 0, at
     frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]

@@ -1,4 +1,4 @@
-"""Arrays that a compiled solver reads and fills: checked once where they are made, and samples in every call."""
+"""Arrays that a compiled solver reads and fills: layouts are checked once, samples at every call."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WRITEABLE = attrgetter("flags.writeable")
 
 
 class Buffers(Mapping[str, Array]):
-    """Quantity -> array of shape (n, n_component) that a solver fills; `Solver.buffers` makes them. One call at a time.
+    """Arrays (n, n_component) that a solver fills, by quantity; made by `Solver.buffers`. One call at a time.
 
     Pickled or copied, they are a dict of their arrays.
 
@@ -32,7 +32,7 @@ class Buffers(Mapping[str, Array]):
     """
 
     def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:
-        """Checks given arrays and makes the others.
+        """Check given arrays and allocate the others.
 
         Args:
             counts: Quantity -> number of components.
@@ -76,18 +76,18 @@ class Buffers(Mapping[str, Array]):
 
     @property
     def writeable(self) -> bool:
-        """Whether all arrays can be written to still."""
+        """True if all arrays are still writeable."""
         return all(map(_WRITEABLE, self._arrays.values()))
 
 
 def divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
-    """Columns of an array under their names, `counts` of each."""
+    """Split the columns of an array among names, `counts` of each."""
     ends = accumulate(counts.values())
     return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
 
 
 def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None:
-    """Rejects what is not a plain array of float64 of this shape; a length of None may be any.
+    """Reject all but plain float64 arrays of a shape; None stands for any length.
 
     Raises:
         DescriptionError: It is not.
@@ -103,7 +103,7 @@ def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None
 
 
 def check_finite(array: Array, where: str) -> None:
-    """Rejects rows with numbers that are not finite.
+    """Reject rows with numbers that are not finite.
 
     Raises:
         DescriptionError: There is one; it names the first.
@@ -114,7 +114,7 @@ def check_finite(array: Array, where: str) -> None:
 
 
 def _check_apart(arrays: Mapping[str, Array]) -> None:
-    """Rejects arrays in which two numbers share memory.
+    """Reject arrays with numbers that share memory.
 
     Raises:
         DescriptionError: Two do.
@@ -126,6 +126,6 @@ def _check_apart(arrays: Mapping[str, Array]) -> None:
 
 
 def _addresses(array: Array) -> Rows:
-    """Where each number of an array lies. Shape (n m,)."""
+    """Address of each number of an array. Shape (n m,)."""
     (n, m), (down, across) = array.shape, array.strides
     return np.asarray(array.ctypes.data + np.add.outer(np.arange(n) * down, np.arange(m) * across).ravel())

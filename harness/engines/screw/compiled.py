@@ -1,4 +1,4 @@
-"""``screwgauge.compile``: the traced program of a scene as a function of samples, for volume."""
+"""``screwgauge.compile``: the traced program of a scene as a function of samples, for high volume."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from screwgauge.reference.traced.program import CHUNK, Pool, columns
 from screwgauge.scene.scene import Scene
 
 Mode = tuple[bool, bool]
-"""Whether samples have their own loads, and whether errors are estimated."""
+"""Flags: samples have their own loads; errors are estimated."""
 #: Samples worked on at a time, whatever is given: memory stays constant.
 PART = CHUNK
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompiledSolution:
-    """What a solver returns.
+    """Answer of a solver.
 
     Attributes:
         values: Quantity -> array of shape (n, n_component).
@@ -49,7 +49,7 @@ class CompiledSolution:
 
 
 class Solver:
-    """Inverse dynamics of one mechanism under one scene's gravity and loads.
+    """Inverse dynamics of a mechanism under the gravity and loads of a scene.
 
     Threads may share a solver where each has buffers of its own, or none. Pickled or copied, it is compiled anew.
 
@@ -62,7 +62,7 @@ class Solver:
     def __init__(
         self, scene: Scene, quantities: Iterable[str], backend: str, threads: int, mode: Mode = (False, False)
     ) -> None:
-        """Traces and compiles; pivots are chosen at samples of the scene's motion.
+        """Trace and compile, with pivots chosen at samples of the scene's motion.
 
         Args:
             mode: Of the program that is made at once; others are made when they are first used.
@@ -79,7 +79,7 @@ class Solver:
         return Solver, (self.scene, self.quantities, self.backend, self.threads), {"notes": self.notes}
 
     def _works(self, mode: Mode) -> list[TracedWork]:
-        """Traced work of a mode, one for each thread."""
+        """Programs of a mode, one for each thread."""
         with self.lock:
             if mode not in self.works:
                 lay, scene = layout(self.scene.mechanism), self.scene
@@ -89,11 +89,11 @@ class Solver:
             return self.works[mode]
 
     def as_c(self) -> str:
-        """The program as C, for reading; empty if there is none."""
+        """Write the program as C for reading; empty if there is none."""
         return "" if self.first.traced is None else self.first.traced.program.as_c()
 
     def buffers(self, n: int, arrays: Mapping[str, Array] | None = None) -> Buffers:
-        """Arrays for `out` of n samples, one for each quantity, shape (n, n_component).
+        """Allocate arrays for `out` of n samples, one for each quantity, shape (n, n_component).
 
         Args:
             arrays: Quantity -> array to fill, for those of your own: plain, of float64, writeable, apart in memory.
@@ -116,7 +116,7 @@ class Solver:
         out: Buffers | None = None,
         estimates: bool = False,
     ) -> CompiledSolution:
-        """Answers samples in any order: a function of each row, whatever came before.
+        """Answer samples in any order; each row is independent of earlier calls.
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives; second ones of what no actuator drives do
@@ -156,7 +156,7 @@ class Solver:
         return answer
 
     def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
-        """An answer in memory that is the solver's again once nothing refers to it, see `Pool`."""
+        """Answer in memory that returns to the solver when its last reference is gone, see `Pool`."""
         counts = self.counts, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
         block, by_array = self.pool.take(self._length(given[0]), all_m), Counter[str]()
@@ -169,19 +169,19 @@ class Solver:
         return CompiledSolution(divided(lent, counts[0]), by_array, divided(lent[:, m:], counts[1]))
 
     def _length(self, y: Array) -> int:
-        """Number of samples; rejects what has none."""
+        """Number of samples; rejects zero."""
         if type(y) is not np.ndarray or y.ndim != 2:
             check_array(y, (None, len(self.scene.mechanism.independent)), "y")
         return len(y)
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
-        """Quantity -> how many errors are estimated of it at each sample."""
+        """Number of estimated errors per sample of each quantity."""
         return {name: len({*units}) for name, units in self._works(mode)[0].units.items()} if mode[1] else {}
 
     def _solve(
         self, given: Sequence[Array], mode: Mode, arrays: Mapping[str, Array], t: Array | None
     ) -> tuple[Counter[str], Bound | None]:
-        """Solves into arrays.
+        """Solve into preallocated arrays.
 
         Returns:
             What the array solver answered, and the program bound to these arrays.
@@ -215,7 +215,7 @@ class Solver:
     def _solve_checked(
         self, inputs: Sequence[Array], works: Sequence[TracedWork], arrays: Mapping[str, Array], t: Array | None
     ) -> tuple[Counter[str], Bound | None]:
-        """Solves as `_solve`; the bound program may be that of some of the samples."""
+        """Solve like `_solve`; the returned bound program may cover only some samples."""
         n = len(inputs[0])
         for work in works:
             work.by_array.clear()
@@ -228,7 +228,7 @@ class Solver:
         return sum((work.by_array for work in works), start=Counter[str]()), works[0].bound
 
     def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[CompiledSolution]:
-        """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
+        """Answer chunks of samples in reused buffers, in constant memory.
 
         Args:
             chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 400 samples of all quantities,
@@ -243,7 +243,7 @@ class Solver:
     def _fill(
         self, work: TracedWork, rows: slice, inputs: Sequence[Array], arrays: Mapping[str, Array], t: Array | None
     ) -> None:
-        """Fills in the values of some samples part after part."""
+        """Fill in the values of some samples, part by part."""
         work.work.mode.restart()
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
@@ -271,6 +271,6 @@ class Solver:
 
 
 def _motion(inputs: Sequence[Array], t: Array) -> tuple[GivenMotion, Array | None]:
-    """Samples as a motion, and their loads."""
+    """Convert samples to a motion and loads."""
     y, yd, ydd, *loads = (array.copy() for array in inputs)
     return GivenMotion(t.copy(), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None

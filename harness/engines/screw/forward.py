@@ -1,4 +1,4 @@
-"""Accelerations of states by a traced program; what it cannot answer is for the arrays."""
+"""Accelerations of states by a traced program, with the array solver for the doubtful ones."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """Slopes of states (y, yd, work) by a program, each pose predicted from the one before.
+    """State slopes (y, yd, work) by a program; each pose is predicted from the previous one.
 
     Attributes:
         pose: Closed pose that the next is predicted from, see `Forward.program`. Shape (d + d k + k, width).
@@ -44,7 +44,7 @@ class TracedForward:
     """
 
     def __init__(self, lay: Layout, problem: Problem, task: InitialValue, backend: str) -> None:
-        """Traces and compiles.
+        """Trace and compile.
 
         Raises:
             NotTraceableError: There is no such program.
@@ -61,7 +61,7 @@ class TracedForward:
         self.recall(branch.q, branch.K)
 
     def _make(self) -> None:
-        """Makes the program, pivots being chosen at the poses that are known to matter."""
+        """Build the program, with pivots chosen at the poses known to matter."""
         clock, lay, loops = Stopwatch(), self.lay, self.system
         program, self.dependent = forward_program(loops, self.applied, np.array(self.poses))
         compiled, note = runner(program, self.backend)
@@ -80,21 +80,22 @@ class TracedForward:
         self.setup += clock.cost().cpu_s
 
     def recall(self, q: Array, K: Array) -> None:
-        """Predicts from a closed pose with its velocity map from now on. Shapes (n_q,), (n_q, k)."""
+        """Predict from a closed pose and its velocity map from now on. Shapes (n_q,), (n_q, k)."""
         self.pose[:] = np.concatenate([q[self.dependent], K[self.dependent].ravel(), q[self.columns]])[:, None]
 
     def _coordinates(self, q: Array) -> Array:
-        """Fills in the pose that is predicted from. Shape (n_q,)."""
+        """Scatter the tree coordinates of the base pose. Shape (n_q,)."""
         q[self.columns], q[self.dependent] = self.pose[-len(self.columns) :, 0], self.pose[: len(self.dependent), 0]
         return q
 
     def lend(self, branch: Branch) -> None:
-        """Puts a branch to the pose that is predicted from."""
+        """Move a branch to the base pose."""
         branch.put(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
-        """Continues from a pose that the program did not answer; if it closed it and its condition is good, it may ask
-        for other pivots. `condition`: infinite where it did not."""
+        """Continue from a pose that the program could not answer; well-conditioned poses that it closed may add pivots.
+        An infinite `condition` marks a pose that it did not close.
+        """
         self.by_array += 1
         if condition < self.near / MARGIN**2:
             self.missed.append(q)
@@ -105,7 +106,7 @@ class TracedForward:
         self.recall(q, K)
 
     def _evaluate(self) -> bool:
-        """Runs the program at the states of all lanes, by shorter ways if need be; whether all are beyond doubt."""
+        """Run the program on the states of all lanes, in smaller steps if needed; True if none is in doubt."""
         if self._settled():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
@@ -122,12 +123,12 @@ class TracedForward:
         return False
 
     def _settled_at(self, y: Array) -> bool:
-        """Runs the program at the states with other coordinates; whether all are beyond doubt. Shape (k, width)."""
+        """Run the program on the states with other coordinates; True if none is in doubt. Shape (k, width)."""
         self.state[: len(y)] = y
         return self._settled()
 
     def _settled(self) -> bool:
-        """Runs the program until Newton's method has settled; whether all states are beyond doubt."""
+        """Run the program until Newton's method converges; True if no state is in doubt."""
         if self.run():
             self.pose[:] = self.reached
             return True
@@ -144,7 +145,7 @@ class TracedForward:
         return False
 
     def closed(self, y: Array) -> Array | None:
-        """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""
+        """Joint coordinates of the closed pose, cut joints excepted; None if in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0
         fine = self._evaluate()
@@ -153,13 +154,13 @@ class TracedForward:
         return q if fine else None
 
     def slope(self, t: float, state: Array) -> Array | None:
-        """Derivative of a state; None where it is doubtful. Shape (2 k + 1,)."""
+        """Derivative of a state; None if in doubt. Shape (2 k + 1,)."""
         k = len(self.columns)
         self.state[:-1], self.state[-1] = state[:-1, None], t
         return np.concatenate([state[k:-1], self.answer[:, 0]]) if self._evaluate() else None
 
     def slopes(self, t: float, states: Array) -> Array | None:
-        """Derivatives of several states, one a column; None where any is doubtful. Shape (2 k + 1, n)."""
+        """Derivatives of several states, one a column; None if any is in doubt. Shape (2 k + 1, n)."""
         k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
         out[:k], self.state[-1] = states[k:-1], t
         before, ahead = self.pose[:, :1].copy(), None
@@ -176,7 +177,7 @@ class TracedForward:
         return out
 
     def notes(self) -> tuple[str, ...]:
-        """How accelerations were computed."""
+        """Describe how accelerations were computed."""
         left = f"; {self.by_array} evaluations by the array solver" if self.by_array else ""
         return (
             f"{self.note}accelerations by a program of {self.operations} operations, "

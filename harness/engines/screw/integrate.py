@@ -1,4 +1,4 @@
-"""Time integration on the independent coordinates: scipy's methods on accelerations of `equations.forward`.
+"""Time integration in the independent coordinates: scipy's methods on accelerations of `equations.forward`.
 
 Traced programs of the same equations answer most states; those that they leave are answered by arrays.
 """
@@ -32,7 +32,7 @@ DIFFERENCE = 2.0**-26
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """An integrated motion at the wanted times, as far as it came.
+    """An integrated motion at the wanted times it reached.
 
     Attributes:
         t: Times [s]. Shape (n,).
@@ -54,14 +54,14 @@ class Trajectory:
 
 
 class _Near(Exception):
-    """A pose too close to a singular one."""
+    """Raised for a pose too close to a singular one."""
 
     def __init__(self, lay: Layout, q: Array, condition: float) -> None:
         super().__init__(condition)
         self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
-        """Worked out only when it is to be read: most such poses are stepped over."""
+        """Build the text only when it is read: most such poses are stepped over."""
         mechanism = self.lay.mechanism
         where = mechanism.described(self.q[mechanism.independent_columns])
         why = near_singularity(self.lay, self.q[None])
@@ -69,7 +69,7 @@ class _Near(Exception):
 
 
 class _Run:
-    """The motion while it is integrated; the state is (y, yd, work).
+    """State of an integration in progress: (y, yd, work).
 
     Attributes:
         passed: Time, joint coordinates of the closed pose, and yd, of all states wanted and at the ends of steps.
@@ -100,7 +100,7 @@ class _Run:
         return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
-        """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
+        """Closed poses and rates of states, shape (n, 2 k + 1); the branch finds poses without tree coordinates `q`."""
         k = states.shape[1] // 2
         if q is not None:
             closed = read(self.lay, q[None])
@@ -117,7 +117,7 @@ class _Run:
         return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope
 
     def _by_arrays(self, t: float, states: Array) -> Array:
-        """Derivatives of states, one a column, by the array solver on the same branch. Shape (2 k + 1, n)."""
+        """Derivatives of states, one a column, by the array solver on the branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)
@@ -130,7 +130,7 @@ class _Run:
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Derivative of `slope` at one state by differences; nothing depends on the work. Shape (2 k + 1, 2 k + 1)."""
+        """Derivative of `slope` at a state by differences; the work has no effect. Shape (2 k + 1, 2 k + 1)."""
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
@@ -140,13 +140,13 @@ class _Run:
         return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
     def keep(self, t: float, state: Array) -> None:
-        """Keeps a wanted state."""
+        """Store a wanted state."""
         self.reach(t, state)
         self.wanted.append(len(self.passed) - 1)
         self.work.append(float(state[-1]))
 
     def reach(self, t: float, state: Array) -> None:
-        """Moves to a state and remembers its closed pose."""
+        """Move to a state and remember its closed pose."""
         k = len(state) // 2
         q = None if self.traced is None else self.traced.closed(state[:k])
         if q is None:
@@ -157,7 +157,7 @@ class _Run:
         self.passed.append((t, q, state[k:-1]))
 
     def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
-        """Steps through all times and keeps the motion there, off the clock; returns why it stopped."""
+        """Step through all times and store the motion there, off the clock; return why it stopped."""
         times, tries = self.times, 0
         size: float | None = None
         try:
@@ -202,7 +202,7 @@ def integrate(
     progress: Progress = quiet,
     traced: TracedForward | None = None,
 ) -> Trajectory:
-    """Integrates a mechanism under given forces; the start is reached from home on one branch.
+    """Integrate a mechanism under given forces from a start that is reached from home on one branch.
 
     Args:
         lay: The mechanism.
@@ -254,7 +254,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
-    """Times, and the state at the start."""
+    """Times, and the initial state."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
         raise DescriptionError("times do not increase", where, "give two or more finite times in order")

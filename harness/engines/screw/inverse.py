@@ -1,4 +1,4 @@
-"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
+"""The engine `screw`: the solver in `screwgauge.reference`, vectorised over parts of the trajectory."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
-    """Positions, velocities, accelerations and forces of a given motion."""
+    """Solve a given motion: positions, velocities, accelerations and forces."""
     work, labels, assembly = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}"), list[Array]()
 
     def part(rows: slice) -> Part:
@@ -50,12 +50,12 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
 
 
 def _stage(name: str) -> str:
-    """The stage of the work in which a quantity is computed."""
+    """Stage of the work that computes a quantity."""
     return "tree forces" if name in _TREE else _STAGES[QUANTITIES[name].needs]
 
 
 class Work:
-    """Given motions on arrays: what stays the same from part to part.
+    """Solver of given motions over arrays, with the data common to all parts.
 
     Attributes:
         mode: Closes the poses.
@@ -70,7 +70,7 @@ class Work:
         self.idle, self.resting = left_to_forces(lay, problem)
 
     def predict(self, motion: GivenMotion) -> Poses:
-        """Predictions of samples that follow those before."""
+        """Predict the samples that follow."""
         with self.clock.stage("positions"):
             return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.drive)
 
@@ -80,7 +80,7 @@ class Work:
             return self.mode.close(poses)
 
     def under(self, loads: Array | None) -> Work:
-        """Work under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
+        """Copy with loads that vary from sample to sample, force and torque of each. Shape (m, n)."""
         if loads is None:
             return self
         each = np.split(loads.T, len(loads) // 3, axis=1)
@@ -93,7 +93,7 @@ class Work:
         return other
 
     def part(self, motion: GivenMotion, closed: Array) -> Part:
-        """All that is wanted at closed poses. Shape (n, n_q)."""
+        """Compute all wanted quantities at closed poses. Shape (n, n_q)."""
         values, trust, A = self.beyond(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -103,13 +103,13 @@ class Work:
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
 
     def shaken(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
-        """Values at poses whose unknowns, without dimension, are moved by a shake. Shapes (n, n_q), (n, n_unknown)."""
+        """Values at poses perturbed by `shake` in the dimensionless unknowns. Shapes (n, n_q), (n, n_unknown)."""
         q, moving = closed.copy(), self.loops.unknown
         q[:, moving] += shake * self.loops.sizes[moving]
         return self.beyond(read(self.lay, q), motion)[0]
 
     def beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
-        """All that is wanted at closed poses: values, what they rest on, and the closing system."""
+        """Compute the wanted quantities at closed poses, with their error data and the closing system."""
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
@@ -148,7 +148,7 @@ class Work:
         return np.array(equations.QUANTITIES[name](at))
 
     def _load(self, at: Dynamics) -> Array:
-        """Largest force along a coordinate, as if weights, inertia and bodies did not cancel [N]. Shape (n,)."""
+        """Largest force along a coordinate if weights and inertia did not cancel [N]. Shape (n,)."""
         weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
         need = at.required if self.problem.wanted <= _TREE else at.required - at.exerted.wrenches
         sizes = np.abs(at_origin(at.pose, need)[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))
@@ -156,7 +156,7 @@ class Work:
         return np.asarray((along * self.loops.sizes)[:, self.tree].max(axis=1) / self.loops.length)
 
     def _force_conditions(self, at: Dynamics, conditions: dict[str, Array]) -> None:
-        """Condition numbers of the systems that forces are solved from."""
+        """Add the condition numbers of the force systems."""
         wanted, mechanism, sizes = self.problem.wanted, self.lay.mechanism, self.loops.sizes
         if not wanted & ACTUATED:
             return
@@ -172,7 +172,7 @@ class Work:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
 
     def _with_idle(self, at: Forward, trust: Trust) -> Trust:
-        """What all that depends on the accelerations of idle coordinates rests on: sums of much that cancels."""
+        """Extend the error data by the accelerations of idle coordinates, in which large terms may cancel."""
         mechanism, sizes, idle, L = self.lay.mechanism, self.loops.sizes, [*at.idle], self.loops.length
         errors = idle_rounding(at) * sizes[mechanism.independent_columns][idle]
         v, w = (np.linalg.norm(part[:, idle], axis=-1) for part in at.partial_motion)

@@ -1,4 +1,4 @@
-"""Machines that differ in their matter alone: forces are linear in ten moments of each body.
+"""Machines that differ only in matter: forces are linear in ten moments of each body.
 
 Mass, mass times centre of mass, and second moments about the body's origin; and in the centre of mass itself where a
 load acts there. One pass of a program over a machine and its neighbours, as many as moments, makes the matrix; every
@@ -28,26 +28,26 @@ _PLACES = [*TENSOR.values()]
 
 
 def moments(numbers: Array) -> Array:
-    """Moments of bodies from mass, centre of mass and inertia about it. Shape (..., 10) -> (..., 10)."""
+    """Convert mass, centre of mass and central inertia of bodies to moments. Shape (..., 10) -> (..., 10)."""
     mass, com = numbers[..., :1], numbers[..., 1:4]
     return np.concatenate([mass, mass * com, numbers[..., 4:] + mass * _steiner(com)], axis=-1)
 
 
 def numbers_of(moment: Array) -> Array:
-    """The inverse of `moments`. Shape (..., 10) -> (..., 10)."""
+    """Inverse of `moments`. Shape (..., 10) -> (..., 10)."""
     mass = moment[..., :1]
     com = moment[..., 1:4] / mass
     return np.concatenate([mass, com, moment[..., 4:] - mass * _steiner(com)], axis=-1)
 
 
 def _steiner(com: Array) -> Array:
-    """Second moments of a unit of mass there, entry by entry. Shape (..., 3) -> (..., 6)."""
+    """Second moments of a unit mass at a point, entry by entry. Shape (..., 3) -> (..., 6)."""
     square = (com * com).sum(-1)
     return np.stack([(square if i == k else 0.0) - com[..., i] * com[..., k] for i, k in _PLACES], axis=-1)
 
 
 class Matter:
-    """Answers for other matter of some bodies.
+    """Solver for changed matter of some bodies.
 
     Attributes:
         bodies: Those of which a number changes.
@@ -72,7 +72,7 @@ class Matter:
         return out.T.reshape(p.shape[1], -1, 10)
 
     def possible(self, p: Array) -> NDArray[np.bool_]:
-        """Whether all bodies of each variant can exist. Shape (P, V) -> (V,)."""
+        """True for variants all of whose bodies are possible. Shape (P, V) -> (V,)."""
         if not self.bodies:
             return np.ones(p.shape[1], dtype=bool)
         numbers = self.numbers(p)
@@ -86,7 +86,7 @@ class Matter:
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
 
     def fill(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> None:
-        """Fills in the values of variants. `p`: shape (P, V), `into`: shape (n, m, V) each."""
+        """Fill in the values of variants; `p` has shape (P, V), `into` (n, m, V) each."""
         change = self._features(self.numbers(p)) - self._features(self._base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
         for rows, base, matrix in self._parts(poses):
@@ -95,12 +95,12 @@ class Matter:
                 array[rows] = values[:, first:end]
 
     def _features(self, numbers: Array) -> Array:
-        """All that forces are linear in. Shape (V, n_body, 10) -> (V, n_feature)."""
+        """Features in which forces are linear. Shape (V, n_body, 10) -> (V, n_feature)."""
         found = [moments(numbers).reshape(len(numbers), -1)]
         return np.concatenate([*found, *(numbers[:, i, 1:4] for i, has in enumerate(self._loaded) if has)], axis=1)
 
     def _neighbours(self) -> Array:
-        """The base, and as many machines near it as there are features. Shape (1 + n_feature, n_body, 10)."""
+        """The base, and one neighbouring machine per feature. Shape (1 + n_feature, n_body, 10)."""
         mechanism, L = self.machine.scene.mechanism, self.machine.work.loops.length
         away = mechanism.mass * np.array([1.0, *[L] * 3, *[L * L] * 6])
         steps = [*np.diag(np.tile(away, len(self.bodies)))]
@@ -113,13 +113,13 @@ class Matter:
 
     @property
     def _base(self) -> Array:
-        """Bodies that the matrix is counted from, all of them with mass. Shape (n_body, 10)."""
+        """Base bodies of the matrix, all with mass. Shape (n_body, 10)."""
         base = self.nominal.copy()
         base[base[:, 0] == 0.0, 0] = self.machine.scene.mechanism.mass
         return base
 
     def _parts(self, poses: NominalPoses) -> Any:
-        """Samples, values of the base there, and what a unit of each feature adds. Shapes (n, m), (n, m, n_feature)."""
+        """Samples, base values there, and the effect of a unit of each feature. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return
@@ -132,7 +132,7 @@ class Matter:
             yield rows, base, matrix
 
     def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
-        """By neighbours of the base that differ from it in one moment each, lanes of a program."""
+        """Matrix from neighbours of the base that differ in one moment each, as lanes of a program."""
         known = dict(zip(self._entries, self.nominal.ravel().tolist(), strict=True))
         if not self._made:
             symbols = self.machine.symbols(known, 0)
@@ -152,7 +152,7 @@ class Matter:
 
 
 def _not_negative(xx: Array, yy: Array, zz: Array, xy: Array, xz: Array, yz: Array) -> NDArray[np.bool_]:
-    """Whether symmetric matrices have no negative eigenvalue beyond rounding: sums of their products have none."""
+    """True for symmetric matrices without negative eigenvalues beyond rounding, tested by sums of products."""
     trace = xx + yy + zz
     pairs = xx * yy + yy * zz + zz * xx - xy * xy - xz * xz - yz * yz
     product = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)

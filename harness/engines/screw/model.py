@@ -1,4 +1,4 @@
-"""The engine `screw`: the solver in `screwgauge.reference` on a description, for every kind of task."""
+"""The engine `screw`: the solver in `screwgauge.reference` on a description, for every task."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LONG = 2000
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How given motions and simulations are solved.
+    """Settings of given motions and simulations.
 
     Attributes:
         backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
@@ -48,7 +48,7 @@ class Settings:
 
 
 def load(files: ModelFiles, **settings: Any) -> ScrewModel:
-    """Loads a description; see `Settings`."""
+    """Load a description; see `Settings`."""
     lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
     check_choice("precision", [chosen.precision], NUMBER_TYPES, "settings of screw")
     backends = BACKENDS if chosen.precision == FLOAT64.name else BACKENDS[1:]
@@ -57,7 +57,7 @@ def load(files: ModelFiles, **settings: Any) -> ScrewModel:
 
 
 class ScrewModel:
-    """A mechanism, laid out."""
+    """A mechanism with its layout."""
 
     def __init__(self, lay: Layout, where: str = "", settings: Settings | None = None) -> None:
         self.lay, self.where, self.settings = lay, where or lay.mechanism.name, settings or Settings()
@@ -68,11 +68,11 @@ class ScrewModel:
 
     @property
     def lacks(self) -> dict[str, str]:
-        """Quantities that it does not give -> why not."""
+        """Reasons for the quantities that the engine lacks."""
         return {} if self.settings.precision == FLOAT64.name else {"mass_matrix": "no program has a mass matrix"}
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answers a problem.
+        """Solve a problem.
 
         Raises:
             ScrewgaugeError: The description is not that of the problem, or a pose cannot be solved.
@@ -86,7 +86,7 @@ class ScrewModel:
         return self._accelerate(problem, problem.task)
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
-        """A given motion, by the array solver where there is no program."""
+        """Solve a given motion, by the array solver if there is no program."""
         kind = NUMBER_TYPES[self.settings.precision]
         backend = self.settings.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":
@@ -118,7 +118,7 @@ class ScrewModel:
         return simulated.solution(("screw", __version__, setting), self.lay.mechanism.joints, task)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
-        """Programs of the accelerations, or why there are none."""
+        """Programs of the accelerations, or the reasons why there are none."""
         from screwgauge.engines.screw.forward import TracedForward
 
         if self.settings.backend == "array":
@@ -129,7 +129,7 @@ class ScrewModel:
             return None, (f"accelerations by the array solver: {error.what}",)
 
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
-        """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
+        """Accelerations of all joint coordinates, shape (n, n_q), and condition of the closed loops, shape (n,)."""
         at, accelerations = path.rates, np.full(path.rates.q.shape, np.nan)
         if (regular := at.condition < linear.SINGULAR).any():
             applied, t = problem.applied, path.t[regular]

@@ -1,4 +1,4 @@
-"""The machine of a scene as it is, which variants are counted from: closed poses, and how these move with numbers."""
+"""The nominal machine of variants: closed poses, and their derivatives by numbers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COSTS = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NominalPoses:
-    """ClosedSamples of the nominal machine.
+    """Poses of the nominal machine, as `ClosedSamples`.
 
     Attributes:
         motion: What is given.
@@ -48,7 +48,7 @@ class NominalPoses:
 
 
 class NominalMachine:
-    """The machine of a scene, whose numbers become inputs of programs.
+    """The machine of a scene, with numbers as inputs of programs.
 
     Attributes:
         components: Quantity -> names of its components.
@@ -56,7 +56,7 @@ class NominalMachine:
     """
 
     def __init__(self, scene: Scene, wanted: Iterable[str]) -> None:
-        """Follows the scene's motion.
+        """Follow the scene's motion.
 
         Raises:
             ScrewgaugeError: The motion cannot be followed, or no program answers the question.
@@ -79,21 +79,21 @@ class NominalMachine:
 
     @property
     def count(self) -> int:
-        """Numbers of all quantities at a sample."""
+        """Number of values of all quantities at a sample."""
         return sum(map(len, self.components.values()))
 
     def symbols(self, known: Mapping[str, float], steps: int) -> Symbols:
-        """The equations with some numbers as inputs, see `Symbols`."""
+        """Trace the equations with some numbers as inputs, see `Symbols`."""
         axial = self.problem.rule == "spherical_axial"
         return Symbols(self.work.loops, self.problem.applied, known, self.anchors, steps=steps, axial=axial)
 
     def outputs(self, symbols: Symbols) -> list[Scalar]:
-        """Numbers of all quantities, component after component."""
+        """Components of all quantities, in order."""
         wanted = TracedQuantities([*self.components], symbols.at.axial, *open_tree(self.lay))
         return [x for values in quantities(symbols.at, wanted).values() for x in values]
 
     def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> NominalPoses:
-        """Closed poses at samples, which are kept for the next call.
+        """Closed poses at samples, cached for the next call.
 
         Raises:
             ScrewgaugeError: An array is not as it must be, or a sample is not reached.
@@ -133,13 +133,13 @@ class NominalMachine:
 
 
 def stacked(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
-    """All inputs of a program of symbols, in closed poses. `numbers`: shape (P,). Shape (inputs, n)."""
+    """Stack all inputs of a program at closed poses; `numbers` has shape (P,). Shape (inputs, n)."""
     parts = [poses.rows, poses.q[:, symbols.predicted], poses.q[:, symbols.near]]
     return np.ascontiguousarray(np.concatenate([*parts, np.tile(numbers, (len(poses.q), 1))], axis=1).T)
 
 
 class Slopes:
-    """How closed poses move with numbers, ``dq/dp = -M^-1 dr/dp``, and which rows no motion of the joints closes."""
+    """Derivatives of closed poses by numbers, ``dq/dp = -M^-1 dr/dp``, and the rows that no joint motion closes."""
 
     def __init__(self, machine: NominalMachine, known: Mapping[str, float]) -> None:
         self.machine, self.names, self.nominal = machine, [*known], np.array([*known.values()])
@@ -148,7 +148,7 @@ class Slopes:
         self._rows: Any = None
 
     def of(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Slopes of the dependent coordinates, and openings of the rows, without dimension.
+        """Slopes of the dependent coordinates, and openings of the rows, dimensionless.
 
         Returns:
             Shapes (n, c, P), (n, m, P).
@@ -175,7 +175,7 @@ class Slopes:
         return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
 
     def costs(self) -> dict[str, float]:
-        """Numbers that cost the machine its mobility if they change alone, and by how much rows then open.
+        """Numbers that cost the machine its mobility if changed alone, with the opening of rows.
 
         To first order, at samples of the scene's motion [rad or lengths of the mechanism, over the number's unit].
         """
@@ -183,7 +183,7 @@ class Slopes:
         return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}
 
     def together(self) -> list[dict[str, float]]:
-        """Combinations of these numbers that keep it mobile, to first order, in echelon form."""
+        """Combinations of these numbers that preserve mobility to first order, in echelon form."""
         names = [*self.costs()]
         some = self._openings[..., [self.names.index(name) for name in names]].reshape(-1, len(names))
         values, back = np.linalg.svd(some, full_matrices=True)[1:]
@@ -193,7 +193,7 @@ class Slopes:
 
 
 def echelon(rows: Array) -> Array:
-    """Reduced echelon form of independent rows: each has a one where all others have none. Shape (m, n)."""
+    """Reduced echelon form of independent rows: each has a one where the others have zeros. Shape (m, n)."""
     out, free = rows.copy(), [*range(len(rows))]
     while free:
         i, column = max(((i, int(np.argmax(np.abs(out[i])))) for i in free), key=lambda at: abs(out[at]))

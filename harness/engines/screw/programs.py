@@ -1,4 +1,4 @@
-"""Programs of the solver's equations: how they are run, and how the cheap bounds of their errors are read."""
+"""Execution of the solver's programs, and cheap bounds of their errors."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ Numbers = Mapping[str, Scalar]
 
 
 def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
-    """Name -> root of the square that a program emits, see `CHECKS`."""
+    """Root of each square that a program emits, by name, see `CHECKS`."""
     return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
 class Bounds:
-    """How the numbers of a program are read.
+    """Interpretation of a program's outputs.
 
     Attributes:
         weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
@@ -77,7 +77,7 @@ class Bounds:
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:
-        """What the numbers of a program rest on."""
+        """Error data from a program's outputs."""
         gain = SAFETY * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
         rush = apply("max", speed * speed, out["rush"])
@@ -98,7 +98,7 @@ class Bounds:
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
-        """Errors of quantities at samples that are clear, of each of their units.
+        """Errors of quantities at clear samples, for each of their units.
 
         Returns:
             Sums of squares as they grow, with the numbers they are made of, and the errors.
@@ -126,11 +126,11 @@ class Bounds:
         return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
-        """Whether Newton's method stayed on its assembly. Shape (n,)."""
+        """True where Newton's method stayed on its assembly. Shape (n,)."""
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
-        """Samples for the array solver; `counts` gets how many for which reason."""
+        """Samples left to the array solver; `counts` collects their number by reason."""
         doubts = {
             "badly conditioned": trust.doubtful(SAFETY),
             "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
@@ -145,7 +145,7 @@ class Bounds:
 
 
 def _largest(problem: Problem, length: float) -> float:
-    """Sum of the largest forces of all loads, torques over a length [N]."""
+    """Sum of the peak forces of all loads, torques divided by a length [N]."""
     applied = problem.applied
     loads = applied.at(problem.task.t).loads if isinstance(problem.task, GivenMotion) else applied.loads
     sizes = (np.linalg.norm(x.force, axis=-1) + np.linalg.norm(x.torque, axis=-1) / length for x in loads)
@@ -153,12 +153,12 @@ def _largest(problem: Problem, length: float) -> float:
 
 
 def rows_not_finite(values: Mapping[str, Array]) -> Rows:
-    """Samples of which a value, shape (n, m), is not finite. Shape (count,)."""
+    """Samples with a value, shape (n, m), that is not finite. Shape (count,)."""
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
 def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
-    """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
+    """Errors as by `Bounds.estimated`, at samples that need not be clear. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
@@ -168,7 +168,7 @@ def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> A
 
 
 def _sizes(name: str, whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
-    """Each unit of a quantity, and the size of what its numbers are made of. `whole`: sum of the squares of all."""
+    """Each unit of a quantity with the size of its summands; `whole` is the sum of the squares of all."""
     local = apply("sqrt", whole) + summand(name, units[0], trust) if units else 0.0
     return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
 
@@ -179,7 +179,7 @@ WITHIN = 2.0
 
 
 class Runner(Protocol):
-    """What runs a program."""
+    """Runs a program."""
 
     program: Program
 
@@ -189,12 +189,12 @@ class Runner(Protocol):
         """See `screwgauge.reference.traced.native.Native.bind`."""
 
     def again(self) -> Runner:
-        """A runner that may run at the same time."""
+        """Return a runner that may run at the same time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bound:
-    """A program bound to arrays that are used again.
+    """A program bound to reusable arrays.
 
     Attributes:
         values: What it fills; they are kept, so that no others can take their places.
@@ -209,12 +209,12 @@ class Bound:
     run: Callable[[], bool]
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """Whether these are the first of its arrays, and such inputs."""
+        """True if these are the bound output arrays and inputs of the same shapes."""
         alike = [x.shape for x in inputs] == [place.shape for place in self.inputs]
         return alike and all(map(is_, values.values(), self.values))
 
     def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs; whether they are such, and no sample in doubt."""
+        """Fill the arrays from inputs; False if these do not fit or a sample is in doubt."""
         for x, place in zip(inputs, self.inputs, strict=True):
             if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
                 return False
@@ -225,7 +225,7 @@ class Bound:
 def runner(
     program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes, dtype: np.dtype[Any] = FLOAT
 ) -> tuple[Runner, str]:
-    """A program ready to run, and a note on that.
+    """Prepare a program for execution; return the runner and a note.
 
     Args:
         plain: What runs it without a compiler.
@@ -241,7 +241,7 @@ def runner(
 
 
 def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]:
-    """Machine code of a program, from disk if it is there, and a note; none without a compiler."""
+    """Machine code of a program, from disk if cached, and a note; None without a compiler."""
     try:
         from screwgauge.reference.traced import native
 
@@ -260,20 +260,20 @@ def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]
 
 
 class Arcs:
-    """Programs that differ in their pivots, each sample by the one whose pivots are largest there.
+    """Programs with different pivots; each sample uses the one with the largest pivots there.
 
     A program's estimate of a gain depends on its pivots. Where that is more than it was at all samples for which
     they were chosen, the next program is tried.
     """
 
     def __init__(self, runners: Sequence[Runner], limits: Sequence[float]) -> None:
-        """`limits`: of the check of the gain, of each program."""
+        """Combine runners; `limits` bound the gain check of each."""
         self.runners, self.limits, self.program = runners, limits, runners[0].program
 
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Binds arrays as `Runner.bind` does."""
+        """Bind arrays like `Runner.bind`."""
         first, checks = self.runners[0].bind(inputs, outputs, weights), self.program.checks
         given, results = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
 
@@ -288,12 +288,12 @@ class Arcs:
         return run
 
     def again(self) -> Arcs:
-        """Arcs that may run at the same time."""
+        """Copy the arcs so that both may run at the same time."""
         return Arcs([runner.again() for runner in self.runners], self.limits)
 
 
 def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
-    """Puts another program's numbers in the place of those of some samples where its gain, returned, is smaller."""
+    """Replace samples by another program's where its gain is smaller; return the gains."""
     out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
     better = ~(outputs[-checks][rows] <= out[-checks])
@@ -304,14 +304,14 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequen
 
 
 def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tuple[Runner, str]:
-    """The programs of a trace ready to run, see `runner`."""
+    """Prepare the programs of a trace, see `runner`."""
     made, notes = zip(*(runner(program, backend, dtype=dtype) for program, _ in traced.arcs), strict=True)
     limits = [WITHIN * gain for _, gain in traced.arcs]
     return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 
 def left_to_forces(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Numbers of the independent coordinates that no actuator drives: idle ones, and others of a motion, which rest."""
+    """Independent coordinates that no actuator drives: idle ones, and resting ones of a motion."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)
@@ -323,7 +323,7 @@ def left_to_forces(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tupl
 
 
 def check_traceable(lay: Layout, problem: Problem) -> None:
-    """Refuses what no program answers.
+    """Reject problems that no program covers.
 
     Raises:
         NotTraceableError: With the reason.
@@ -337,5 +337,5 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:
-    """Whether the numbers of each column lie side by side."""
+    """True if the numbers of each column are contiguous."""
     return all(array.strides[0] == array.itemsize for array in arrays.values())

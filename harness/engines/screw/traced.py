@@ -1,4 +1,4 @@
-"""Given motions by a traced program, with the guard of the array solver, which takes what the program cannot answer."""
+"""Given motions by a traced program, guarded by the array solver, which answers the doubtful samples."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TWICE = "two poses of these coordinates are reached from home, so that they do n
 
 
 class TracedWork:
-    """A program for a problem, and the array solver for what that leaves.
+    """A program for a problem, with the array solver as fallback.
 
     Attributes:
         outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
@@ -56,7 +56,7 @@ class TracedWork:
         estimates: bool = False,
         kind: NumberType = FLOAT64,
     ) -> None:
-        """Traces the program; pivots are chosen at samples of the motion.
+        """Trace the program, with pivots chosen at samples of the motion.
 
         Args:
             loaded: Whether every sample has its own loads, in place of those of the problem. Where these change over
@@ -104,7 +104,7 @@ class TracedWork:
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _further(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
-        """Estimates errors if they are wanted."""
+        """Outputs of error estimates, if wanted."""
         if "error" not in self.outputs:
             return {}
         sums, errors = self.bounds.estimated(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
@@ -116,7 +116,7 @@ class TracedWork:
         return {name: names[name][1] for name in self.wanted}
 
     def again(self) -> TracedWork:
-        """A copy for another thread, with buffers, poses and counts of its own."""
+        """Copy for another thread, with separate buffers, poses and counts."""
         other = copy(self)
         other.work = Work(self.lay, self.problem)
         other.clock, other.by_array, other.bound = other.work.clock, Counter(), None
@@ -125,14 +125,14 @@ class TracedWork:
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
-        """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
+        """Arrays for `outputs` of n samples, (n, m) each, contiguous by component."""
         names, errors = self.names(), sum(len({*each}) for each in self.units.values())
         return {name: columns(n, errors if name == "error" else len(names[name][0])) for name in self.outputs}
 
     def _run(
         self, traced: Traced, motion: GivenMotion, guess: Poses | None, loads: Array, values: Mapping[str, Array]
     ) -> tuple[Numbers, bool]:
-        """Runs the program.
+        """Run the program.
 
         Args:
             guess: Where poses are not in closed form.
@@ -171,13 +171,13 @@ class TracedWork:
             return roots(checks), clear
 
     def _pass(self, inputs: Sequence[Array], reached: Array, values: Mapping[str, Array]) -> tuple[Array, Array, bool]:
-        """Runs the program once: where Newton's method came to, the checks, and whether no sample is in doubt."""
+        """Run the program once: end of Newton's method, checks, and True if no sample is in doubt."""
         checks = np.empty((len(CHECKS), inputs[0].shape[1]))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         return reached, checks, self.runner.bind(inputs, outputs, self.bounds.weights)()
 
     def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
-        """Binds the program to arrays, see `arrays`, and to inputs like these.
+        """Bind the program to arrays, see `arrays`, and to inputs of these shapes.
 
         Returns:
             Nothing, if the program needs predictions, or numbers of a component lie apart: then use `part`.
@@ -197,15 +197,15 @@ class TracedWork:
 
     @property
     def guessed(self) -> bool:
-        """Whether poses are guessed first, as they are not in closed form."""
+        """True if poses are predicted, False if they have a closed form."""
         return self.traced is None or bool(self.traced.predicted or self.traced.near)
 
     def predict(self, motion: GivenMotion) -> Poses | None:
-        """Guesses for samples that follow those before; None where poses are in closed form."""
+        """Predict the samples that follow; None if poses have a closed form."""
         return self.work.predict(motion) if self.guessed else None
 
     def reach(self, motion: GivenMotion) -> Poses | None:
-        """Guesses for samples in any order; times are their numbers.
+        """Predict samples in any order; times are their numbers.
 
         Raises:
             ClosureError: Some are not reached, or not determined by y.
@@ -230,7 +230,7 @@ class TracedWork:
         *,
         thorough: bool = False,
     ) -> Part:
-        """Answers samples.
+        """Answer samples.
 
         Args:
             guess: See `predict`.
@@ -262,7 +262,7 @@ class TracedWork:
         *,
         thorough: bool,
     ) -> Part:
-        """What the program answers; its doubtful samples are those that it leaves."""
+        """Answer samples by the program; the part lists those left in doubt."""
         values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
@@ -283,7 +283,7 @@ class TracedWork:
     def _completed(
         self, motion: GivenMotion, guess: Poses | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
     ) -> Part:
-        """Answers of the program, with the doubtful samples answered by the array solver."""
+        """Replace doubtful samples of the program by the array solver's."""
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
@@ -295,7 +295,7 @@ class TracedWork:
         return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
-        """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
+        """Move angles of cut joints to the equivalent ones nearest to the prediction."""
         for joint, fold in zip(self.lay.cuts, self.folds, strict=True):
             columns = self.lay.columns[joint.name]
             turning = [c for c in columns if self.lay.turns[c]]
@@ -310,7 +310,7 @@ class TracedWork:
 
     @cached_property
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
-        """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
+        """Column of the middle angle of a cut S joint -> places of its rates and forces."""
         middle, tree = {}, open_tree(self.lay)[1]
         for joint in self.lay.cuts:
             column = self.lay.columns[joint.name][1:2]
@@ -321,7 +321,7 @@ class TracedWork:
         return middle
 
     def notes(self, n: int) -> tuple[str, ...]:
-        """Notes: what the program answered, and what the array solver did."""
+        """Describe which samples the program and the array solver answered."""
         if self.traced is None:
             return (self.note,)
         left, reasons = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
@@ -337,7 +337,7 @@ def _loads(applied: Applied, t: Array) -> Array:
 
 
 def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
-    """Well-conditioned samples of a motion, and all joint coordinates there.
+    """Well-conditioned samples of a motion, and their joint coordinates.
 
     Raises:
         NotTraceableError: There is none.
@@ -359,7 +359,7 @@ def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
 def solve_traced(
     lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, by: tuple[str, NumberType]
 ) -> Solution:
-    """Positions, velocities, accelerations and forces of a given motion by a traced program, where there is one.
+    """Solve a given motion by a traced program, if there is one.
 
     Args:
         by: What runs the program, and what it computes in; in float32 there is no error estimate.

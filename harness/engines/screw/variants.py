@@ -51,7 +51,7 @@ STATISTICS: Mapping[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VariantSolution:
-    """What variants answer.
+    """Answers for all variants.
 
     Attributes:
         values: Quantity -> shape (V, n, n_component), of statistics (V, n_component); NaN where a variant has none.
@@ -67,7 +67,7 @@ class VariantSolution:
 
 @dataclass(slots=True, eq=False)
 class _Worst:
-    """Largest checks of some variants over the samples, as squares. Shape (V,) each."""
+    """Largest checks of each variant over the samples, squared. Shape (V,) each."""
 
     following: Array
     ratio: Array
@@ -78,7 +78,7 @@ class _Worst:
         return cls(*np.zeros((3, count)))
 
     def meet(self, first: Array, second: Array, step: Array, following: Array, rows: Array) -> None:
-        """Takes the checks of a sample; one that is no number stays none."""
+        """Update by the checks of a sample; NaN persists."""
         np.maximum(self.following, following, out=self.following)
         np.maximum(self.open, rows, out=self.open)
         for before, after in ((first, second), (step, following)):
@@ -86,7 +86,7 @@ class _Worst:
 
     @property
     def contracts(self) -> NDArray[np.bool_]:
-        """Whether each step of Newton's method is much smaller than the one before: it stays on its assembly."""
+        """True where each Newton step is much smaller than the previous one: the pose stays on its assembly."""
         return self.ratio <= QUARTER**2
 
     @property
@@ -95,13 +95,13 @@ class _Worst:
 
     @property
     def stays_open(self) -> NDArray[np.bool_]:
-        """Whether Newton's method has come to its end, and rows are open there."""
+        """True where Newton's method has converged and rows remain open."""
         return (self.following <= CLOSED**2) & self.contracts & ~(self.open <= OPEN**2)
 
 
 @dataclass(slots=True, eq=False)
 class VariantLanes:
-    """A program bound to buffers of some lanes, a row a number."""
+    """A program bound to buffers of several lanes, one row per number."""
 
     given: Array
     start: Array
@@ -120,7 +120,7 @@ class VariantLanes:
 
 
 class Variants:
-    """Inverse dynamics of a scene as a function of samples and of numbers of its machine.
+    """Inverse dynamics of a scene as a function of samples and of its machine's numbers.
 
     Attributes:
         names, nominal: Numbers that are inputs, whole names, and their values in the scene. Shape (P,).
@@ -128,7 +128,7 @@ class Variants:
     """
 
     def __init__(self, scene: Scene, quantities: Iterable[str], parameters: Sequence[str], backend: str) -> None:
-        """Follows the scene's motion; programs are traced and compiled when they are first used.
+        """Follow the scene's motion; programs are traced and compiled on first use.
 
         Raises:
             ScrewgaugeError: A number does not exist, or the motion cannot be followed or traced.
@@ -148,23 +148,23 @@ class Variants:
 
     @property
     def operations(self) -> int:
-        """Of the program, a sample of a variant."""
+        """Operations of the program per sample of a variant."""
         return len(self._program(self._steps)[1].program.code)
 
     @cached_property
     def cannot_change(self) -> dict[str, float]:
-        """Numbers that cost the machine its mobility if they change alone, see `Slopes.costs`."""
+        """Numbers that cost the machine its mobility if changed alone, see `Slopes.costs`."""
         return self._slopes.costs()
 
     @cached_property
     def can_change_together(self) -> list[dict[str, float]]:
-        """Combinations of these that keep it mobile, each with a number that no other has, see `Slopes.together`."""
+        """Combinations that preserve mobility, each with a number of its own, see `Slopes.together`."""
         return self._slopes.together()
 
     def __call__(
         self, y: Array, yd: Array, ydd: Array, *, parameters: Mapping[str, Any], t: Array | None = None
     ) -> VariantSolution:
-        """All quantities of all variants at all samples.
+        """Compute all quantities of all variants at all samples.
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
@@ -193,7 +193,7 @@ class Variants:
         parameters: Mapping[str, Any],
         t: Array | None = None,
     ) -> dict[str, VariantSolution]:
-        """Statistics over the samples, of each variant; what they are made of is never stored.
+        """Statistics over the samples of each variant, without storing the samples.
 
         Args:
             which: Names of `STATISTICS`. The others are as for a call.
@@ -256,12 +256,12 @@ class Variants:
         return p
 
     def _chunks(self, n: int, count: int) -> Iterator[slice]:
-        """Variants that are worked on at a time."""
+        """Slices of variants small enough for the cache."""
         lanes = min(LANES, max(8, HELD // max(1, n * self._machine.count)))
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
     def _fill(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fills in the values of some variants, and why they have none. `into`: shape (n, m, V) each."""
+        """Fill in the values of some variants, and reasons for missing ones; `into` has shape (n, m, V) each."""
         why[~self._matter.possible(p)] = IMPOSSIBLE
         if all(map(inertial, self.names)):
             self._matter.fill(poses, p, into)
@@ -271,7 +271,7 @@ class Variants:
             array[..., why != ""] = np.nan
 
     def _answer(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fills in values by the program; variants that it leads elsewhere are followed by the array solver."""
+        """Fill in values by the program; the array solver follows variants that leave its assembly."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
             some = [np.empty((*array.shape[:2], len(left))) for array in into]
@@ -290,7 +290,7 @@ class Variants:
             why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
 
     def _run(self, poses: NominalPoses, p: Array, into: Sequence[Array], again: int) -> _Worst:
-        """Runs the program at all samples, `again` and again from where it came to, and fills in the values."""
+        """Run the program at all samples, `again` times from its last poses, and fill in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
         if key not in self._bound:
@@ -316,7 +316,7 @@ class Variants:
         return worst
 
     def _alone(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> str:
-        """Answers one variant by the array solver, its home followed from the nominal one; why it has no values."""
+        """Answer a variant by the array solver, its home followed from the nominal one; return why if it fails."""
         motion = poses.motion
         try:
             scene = self.scene.with_({name: float(x) for name, x in zip(self.names, p, strict=True)})
@@ -329,7 +329,7 @@ class Variants:
         return ""
 
     def _program(self, steps: int) -> tuple[Symbols, Any]:
-        """Equations with so many steps of Newton's method, and their program: quantities, checks, coordinates."""
+        """Equations with a number of Newton steps, and their program: quantities, checks, coordinates."""
         if steps not in self._programs:
             symbols = self._machine.symbols(self._known, steps)
             outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]
@@ -341,14 +341,14 @@ class Variants:
         return Slopes(self._machine, self._known)
 
     def _slopes_at(self, poses: NominalPoses) -> Array:
-        """Slopes of the dependent coordinates, kept for the next call. Shape (n, c, P)."""
+        """Slopes of the dependent coordinates, cached for the next call. Shape (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
         return self._at[1]
 
     @cached_property
     def _pull(self) -> tuple[Symbols, Any]:
-        """The program of the gradient at closed poses, whose last inputs are weights."""
+        """The program of the gradient at closed poses; weights are its last inputs."""
         symbols = self._machine.symbols(self._known, 0)
         values = self._machine.outputs(symbols)
         weights = [symbols.trace.input(np.ones(len(self._machine.anchors))) for _ in values]
@@ -362,7 +362,7 @@ class Variants:
 
 
 def check_choice_of_text(names: Any) -> list[str]:
-    """Names or patterns as a list.
+    """Return names or patterns as a list.
 
     Raises:
         DescriptionError: They are no list of text, or there is none.

@@ -1,1 +1,1 @@
-"""What engines with an open tree share: closing its loops, forces, integration, reading cut joints."""
+"""Common code of open-tree engines: loop closure, forces, integration, coordinates of cut joints."""

@@ -1,4 +1,4 @@
-"""Springs, dampers, motors and loads on an engine's open tree, from the engine's own poses and rates of bodies.
+"""Springs, dampers, motors and loads on an engine's open tree, from its own body poses and rates.
 
 `exerted` states them once, for the samples of a given motion and for the one state of a simulation. What it exerts
 becomes wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree (`TreeForces`).
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array, cross
 
 
 def resisting(closed: ClosedTree) -> tuple[Resistance, ...]:
-    """Damping and dry friction of joints; rotors the engine has itself."""
+    """Damping and dry friction of joints; the engine includes rotors."""
     return resistances(closed.file.joints, LOSSES)
 
 
@@ -37,7 +37,7 @@ def exerted(
     body: BodyMotion,
     read: Coordinate,
 ) -> ActingForces:
-    """Forces of loads, springs, dampers and motors, and of joints that resist.
+    """Forces of loads, springs, dampers, motors and resisting joints.
 
     Args:
         t: Times [s]. Shape (...).
@@ -51,7 +51,7 @@ def exerted(
 def applied_wrenches(
     closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array]:
-    """Force and moment about its origin on each body, and the part that acts along joint coordinates by itself.
+    """Force and moment about its origin on each body, and the part that acts along joint coordinates.
 
     Args:
         motion: Times, shape (n,), velocities of the bodies, shape (n, n_body + 1, 6), coordinates of all joints and
@@ -84,7 +84,7 @@ def applied_wrenches(
 
 
 def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:
-    """Adds what forces along the coordinates of a joint exert on its two bodies: no power on any other motion."""
+    """Add wrenches of forces along a joint's coordinates on its two bodies; they have no power on other motions."""
     parent, child = closed.loops.sides(joint)
     frames = closed.joint_pose(joint, at)
     values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
@@ -100,7 +100,7 @@ Reader = Callable[[Array, BodyAt], tuple[float, Array]]
 
 
 class TreeForces:
-    """All that acts besides gravity as forces along the coordinates of a tree, at one state after the other.
+    """Applied forces besides gravity along the coordinates of a tree, state by state.
 
     Attributes:
         acts: Whether anything does.
@@ -110,7 +110,7 @@ class TreeForces:
     def __init__(
         self, closed: ClosedTree, applied: Applied, start: Array, resist: Sequence[Resistance] | None = None
     ) -> None:
-        """Binds what acts to the bodies and coordinates of a tree.
+        """Bind applied forces to the bodies and coordinates of a tree.
 
         Args:
             start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
@@ -135,7 +135,7 @@ class TreeForces:
         }
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
-        """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""
+        """Write the force along the coordinates into `tau`, shape (n_v,); return the input power [W]."""
         tau[:] = 0.0
         if not self.acts:
             return 0.0
@@ -158,7 +158,7 @@ class TreeForces:
 
 
 def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
-    """Reads a joint coordinate, of the tree or of a cut joint."""
+    """Build the reader of a joint coordinate, of the tree or of a cut joint."""
     tree, loops = closed.tree, closed.loops
     if coordinate in tree.coordinates:
         column = tree.coordinates.index(coordinate)
@@ -172,7 +172,7 @@ def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
 
 
 def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reader:
-    """Reads a coordinate of a cut joint.
+    """Build the reader of a cut joint's coordinate.
 
     It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
     """

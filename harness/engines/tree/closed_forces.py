@@ -1,4 +1,4 @@
-"""Forces of the closed mechanism by projection of an engine's tree forces, multipliers from what is left.
+"""Forces of the closed mechanism: projected tree forces, and multipliers for the rest.
 
 Reactions of all joints come from the wrenches that the engine transmits through its tree and from the multipliers.
 """
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array, across_direction, cross
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedForces:
-    """Forces of some samples.
+    """Forces at some samples.
 
     Attributes:
         values: Quantity -> shape (n, m).
@@ -49,7 +49,7 @@ def closed_forces(
     motion: tuple[Array, Array, Array, Array],
     exerted: tuple[Array, Array],
 ) -> ClosedForces:
-    """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
+    """Compute generalised and actuator forces by projection, reactions by multipliers of the closing rows.
 
     Args:
         given: The problem, and numbers of the independent coordinates that no actuator drives.
@@ -91,7 +91,7 @@ def closed_forces(
 
 
 def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone: Array) -> tuple[Array, Array]:
-    """Actuator forces for which the force of the spherical joint lies along its line (eq. 56).
+    """Actuator forces that keep the spherical joint's force along its line (eq. 56).
 
     Args:
         G: Derivative of the closing rows. Shape (n, m, n_v).
@@ -119,8 +119,8 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
 
 
 def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
-    """Force of a joint on one of its bodies [N]: what it is without closures, (n, 3), and what each anchor adds to it
-    of its own force, (n_anchor,)."""
+    """Force of a joint on one of its bodies [N]: without closures, (n, 3), and per force of each anchor,
+    (n_anchor,)."""
     loops = closed.loops
     if joint in loops.cut:
         return np.zeros((len(alone), 3)), np.array([float(anchor.joint == joint.name) for anchor in loops.anchors])
@@ -131,13 +131,13 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
 
 
 def _outer(joint: Joint, closed: ClosedTree) -> int:
-    """The body of a joint of the tree that is farther from ground."""
+    """The body of a tree joint that is farther from ground."""
     parent, child = closed.loops.sides(joint)
     return child if child and closed.inwards(child)[1] == parent else parent
 
 
 def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
-    """Reaction components of every joint of the description, tree and cut ones alike, and of its couplings.
+    """Reaction components of every joint and coupling of the description, tree and cut joints alike.
 
     Args:
         transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).
@@ -160,7 +160,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
 
 
 def components(at: JointPose, wrench: Array, about: Array) -> Array:
-    """Components of a wrench on the child of a joint along what the joint constrains. (n, 6), (n, 3) -> (n, m)."""
+    """Components of a wrench on a joint's child along its constrained directions. (n, 6), (n, 3) -> (n, m)."""
     force = wrench[:, :3]
     moment = wrench[:, 3:] - cross(at.p_child - about, force)
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)

@@ -1,4 +1,4 @@
-"""States of a tree on the closed loops: brought back onto them, and read in the coordinates of the description."""
+"""States of a tree on the closed loops: projected onto them, and read as joint coordinates."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST = 4  # from a state that drifted by 1e-6 two corrections are enough
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Projected:
-    """A state on the closed loops, and how far it was off.
+    """A state on the closed loops, and its distance before projection.
 
     Attributes:
         q, v: Tree coordinates and rates. Shape (n_v,).
@@ -39,7 +39,7 @@ class Projected:
 
 
 def project(mover: Mover, q: Array, v: Array) -> Projected:
-    """Brings a state back onto the closed loops and leaves the engine there.
+    """Project a state onto the closed loops and leave the engine there.
 
     Newton's method with one factorisation: what drifted by 1e-6 is closed to 1e-12 by the first correction.
 
@@ -80,7 +80,7 @@ def project(mover: Mover, q: Array, v: Array) -> Projected:
 
 
 def _pseudo_inverse(G: Array) -> Array:
-    """Shape (m, n) -> (n, m), by the eigenvectors of G^T G: small for any number of redundant rows."""
+    """Pseudo-inverse by the eigenvectors of G^T G, small for any number of redundant rows. (m, n) -> (n, m)."""
     w, V = np.linalg.eigh(G.T @ G)
     kept = w > SMALLEST**2 * max(float(w[-1]), np.finfo(float).tiny)
     V = V[:, kept]
@@ -92,7 +92,7 @@ _MEMORY = 2e7  # bytes of the Jacobians of all bodies that are held at a time
 
 @dataclass(slots=True, eq=False)
 class Path:
-    """States in the order of time, those of them marked that are wanted.
+    """States in order of time, with marks on the wanted ones.
 
     Attributes:
         t, q, v: Times [s], tree coordinates and rates, one entry a state.
@@ -107,7 +107,7 @@ class Path:
     a: list[Array] = field(default_factory=list)
 
     def add(self, t: float, q: Array, v: Array, a: Array | None = None) -> None:
-        """Adds a state; one with accelerations is wanted."""
+        """Append a state; one with accelerations is wanted."""
         if a is not None:
             self.wanted.append(len(self.t))
             self.a.append(a)
@@ -116,7 +116,7 @@ class Path:
         self.v.append(v)
 
     def cut(self, t: float) -> None:
-        """Forgets the states after a time."""
+        """Drop the states after a time."""
         n = sum(time <= t for time in self.t)
         del self.t[n:], self.q[n:], self.v[n:]
         self.wanted = [i for i in self.wanted if i < n]
@@ -124,7 +124,7 @@ class Path:
 
 
 def read_path(closed: ClosedTree, path: Path, start: Array) -> JointMotion:
-    """Reads the wanted states of a path, angles of cut joints followed along all its states.
+    """Read the wanted states of a path, following the angles of cut joints through all states.
 
     Args:
         start: Independent coordinates at its first state. Shape (k,).
@@ -148,7 +148,7 @@ def _blocks(closed: ClosedTree, n: int) -> list[slice]:
 
 
 def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) -> dict[str, Array]:
-    """Angles of cut joints at all states, each step from one state to the next predicted by the velocities."""
+    """Angles of cut joints at all states, each step predicted by the velocities."""
     loops = closed.loops
     if not loops.cut:
         return {}

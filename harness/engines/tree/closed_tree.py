@@ -1,4 +1,4 @@
-"""An engine's open tree and the joints that were cut: rows that close its loops, from poses that the engine gives."""
+"""An engine's open tree with its cut joints: rows that close the loops, from the engine's poses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array, cross, times, vee, widest
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnchorPair:
-    """One constraint of a closure: two points that coincide, or (`angular`) two frames that keep their attitude."""
+    """A constraint of a closure: two coincident points, or (`angular`) two frames of equal orientation."""
 
     joint: str
     angular: bool
@@ -36,13 +36,13 @@ class AnchorPair:
 
     @property
     def sides(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
-        """Body and point or attitude in it, of the child and of the parent."""
+        """Body and point or orientation in it, of the child and of the parent."""
         return (self.child, self.at_child), (self.parent, self.at_parent)
 
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The closing rows of a tree: anchors first, then couplings, then one row for each independent coordinate."""
+    """Closing rows of a tree: anchors, couplings, then one row for each independent coordinate."""
 
     anchors: tuple[AnchorPair, ...]
     couplings: CouplingRows  # in the coordinates of the tree
@@ -52,17 +52,17 @@ class Loops:
 
     @cached_property
     def _points(self) -> tuple[list[int], Array]:
-        """Bodies and places in them of the child sides of all anchors, then of the parent sides; angular ones at 0."""
+        """Bodies and body points of all anchors, child sides first; 0 for angular ones."""
         sides = [(*anchor.sides[side], anchor.angular) for side in (0, 1) for anchor in self.anchors]
         places = [np.zeros(3) if angular else where for _, where, angular in sides]
         return [body for body, *_ in sides], np.array(places).reshape(-1, 3)
 
     def ends(self, at: BodyPoses) -> Array:
-        """Points of all anchors in the world, child sides first. Shape (n, 2 n_anchor, 3)."""
+        """World points of all anchors, child sides first. Shape (n, 2 n_anchor, 3)."""
         return at.points(*self._points)
 
     def gaps(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Child side less parent side of each anchor [m or rad], for its `ends`. Shape (n, 3 n_anchor)."""
+        """Child side minus parent side of each anchor [m or rad], at its `ends`. Shape (n, 3 n_anchor)."""
         m, ends = len(self.anchors), self.ends(at) if ends is None else ends
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
@@ -72,7 +72,7 @@ class Loops:
         return out.reshape(len(out), 3 * m)
 
     def jacobian(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Derivative of the gaps, each side at its own of the `ends`. Shape (n, 3 n_anchor, n_v).
+        """Derivative of the gaps, each side at its own end. Shape (n, 3 n_anchor, n_v).
 
         Taken at one point for both, it is off by the gap: at a lock of a joint, where rates grow without bound, even a
         gap of rounding then costs the accelerations all their digits.
@@ -88,11 +88,11 @@ class Loops:
         return out.reshape(n, 3 * m, n_v)
 
     def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
-        """Angular velocity of the child less that of the parent by the coordinates. Shape (n, 3, n_v)."""
+        """Angular velocity of child minus parent per coordinate. Shape (n, 3, n_v)."""
         return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
-        """Second derivative of the gaps for body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
+        """Second derivative of the gaps at body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
 
         m, (bodies, places) = len(self.anchors), self._points
         ends = shifted(V[:, bodies], A[:, bodies], times(at.R[:, bodies], places))
@@ -103,7 +103,7 @@ class Loops:
         return out.reshape(len(out), 3 * m)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
-        """Coordinates of the cut joints, or of some of them."""
+        """Coordinates of all or some cut joints."""
         return {
             joint.name: read_chart(joint, at.R[:, self.index[joint.parent]], at.R[:, self.index[joint.child]])
             for joint in self.cut
@@ -111,12 +111,12 @@ class Loops:
         }
 
     def sides(self, joint: Joint) -> tuple[int, int]:
-        """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
+        """Parent and child of a joint in the tree, where a body may be replaced by the joint's own copy."""
         parent, child = (self.index.get(f"{x}@{joint.name}", self.index[x]) for x in (joint.parent, joint.child))
         return parent, child
 
     def begin(self, joint: Joint, y: Array) -> Array:
-        """Where the angles of a cut joint begin: at home, its independent ones at their values. Shape (k,) -> (m,)."""
+        """Initial angles of a cut joint: home, with its independent angles at their values. Shape (k,) -> (m,)."""
         angles = joint.home.copy()
         for value, (_, name, i) in zip(y, self.independent, strict=True):
             if name == joint.name:
@@ -124,11 +124,11 @@ class Loops:
         return angles
 
     def relative(self, joint: Joint, values: Array) -> Array:
-        """Angular part of the child's `values` less the parent's. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
+        """Angular part of the child's minus the parent's `values`. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
         return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])
 
     def wrenches(self, at: BodyPoses, forces: Array) -> Array:
-        """External wrench on each body, about its origin, of the multipliers of all anchors.
+        """External wrench on each body, about its origin, from the multipliers of all anchors.
 
         Args:
             forces: Multipliers, on the child side [N or N m]; couplings' after them count for nothing here.
@@ -148,7 +148,7 @@ class Loops:
 
 
 def check_names(tree: OpenTree, file: LoopsFile) -> None:
-    """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
+    """Reject a model that lacks names of its loops file, or has joints unknown to it."""
     closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
     differences = (
         ("has no body", {*file.bodies, *closed} - {GROUND, *tree.bodies}),
@@ -166,7 +166,7 @@ def check_names(tree: OpenTree, file: LoopsFile) -> None:
 
 
 def make_loops(tree: OpenTree, file: LoopsFile) -> Loops:
-    """Binds the closures and the independent coordinates to the bodies and coordinates of a tree.
+    """Bind closures and independent coordinates to the bodies and coordinates of a tree.
 
     Raises:
         ModelFileError: The model lacks one of them, or a joint that only a tree can hold.
@@ -204,7 +204,7 @@ def _anchors(closure: Closure, index: dict[str, int]) -> list[AnchorPair]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sizes:
-    """What each number is divided by.
+    """Divisors that make the closing equations dimensionless.
 
     Attributes:
         length: Largest distance between joint points and centres of mass at home [m].
@@ -225,7 +225,7 @@ Charts = dict[str, Chart]
 
 @dataclass(frozen=True, eq=False)
 class ClosedTree:
-    """A loaded tree, the joints that were cut, and the units in which its closing equations have no dimension."""
+    """A loaded tree with its cut joints, and the units of its dimensionless closing equations."""
 
     tree: OpenTree
     file: LoopsFile
@@ -247,7 +247,7 @@ class ClosedTree:
 
     @cached_property
     def angles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which tree coordinates, and which independent ones, are angles. Shapes (n_v,), (k,)."""
+        """Flags of tree coordinates, and of independent ones, that are angles. Shapes (n_v,), (k,)."""
         turns = {name: turn for j in self.file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
         names = self.tree.coordinates, self.file.independent.values()
         tree, independent = (np.array([turns[name] for name in some], dtype=bool) for some in names)
@@ -255,7 +255,7 @@ class ClosedTree:
 
     @cached_property
     def sizes(self) -> Sizes:
-        """Units in which the closing equations have no dimension."""
+        """Units that make the closing equations dimensionless."""
         at, loops = self.tree.poses(self.home[None]), self.loops
         sides = [(loops.index[body], frame.p) for joint in self.file.joints for body, frame in joint.sides]
         places = [*sides, *enumerate(self.tree.com, 1)]
@@ -266,17 +266,17 @@ class ClosedTree:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """All joint coordinates, in the order of the description."""
+        """All joint coordinates in description order."""
         return tuple(self._at_home)
 
     @cached_property
     def tree_names(self) -> tuple[str, ...]:
-        """Coordinates of the tree, in the order of the description."""
+        """Tree coordinates in description order."""
         return tuple(name for name in self.names if name in self.tree.coordinates)
 
     @cached_property
     def order(self) -> list[int]:
-        """Where `tree_names` stand among the tree's own coordinates."""
+        """Indices of `tree_names` among the tree's own coordinates."""
         return [self.tree.coordinates.index(name) for name in self.tree_names]
 
     @cached_property
@@ -291,11 +291,11 @@ class ClosedTree:
 
     @cached_property
     def bodies(self) -> list[int]:
-        """The bodies of the description among those of the tree, ground being 0."""
+        """Indices of the description's bodies in the tree, ground being 0."""
         return [self.loops.index[name] for name in self.file.bodies]
 
     def inwards(self, body: int) -> list[int]:
-        """A body of the tree, those that carry it, and ground."""
+        """A body of the tree, its ancestors, and ground."""
         return [body, *self.inwards(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
 
     def cut_joint(self, name: str) -> Joint:
@@ -307,7 +307,7 @@ class ClosedTree:
         return frozenset(name for column, name, _ in self.loops.independent if column is None)
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
-        """All joint coordinates, or their derivatives, in the order of the description.
+        """All joint coordinates, or their derivatives, in description order.
 
         Args:
             tree_values: Shape (n, n_v).
@@ -322,12 +322,12 @@ class ClosedTree:
         return np.stack([columns[name] for name in self.names], axis=1)
 
     def cut_velocities(self, charts: Charts, V: Array) -> dict[str, Array]:
-        """Cut joint -> velocities of its coordinates, (n, m), for those of the bodies, (n, n_body + 1, 6)."""
+        """Coordinate velocities of cut joints, (n, m), from those of bodies, (n, n_body + 1, 6)."""
         turns = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
         return {name: chart.rates(turns[name])[..., 0] for name, chart in charts.items()}
 
     def cut_accelerations(self, charts: Charts, rates: dict[str, Array], V: Array, A: Array) -> dict[str, Array]:
-        """Cut joint -> accelerations of its coordinates.
+        """Coordinate accelerations of cut joints.
 
         Args:
             charts: Of the joints that are wanted.
@@ -343,8 +343,9 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Closure residuals, and below them those of the couplings, at tree coordinates q, their poses and the ends of
-        closures there, see `Loops.ends`. Shape (n, m)."""
+        """Residuals of closures, then couplings, at tree coordinates q with their poses and ends of closures, see
+        `Loops.ends`. Shape (n, m).
+        """
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
@@ -367,7 +368,7 @@ class ClosedTree:
         return np.concatenate([bias, along], axis=1)
 
     def closing_rows(self, q: Array, at: BodyPoses, charts: Charts, ends: Array | None = None) -> Array:
-        """Derivative of the gaps over one row for each independent coordinate. (n, m + k, n_v)."""
+        """Derivative of the gaps above one row for each independent coordinate. (n, m + k, n_v)."""
         loops, rows, own = self.loops, [self.jacobian(q, at, ends)], np.eye(q.shape[1])
         sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
         cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}
@@ -377,21 +378,21 @@ class ClosedTree:
         return np.concatenate(rows, axis=1)
 
     def load_point(self, load: Load) -> Array:
-        """Where a load acts, in its body [m]. Shape (3,)."""
+        """Point of its body at which a load acts [m]. Shape (3,)."""
         if load.point is not None:
             return load.point
         i = self.loops.index[load.body]
         return np.asarray(self.tree.com[i - 1]) if i else np.zeros(3)
 
     def joint_pose(self, joint: Joint, at: BodyPoses) -> JointPose:
-        """The frames of a joint on its two bodies."""
+        """Frames of a joint on its two bodies."""
         parent, child = self.loops.sides(joint)
         before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
         return JointPose(joint, *before, *placed(at.R[:, child], at.p[:, child], joint.child_frame))
 
 
 def close_tree(tree: OpenTree, file: LoopsFile) -> ClosedTree:
-    """Binds a tree to its loops file.
+    """Bind a tree to its loops file.
 
     Raises:
         ModelFileError: The model lacks what the file names, or has joints of which that knows nothing.

@@ -1,4 +1,4 @@
-"""Coordinates of joints that were cut to open a loop, read from the two frames that an engine gives.
+"""Coordinates of cut joints, read from the two frames that an engine gives.
 
 A cut joint is in no engine's tree, so its angles come from the relative rotation of its two sides. This reading is
 shared by all tree engines; the frames, their rates and accelerations are each engine's own.
@@ -41,25 +41,25 @@ class Chart:
 
     @property
     def condition(self) -> Array:
-        """How much the reading of its rates loses, 1 at best: the condition number of its axes over 3. Shape (n,)."""
+        """Condition of its rates, 1 at best: the condition number of its axes over 3. Shape (n,)."""
         return angle_condition(self.q)
 
     @property
     def duals(self) -> Array:
-        """Products of its axes in that frame: second and third, third and first, first and second. Shape (n, 3, 3)."""
+        """Products of its axes in that frame: second x third, third x first, first x second. Shape (n, 3, 3)."""
         c, s, (x, y, z) = np.cos(self.q[:, 0]), np.sin(self.q[:, 0]), self.last.T
         zero = np.zeros_like(c)
         return np.stack([c * z - s * y, s * x, -c * x, zero, z, -y, zero, -s, c], axis=1).reshape(-1, 3, 3)
 
     def rates(self, omega: Array) -> Array:
-        """Coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
+        """Coordinate rates at a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
         duals = self.duals
         volume = duals[:, :1, :1]
         inverse = duals[:, : self.q.shape[1]] / np.where(volume == 0.0, np.nan, volume)
         return np.asarray((inverse @ self.R.swapaxes(1, 2)) @ omega)
 
     def bias(self, rates: Array, omega_parent: Array, omega: Array, beta: Array) -> Array:
-        """Second derivatives for a relative angular acceleration in world axes.
+        """Second derivatives at a relative angular acceleration in world axes.
 
         Args:
             rates: Coordinate rates. Shape (n, m).
@@ -76,7 +76,7 @@ class Chart:
         return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
-        """A chart of the same rotations by the triples of angles and whole turns that come nearest to others.
+        """Chart of the same rotations with the triples and whole turns nearest to given angles.
 
         Args:
             angles: Shape (n, m).
@@ -84,7 +84,7 @@ class Chart:
         return replace(self, q=nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
-        """A chart of the same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
+        """Chart of the same rotations with the triples whose angle `i` is nearest to a given one. Shape (n,)."""
         if self.q.shape[1] < 3:
             return self
         two = other_triple(self.q)
@@ -93,7 +93,7 @@ class Chart:
 
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
-    """Angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
+    """Read the angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
     basis, hand = triad(joint)
     R = R_parent @ (joint.parent_frame.R @ basis.T)
     M = R.swapaxes(1, 2) @ (R_child @ (joint.child_frame.R @ basis.T))

@@ -1,4 +1,4 @@
-"""From an engine's open tree to a given motion of the closed mechanism: positions, velocities, accelerations, forces.
+"""Given motions of a closed mechanism by an engine's open tree: positions, velocities, accelerations, forces.
 
 The numbers come from the engine (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
 linear algebra that closes the loops and projects the forces is this module's, and the same for every tree engine.
@@ -32,7 +32,7 @@ from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 
 
 def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
-    """Solves a given motion with an engine's open tree."""
+    """Solve a given motion by an engine's open tree."""
     work, tree = _Work(closed, problem, motion), closed.tree
     size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
@@ -42,7 +42,7 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
 
 
 def _softened(error: Error, softness: float) -> Error:
-    """An error that is at least what soft constraints leave [N or N m]."""
+    """Raise an error estimate to at least the effect of soft constraints [N or N m]."""
     if not softness:
         return error
     absolute = {unit: max(size, softness) for unit, size in error.absolute.items()}
@@ -57,7 +57,7 @@ _MOVED = frozenset(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Poses:
-    """Closed poses of some samples: tree coordinates, cut joints, closing system without dimension."""
+    """Closed poses of some samples: tree coordinates, cut joints, dimensionless closing system."""
 
     motion: GivenMotion
     q: Array
@@ -68,7 +68,7 @@ class _Poses:
 
 
 class _Work:
-    """What stays the same from part to part, and where the path of poses has got to."""
+    """Data common to all parts, and the last pose of the path."""
 
     def __init__(self, closed: ClosedTree, problem: Problem, motion: GivenMotion) -> None:
         self.closed, self.problem, self.motion, self.clock = closed, problem, motion, Clock()
@@ -107,7 +107,7 @@ class _Work:
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
-        """Closure residuals over those of y, and their derivative."""
+        """Closure residuals above those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
         charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
@@ -123,7 +123,7 @@ class _Work:
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
     def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Closure residuals and their derivative without dimension, and the poses there."""
+        """Dimensionless closure residuals, their derivative, and the poses."""
         sizes = self.closed.sizes
         q = z * sizes.q
         at = self.closed.tree.poses(q)
@@ -148,7 +148,7 @@ class _Work:
 
 
 def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
-    """Rates of cut joints, (n, m) each, without those in gimbal lock, which are no numbers."""
+    """Rates of cut joints, (n, m) each, without those in gimbal lock, which are NaN."""
     return {
         name: np.where((charts[name].condition <= linear.SINGULAR)[:, None], rate, np.nan)
         for name, rate in rates.items()
@@ -156,7 +156,7 @@ def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
 
 
 class _Pass:
-    """All that is wanted from closed poses, stage after stage.
+    """Computation of the wanted quantities at closed poses, stage by stage.
 
     Attributes:
         values: Quantity -> shape (n, m).
@@ -176,7 +176,7 @@ class _Pass:
         self.load: Array | float = 0.0
 
     def all(self) -> tuple[dict[str, Array], Trust]:
-        """The values that are wanted, and what their errors rest on."""
+        """Return the wanted values and their error data."""
         depth, A = self.work.depth, self.poses.A
         with self.clock.stage("condition"):
             self.inverse, self.condition = linear.inverted_along(A)
@@ -198,7 +198,7 @@ class _Pass:
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
-        """Solves ``A v = [0; yd]`` for the velocities."""
+        """Solve ``A v = [0; yd]`` for the velocities."""
         poses, yd = self.poses, self.poses.motion.yd
         self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
@@ -226,7 +226,7 @@ class _Pass:
         return np.asarray(self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(self.poses.q) @ self.K)
 
     def _accelerations(self) -> None:
-        """Solves ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""
+        """Solve ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""
         poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
         (n, k), idle = poses.motion.ydd.shape, [*poses.motion.idle]
         given = poses.motion.ydd.copy()
@@ -259,7 +259,7 @@ class _Pass:
             self._measure(A)
 
     def _follow(self, idle: list[int]) -> None:
-        """Adds the accelerations of coordinates that no actuator drives, by the engine's own forces and inertia."""
+        """Add the accelerations of undriven coordinates, by the engine's own forces and inertia."""
         need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting[0])
         Q, B = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0], self.K[:, self.closed.driven]
         x, condition = idle_accelerations(B, self._inertia[..., idle], Q, idle)
@@ -267,7 +267,9 @@ class _Pass:
         self.a = self.a + (self.K[..., idle] @ x[..., None])[..., 0]
 
     def _measure(self, A: Array) -> None:
-        """Largest closure residual of position, velocity and acceleration, which a stiff constraint turns to force."""
+        """Measure the closure residuals of position, velocity and acceleration, which stiff constraints turn into
+        forces.
+        """
         q, at, closed, V = self.poses.q, self.poses.at, self.closed, self.V
         rate = closed.jacobian(q, at) @ self.v[..., None]
         second = closed.gap_accelerations((q, self.v, self.a), at, V, A)
@@ -291,7 +293,7 @@ class _Pass:
                 self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
-        """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""
+        """Largest inertial and gravitational force along a coordinate if none cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few of them
@@ -305,7 +307,7 @@ class _Pass:
 
     @cached_property
     def _acting(self) -> tuple[Array, Array]:
-        """See `applied_wrenches`."""
+        """Applied wrenches, see `applied_wrenches`."""
         q, motion = self.values["joint_position"], self.poses.motion
         v = self.closed.joints(self.v, self.cut_v) if self.sprung else np.zeros_like(q)
         return applied_wrenches(self.closed, self.work.problem.applied, self.poses.at, (motion.t, self.V, q, v))

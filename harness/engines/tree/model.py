@@ -1,4 +1,4 @@
-"""A loaded model of an engine with an open tree, to which every kind of task can be put.
+"""A loaded model of an open-tree engine, for every kind of task.
 
 States of the tree are taken as they are: forces for a motion, or accelerations for forces.
 """
@@ -26,7 +26,7 @@ from screwgauge.solution import Error, Solution, Values, empty
 
 
 def loops_file(files: ModelFiles) -> LoopsFile:
-    """Reads the loops file of a model.
+    """Read the loops file of a model.
 
     Raises:
         ModelFileError: There is none, or it cannot be read.
@@ -37,7 +37,7 @@ def loops_file(files: ModelFiles) -> LoopsFile:
 
 
 class TreeModel:
-    """A tree that closes its own loops.
+    """An open tree that closes its own loops.
 
     Attributes:
         dynamics: What its engine moves it by; None if that takes given motions only.
@@ -51,7 +51,7 @@ class TreeModel:
         return tuple(self.closed.file.independent)
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answers a problem.
+        """Solve a problem.
 
         Raises:
             ScrewgaugeError: The problem does not fit the model, or cannot be solved.
@@ -83,7 +83,7 @@ class TreeModel:
         return f"model of {self.closed.tree.engine}"
 
     def _check(self, problem: Problem) -> None:
-        """Refuses what belongs to another mechanism."""
+        """Reject a problem of another mechanism."""
         loops, task = self.closed.loops, problem.task
         for load in problem.applied.loads:
             if load.body not in loops.index and load.body != GROUND:
@@ -97,7 +97,7 @@ class TreeModel:
             )
 
     def _check_mass(self) -> None:
-        """Refuses to accelerate a tree with branches that have no mass: its own mass matrix is singular."""
+        """Reject accelerations of a tree with massless branches, whose mass matrix is singular."""
         tree, heavy = self.closed.tree, {GROUND}
         above = dict(zip(tree.bodies, tree.parents, strict=True))
         for body, mass in zip(tree.bodies, tree.masses, strict=True):
@@ -110,7 +110,7 @@ class TreeModel:
 
 
 def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, task: States) -> Solution:
-    """Answers for states of the tree.
+    """Solve for accelerations in states of the tree.
 
     Args:
         task: With `tau`, accelerations are given; else ``tree_force`` for its accelerations and, if wanted,
@@ -163,7 +163,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
 
 
 def _resistance(closed: ClosedTree, v: Array) -> Array:
-    """What damping and dry friction take along the coordinates of the tree. Shape (n, n_v)."""
+    """Forces of damping and dry friction along the tree's coordinates. Shape (n, n_v)."""
     total, tree = np.zeros_like(v), closed.tree
     for one in resisting(closed):
         if one.coordinate not in tree.coordinates:
@@ -188,7 +188,7 @@ def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
 def _actuator_forces(
     closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, q: Array, tau: Array
 ) -> tuple[Array, Array]:
-    """Smallest actuator forces that, with the loads, make the joint forces `tau` of the open tree.
+    """Smallest actuator forces that, with the loads, produce the open tree's joint forces `tau`.
 
     Returns:
         Shape (n, n_actuator), and the condition number of the closing rows, (n,).

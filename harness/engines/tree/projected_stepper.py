@@ -1,4 +1,4 @@
-"""Simple steps on the accelerations of an engine's open tree, brought back onto the closed loops after each."""
+"""Simple integration steps on an open-tree engine's accelerations, each projected onto the closed loops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from screwgauge.reference.rotations import Array
 
 
 class ProjectedStepper:
-    """Semi-implicit Euler or RK4 on an engine's accelerations, projected onto the closed loops after each step.
+    """Semi-implicit Euler or RK4 on an engine's accelerations, with projection onto the closed loops after each step.
 
     See `screwgauge.engines.tree.protocol.Stepper`.
     """
@@ -21,7 +21,7 @@ class ProjectedStepper:
     notes: tuple[str, ...] = ()
 
     def __init__(self, mover: Mover, forces: TreeForces, integrator: str, dt: float) -> None:
-        """`integrator`: one of `INTEGRATORS`."""
+        """Prepare the steps; `integrator` is one of `INTEGRATORS`."""
         name = "semi-implicit Euler" if integrator == "Euler" else integrator
         self.mover, self.forces, self.setting = mover, forces, f"{name} with projection, dt {dt:g} s"
         self.order = 1 if integrator == "Euler" else 4
@@ -41,7 +41,7 @@ class ProjectedStepper:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations on the closed loops: off them redundant rows contradict each other."""
+        """Accelerations on the closed loops; off them redundant rows contradict each other."""
         closed = project(self.mover, q, v)
         self.forces.act(t, closed.q, closed.v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)

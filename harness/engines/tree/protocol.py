@@ -1,4 +1,4 @@
-"""What an engine with an open tree (Pinocchio, MuJoCo, a further one) has to implement.
+"""The protocol of open-tree engines (Pinocchio, MuJoCo, further ones).
 
 For given motions the five methods of `OpenTree` without a default; for simulations and states also the four of `Mover`
 and the two of `TreeDynamics` without one; a `Stepper` only if the engine has its own.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyPoses:
-    """Poses of all bodies of the tree, ground first, and what moves them.
+    """Poses of all bodies of the tree, ground first, and the screws that move them.
 
     Attributes:
         R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
@@ -46,7 +46,7 @@ class BodyPoses:
     moves: Array
 
     def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
-        """Points of bodies in the world. Places in the bodies, shape (m, 3) -> (n, m, 3)."""
+        """World points of bodies at body-fixed places, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
@@ -64,11 +64,11 @@ class BodyPoses:
         return out
 
     def velocities(self, v: Array) -> Array:
-        """Angular velocities, and those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
+        """Angular velocities, then those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
         return self._summed(self.screws, v, self.p)
 
     def bias(self, rates: Array, v: Array, V: Array, about: Array | float = 0.0) -> Array:
-        """Accelerations of the same at constant velocities of the coordinates. Shape (n, n_body + 1, 6).
+        """The same accelerations at constant coordinate velocities. Shape (n, n_body + 1, 6).
 
         Args:
             rates: Derivatives of the screws in time. Shape (n, 6, n_v).
@@ -80,7 +80,7 @@ class BodyPoses:
         return A
 
     def forces_along(self, wrenches: Array) -> Array:
-        """Forces along the coordinates of wrenches on the bodies. Shape (n, n_v).
+        """Project wrenches on the bodies onto the coordinates. Shape (n, n_v).
 
         Args:
             wrenches: Force and moment about the origin of each body. Shape (n, n_body + 1, 6).
@@ -90,7 +90,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Sums over the coordinates that move each body, about its origin: `arms` lead there."""
+        """Sum over the coordinates that move each body, about its origin, which `arms` lead to."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
@@ -121,15 +121,15 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def under(self, gravity: Array | None) -> None:
-        """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
+        """Set gravity [m/s^2], shape (3,); None restores that of the model file."""
 
     @abstractmethod
     def poses(self, q: Array) -> BodyPoses:
-        """Poses of the bodies, and the screws of the coordinates."""
+        """Compute poses of the bodies, and screws of the coordinates."""
 
     @abstractmethod
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        """Acceleration of each body, angular, then of its origin, at constant velocities of the coordinates.
+        """Acceleration of each body, angular, then of its origin, at constant coordinate velocities.
 
         Args:
             at, V: Poses at q, and velocities of the bodies there. Shape (n, n_body + 1, 6), as that of what is
@@ -137,7 +137,7 @@ class OpenTree(Protocol):
         """
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """Acceleration of each centre of mass, without gravity, by default from `bias`. Shape (n, n_body, 3)."""
+        """Acceleration of each centre of mass without gravity, by default from `bias`. Shape (n, n_body, 3)."""
         at = self.poses(q)
         V = at.velocities(v)
         A = self.bias(at, q, v, V) + at.velocities(a)
@@ -148,13 +148,13 @@ class OpenTree(Protocol):
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """Mass matrix of the open tree, by default what unit accelerations add to `tree_force`. Shape (n, n_v, n_v)."""
+        """Mass matrix of the open tree, by default from `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
         still = np.zeros_like(q)
         rest = self.tree_force(q, still, still)
         return np.stack([self.tree_force(q, still, still + unit) - rest for unit in np.eye(q.shape[1])], axis=1)
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Inverse dynamics with soft constraints, and the absolute tolerance that follows; by default there are none.
+        """Inverse dynamics with soft constraints and the resulting absolute tolerance; unsupported by default.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
@@ -163,7 +163,7 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Wrench on each body from its tree parent: force, then moment about the body's origin.
+        """Wrench of its tree parent on each body: force, then moment about the body's origin.
 
         A library that does not say it knows accelerations: `required_wrenches` and `summed_inwards` make it of these.
 
@@ -182,7 +182,7 @@ BodyAt = Callable[[int], tuple[Array, Array, Array]]
 
 
 class Mover(Protocol):
-    """An engine that gives the accelerations of its closed tree, one state at a time.
+    """An engine that computes accelerations of its closed tree, one state at a time.
 
     Attributes:
         setting: In words.
@@ -199,16 +199,16 @@ class Mover(Protocol):
     def notes(self) -> tuple[str, ...]: ...
 
     def place(self, q: Array, v: Array) -> None:
-        """Sets the state."""
+        """Set the state."""
 
     def closure(self) -> tuple[Array, Array]:
-        """Closure residuals there, couplings' among them [m or rad], shape (m,), and their derivative G, (m, n_v)."""
+        """Closure residuals with couplings [m or rad], shape (m,), and their derivative G, (m, n_v)."""
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
-        """R, p and Jacobian of a body there, see `BodyAt`."""
+        """R, p and Jacobian of a body, see `BodyAt`."""
 
     def accelerate(self, tau: Array) -> Array:
-        """Accelerations there for forces along the coordinates, an array that stays as it is.
+        """Accelerations for forces along the coordinates; later calls leave the array unchanged.
 
         Raises:
             SingularPoseError: They are not safe.
@@ -216,7 +216,7 @@ class Mover(Protocol):
 
 
 class Stepper(Protocol):
-    """An engine's own integrator at a fixed step. The arrays that it returns stay as they are.
+    """An engine's own fixed-step integrator; later calls leave its arrays unchanged.
 
     Attributes:
         setting: In words.
@@ -234,25 +234,25 @@ class Stepper(Protocol):
 
     @property
     def mover(self) -> Mover:
-        """Another copy of the engine, to look at states by."""
+        """A second engine instance for evaluating states."""
 
     def begin(self, t: float, q: Array, v: Array) -> None:
-        """Sets the state at the start."""
+        """Set the initial state."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Makes n steps of size h from time t on; coordinates and velocities then.
+        """Make n steps of size h from time t; return coordinates and velocities.
 
         Raises:
             SingularPoseError: It cannot go on.
         """
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
-        """Accelerations now, and the forces on the child sides in the order of `closing` [N], shape (k,)."""
+        """Current accelerations, and forces on the child sides in the order of `closing` [N], shape (k,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Accelerations:
-    """Accelerations of states for given forces.
+    """Accelerations of states under given forces.
 
     Attributes:
         a: Of the tree's coordinates. Shape (n, n_v).
@@ -269,7 +269,7 @@ class Accelerations:
 
 
 class TreeDynamics(Protocol):
-    """What moves an engine's tree, with the settings that it was loaded with.
+    """Dynamics of an engine's tree, with its loaded settings.
 
     Attributes:
         setting: In words.
@@ -283,14 +283,14 @@ class TreeDynamics(Protocol):
     naive: bool = False
 
     def mover(self) -> Mover:
-        """Accelerations of the engine, made as exact as it can."""
+        """Create the engine's most accurate accelerations."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
-        """Engine's integrator for a problem; by default none, see `projected_stepper.ProjectedStepper`."""
+        """Create the engine's integrator for a problem; None by default, see `projected_stepper.ProjectedStepper`."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
-        """Accelerations of states as they are, for forces along the coordinates.
+        """Accelerations of states for forces along the coordinates.
 
         Args:
             springs: Further springs and dampers, along coordinates of the tree.

@@ -1,4 +1,4 @@
-"""Simulation of a closed mechanism in all coordinates of an engine's open tree: by scipy's methods, or at a fixed step.
+"""Simulation of a closed mechanism in all coordinates of an open tree: by scipy's methods, or at a fixed step.
 
 `simulate` integrates (q, v, work) on the accelerations. A pose that is singular for the independent coordinates
 is none here: `Method.near` is not looked at. What the accelerations leave of drift is taken out after every step by the
@@ -50,7 +50,7 @@ DIFFERENCE = 1e-8
 
 
 class _TreeRun:
-    """The motion while it is integrated."""
+    """State of an integration in progress."""
 
     def __init__(self, mover: Mover, forces: TreeForces) -> None:
         self.mover, self.forces = mover, forces
@@ -70,7 +70,7 @@ class _TreeRun:
         return np.array([self.forces.readers[name](q, self.mover.body)[1] @ v for name in names])
 
     def check_moving(self, before: State, after: State, between: Callable[[float], Array] | None = None) -> None:
-        """Refuses a step in which a joint comes to rest and its dry friction holds it.
+        """Reject a step in which a joint comes to rest and sticks by dry friction.
 
         Args:
             between: State at a time of the step, by default on the straight line.
@@ -82,7 +82,7 @@ class _TreeRun:
             raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion before")
 
     def slope(self, t: float, state: Array) -> Array:
-        """Derivative of a state, with the accelerations that it has on the closed loops. Shape (2 n_v + 1,).
+        """Derivative of a state, with its accelerations on the closed loops. Shape (2 n_v + 1,).
 
         Beside the loops redundant rows contradict each other, and next to a singular pose what is off is divided by
         the distance to it: the step size would follow that noise down to nothing.
@@ -101,7 +101,7 @@ class _TreeRun:
         return out
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Derivative of the slope by forward differences; what does not depend on a state is not looked at.
+        """Derivative of the slope by forward differences, for state-dependent parts only.
 
         scipy's own enlarges the step of a coordinate that moves nothing, such as the turn of a shaft, until it
         overflows.
@@ -116,7 +116,7 @@ class _TreeRun:
         return out
 
     def back(self, state: Array) -> Array:
-        """A state brought back onto the closed loops."""
+        """Project a state onto the closed loops."""
         closed = project(self.mover, state[: self.n], state[self.n : -1])
         if not closed.left < OPEN:
             raise ClosureError(
@@ -128,12 +128,12 @@ class _TreeRun:
         return np.concatenate([closed.q, closed.v, state[-1:]])
 
     def forget(self, t: float) -> None:
-        """Forgets the states after a time [s]."""
+        """Drop the states after a time [s]."""
         self.path.cut(t)
         del self.work[len(self.path.wanted) :]
 
     def keep(self, t: float, state: Array) -> None:
-        """Keeps a wanted state, with its accelerations and work."""
+        """Store a wanted state with its accelerations and work."""
         state = self.back(state)
         q, v = state[: self.n].copy(), state[self.n : -1].copy()
         self.forces.act(t, q, v, self.mover.body, self.tau)
@@ -142,7 +142,7 @@ class _TreeRun:
 
 
 def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
-    """Integrates a motion by scipy's methods on an engine's accelerations.
+    """Integrate a motion by scipy's methods on an engine's accelerations.
 
     Raises:
         ScrewgaugeError: A start, method or force that cannot be, or a start of unsafe accelerations.
@@ -174,7 +174,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
 
 
 class _Steps:
-    """Steps through all times.
+    """Stepping through all times.
 
     Attributes:
         over: Steps that were made anew.
@@ -195,7 +195,7 @@ class _Steps:
         return Pace(self.name, min(self.options["rtol"], self.options["atol"]), float(self.times[-1]))
 
     def all(self, state: Array) -> str:
-        """Keeps the motion at every wanted time; returns why it stopped."""
+        """Store the motion at every wanted time; return why it stopped."""
         run, times, work = self.run, self.times, self.run.work
         taken = tries = 0
         recent: deque[float] = deque(maxlen=RECENT)
@@ -242,7 +242,7 @@ class _Steps:
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
 
     def _keep_passed(self, solver: Any, before: State, clock: Stopwatch) -> None:
-        """Brings the state back onto the loops, and keeps the wanted states that the step has passed."""
+        """Project the state onto the loops, and store the wanted states that the step has passed."""
         run, times = self.run, self.times
         with clock.aside():
             between = solver.dense_output() if run.friction.names or times[len(run.work)] <= solver.t else None
@@ -257,7 +257,7 @@ class _Steps:
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
-    """Closed pose and velocities at the start, reached from home on the engine's own poses. Shape (n_v,) each.
+    """Closed pose and velocities at the start, reached from home with the engine's own poses. Shape (n_v,) each.
 
     Raises:
         ScrewgaugeError: Wrong shapes, or the loops cannot close there.
@@ -297,7 +297,7 @@ KNOWN = 4
 def step_through(
     closed: ClosedTree, stepper: Stepper, problem: Problem, task: InitialValue, dt: float, progress: Progress
 ) -> Solution:
-    """Steps from the closed start through all wanted times.
+    """Step from the closed start through all wanted times.
 
     Args:
         dt: Step [s]; it is shortened so that steps end at the wanted times.
@@ -361,7 +361,7 @@ def step_through(
 
 
 def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
-    """Work put in up to each wanted state [J], from the power at all states of the path."""
+    """Work put in up to each wanted state [J], integrated from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))
     tau, power, mover = np.zeros_like(path.q[0]), np.empty(len(path.t)), stepper.mover
