@@ -1,4 +1,4 @@
-"""Runs the tests of this folder with each engine that ``--engine`` names."""
+"""Runs the tests of this folder for each engine named by ``--engine``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from screwgauge.pytest_plugin import contract_engines
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Runs a test once with each engine."""
+    """Parametrise a test by engine."""
     if "engine_name" in metafunc.fixturenames:
         metafunc.parametrize("engine_name", contract_engines(metafunc.config), scope="session")

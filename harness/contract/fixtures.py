@@ -1,4 +1,4 @@
-"""An engine with a built-in mechanism loaded, problems for it, and its answers."""
+"""Fixtures: an engine with a built-in mechanism loaded, problems for it, and its answers."""
 
 from __future__ import annotations
 
@@ -53,21 +53,21 @@ class Loaded:
         return self.model.solve(problem, **more)
 
     def has(self, *quantities: str) -> None:
-        """Skips a test that needs quantities which the engine lacks."""
+        """Skip a test that needs quantities which the engine lacks."""
         for name in quantities:
             if name not in self.quantities:
                 why = declared(self.model, self.engine).get(name, "it is none of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
-        """Skips a test of a task that the engine does not take."""
+        """Skip a test of a task that the engine does not take."""
         if task not in self.engine.tasks:
             pytest.skip(f"{self.engine.name} does not take {task.__name__}")
 
 
 @pytest.fixture(scope="session")
 def entry(engine_name: str) -> Engine:
-    """The engine, as its entry describes it."""
+    """The registry entry of the engine."""
     return get_engine(engine_name)
 
 
@@ -77,7 +77,7 @@ def _reject(entry: Engine, what: str) -> NoReturn:
 
 @pytest.fixture(scope="session")
 def loaded(entry: Engine) -> Iterator[Loaded]:
-    """The engine with the first of the scenes that it takes. One that takes none fails."""
+    """The engine with the first scene that it takes; fails if it takes none."""
     if not entry.tasks:
         _reject(entry, "takes no task; name GivenMotion, InitialValue or States in `tasks` of its Engine")
     refused = []
@@ -104,7 +104,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
 
 @pytest.fixture(scope="session")
 def given(loaded: Loaded) -> Problem:
-    """All quantities that the engine has, of a given motion."""
+    """A given motion with all quantities of the engine."""
     loaded.takes(GivenMotion)
     return loaded.scene.problem(loaded.quantities)
 
@@ -116,7 +116,7 @@ def answered(loaded: Loaded, given: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def fall(loaded: Loaded) -> Problem:
-    """A short simulation from a state of the given motion, under what acts in its scene."""
+    """A short simulation from a state of the given motion, under the forces of its scene."""
     loaded.takes(InitialValue)
     task = loaded.scene.task
     assert isinstance(task, GivenMotion)
@@ -133,7 +133,7 @@ def fallen(loaded: Loaded, fall: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def pushed(loaded: Loaded) -> Problem:
-    """Accelerations at states of the given motion, under its gravity and any forces."""
+    """Accelerations at states of the given motion, under its gravity and random forces."""
     loaded.takes(States)
     loaded.takes(GivenMotion)
     loaded.has(*MOTION)

@@ -1,4 +1,4 @@
-"""Answers to a given motion: names, units and shapes, the same again, nothing changed, printed or left running."""
+"""Answers to a given motion: names, units, shapes, repeatability, and no side effects."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SLOWEST = 1e-3  # share of a motion's largest force that inertia has at least, w
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
-    """All numbers of an answer but times."""
+    """All numbers of an answer except times."""
     found = {f"values of {name}": values.array for name, values in solution.values.items()}
     found |= {f.name: one for f in fields(solution) if isinstance(one := getattr(solution, f.name), np.ndarray)}
     for name, error in solution.errors.items():
@@ -29,7 +29,7 @@ def arrays(solution: Solution) -> dict[str, Array]:
 
 
 def check_same(one: Solution, other: Solution) -> None:
-    """Fails where two answers differ in a bit."""
+    """Fail if two answers differ in a bit."""
     first, second = arrays(one), arrays(other)
     assert first.keys() == second.keys(), "it answers with other arrays when it is asked again"
     for name, array in first.items():
@@ -89,7 +89,7 @@ def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
 
 
 def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
-    """Twice the same, with other tasks and other gravity between: not one bit differs, nor in a model loaded anew."""
+    """Repetitions among other tasks and gravities do not differ in a bit, nor does a reloaded model."""
     problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
     for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
         if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
@@ -107,7 +107,7 @@ def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.Captur
 
 
 def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
-    """Then it is that of the model file, or `GRAVITY`, which the scene has."""
+    """Gravity then comes from the model file, or is `GRAVITY` as in the scene."""
     quantity = _force_of(loaded)
     problem = replace(given, wanted=frozenset((quantity,)))
     left = replace(problem, applied=replace(problem.applied, gravity=None))
@@ -116,7 +116,7 @@ def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
 
 
 def _force_of(loaded: Loaded) -> str:
-    """A force that the engine gives; a test that needs one is skipped if there is none."""
+    """A force that the engine gives; skips the test if there is none."""
     for name in ("generalized_force", "actuator_force", "tree_force"):
         if name in loaded.quantities:
             return name
@@ -151,7 +151,7 @@ def _part(given: Problem) -> GivenMotion:
 
 
 def test_what_progress_raises_ends_the_work(loaded: Loaded, given: Problem) -> None:
-    """It is called at least once: a run is stopped by what it raises."""
+    """Progress is called at least once: what it raises stops a run."""
 
     def stop(share: float) -> None:
         raise KeyboardInterrupt

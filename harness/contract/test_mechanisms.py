@@ -1,4 +1,4 @@
-"""Answers about built-in and random mechanisms are those of the solver, and the judge faults none of them."""
+"""Answers for built-in and random mechanisms agree with the solver's, and pass the judge."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ _REFUSED = tuple(error.__name__ for error in REFUSALS)
 
 
 def other_than(name: str) -> str:
-    """The engine with which another one is compared."""
+    """Name of the reference engine for another one."""
     return "screw" if name != "screw" else "pinocchio"
 
 
 @cache
 def compared(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
-    """The engine beside the solver."""
+    """Run the engine beside the solver."""
     return screwgauge.run(scene, [other_than(name), name], wanted)
 
 
@@ -65,7 +65,7 @@ def built_in(name: str) -> Scene:
 
 
 def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
-    """Results of a scene, of quantities that the engine does not lack.
+    """Run a scene with the quantities that the engine has.
 
     Skips what the engine refuses in a sentence, and fails where it fails; if strict, also where `refuses` does not
     name what it refuses.
@@ -104,7 +104,7 @@ def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: st
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
-    """Equations of motion, closure and power hold among its own numbers."""
+    """Equations of motion, closure and power hold among the engine's own numbers."""
     results = of_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
         pytest.skip(f"{entry.name} gives too little of {name} to be judged")
@@ -150,7 +150,7 @@ OF_ONE = (*OF_JOINTS, *OF_BODIES, "generalized_force")
 
 
 def on_one_joint(feature: str, folder: Path) -> Scene:
-    """A body that moves on one joint: of a kind, or revolute with what else a feature is."""
+    """A body on one joint: of a kind, or a revolute one with another feature."""
     if feature == "couplings":
         return built_in("planetary-gear")
     kind = feature if feature in KINDS else "R"
@@ -170,14 +170,14 @@ def on_one_joint(feature: str, folder: Path) -> Scene:
 
 @pytest.mark.parametrize("feature", [name for name in FEATURES if name != "fixed"])
 def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: Path) -> None:
-    """Joints of a kind, couplings, resistance, springs, loads: `refuses` names those that an engine does not know."""
+    """The engine supports joint kinds, couplings, resistance, springs and loads, or names them in `refuses`."""
     results = of_engine(entry, on_one_joint(feature, tmp_path), OF_ONE, strict=True)
     assert results.exit_status == 0, verdict(results).text
 
 
 @pytest.mark.parametrize("family", families())
 def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
-    """``screwgauge.random(7, FAMILY)``: a run of it says more."""
+    """Any failure can be run again as ``screwgauge.random(7, FAMILY)``."""
     scene = screwgauge.random(SEED, family)
     results = of_engine(entry, scene, scene.quantities)
     if entry.precision != FLOAT64.name and results.outcome == "undecided":

@@ -1,4 +1,4 @@
-"""What an engine says of itself is so, and what does not fit its model is refused in a sentence."""
+"""Engines' declarations are true, and problems outside their models are refused in a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Simulations and sampled states, of engines that take them."""
+"""Simulations and sampled states by engines that support them."""
 
 from __future__ import annotations
 

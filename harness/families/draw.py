@@ -39,12 +39,12 @@ def families() -> list[str]:
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """Temporary folder, which is deleted when the process ends."""
+    """Temporary folder, deleted when the process ends."""
     return TemporaryDirectory(prefix="screwgauge-random-")
 
 
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
-    """A random mechanism in a random motion that stays away from singular poses.
+    """Draw a random mechanism in a random motion away from singular poses.
 
     Those are poses where the independent coordinates do not determine the motion; actuators may pass poses where they
     do not. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
@@ -75,7 +75,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 
 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
-    """One draw, None if it is not well conditioned at home or nowhere around."""
+    """Draw once; None unless it is well conditioned at home and around."""
     sketch = Sketch(rng)
     FAMILIES[family](sketch)
     sketch.flip()
@@ -111,7 +111,7 @@ def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Sc
 
 
 def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
-    """Random rows of a matrix, far from dependent on each other, as many as there are. Shape (n, k)."""
+    """Choose random, clearly independent rows of a matrix, as many as its rank. Shape (n, k)."""
     rest, chosen, order = K.copy(), list[int](), rng.permutation(list(rows)).astype(int)
     while len(chosen) < K.shape[1] and len(order):
         sizes = np.linalg.norm(rest[order], axis=1)
@@ -124,12 +124,12 @@ def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
 
 
 def gain(K: Array, rows: list[int]) -> float:
-    """Largest rate of any coordinate over those of some that determine all. Shape (n, k)."""
+    """Largest rate of any coordinate per rates of determining ones. Shape (n, k)."""
     return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
 
 
 def _drive(sketch: Sketch, K: Array) -> list[int]:
-    """Actuates R and P joints, those of the family or else as many as there are freedoms, and sometimes one more.
+    """Actuate R and P joints, the family's or as many as there are freedoms, and sometimes one more.
 
     Returns:
         Rows of the actuated coordinates.
@@ -146,7 +146,7 @@ def _drive(sketch: Sketch, K: Array) -> list[int]:
 
 
 def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> Tables | None:
-    """A few sines about home, as large as they may be for all poses to stay well conditioned."""
+    """Draw a few sines about home, as large as good conditioning of all poses permits."""
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
     mode = AssemblyMode(layout(mechanism), strict=True)

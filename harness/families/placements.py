@@ -1,4 +1,4 @@
-"""Where each family places its joints at home. Lengths are about 1 m."""
+"""Joint placements of each family at home, with lengths of about 1 m."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _Y, _Z = np.eye(3)[1:]
 
 
 def _ring(s: Sketch, n: int, depth: float) -> Array:
-    """Points round the z-axis, about 1 m from it. Shape (n, 3)."""
+    """Points around the z-axis, about 1 m away. Shape (n, 3)."""
     angles = 2 * np.pi * (np.arange(n) + s.rng.uniform(-0.3, 0.3, n)) / n
     radii = s.rng.uniform(0.6, 1.2, n)
     return np.stack([radii * np.cos(angles), radii * np.sin(angles), s.rng.uniform(-depth, depth, n)], axis=1)
 
 
 def _bars(n: int) -> list[str]:
-    """The bodies that n joints of a loop join, one after the other."""
+    """Bodies between n successive joints of a loop."""
     return [GROUND, *(f"{i}" for i in range(1, n)), GROUND]
 
 
@@ -32,7 +32,7 @@ def _freedoms(kinds: str) -> int:
 
 
 def _drawn(s: Sketch, kinds: str, low: int, high: int) -> str:
-    """From `low` to below `high` kinds of joints, those that stand more often in a text more often."""
+    """Draw `low` to below `high` joint kinds; repeated letters are likelier."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 
@@ -40,7 +40,7 @@ def _drawn(s: Sketch, kinds: str, low: int, high: int) -> str:
 
 
 def _planar(s: Sketch, n: int) -> None:
-    """n bars with R joints and up to two P joints, in planes one above the other."""
+    """Draw n bars with R joints and up to two P joints, in stacked planes."""
     points, slides = _ring(s, n, 0.3), s.rng.permutation(n)[: s.rng.integers(0, 3)]
     kinds = "".join("P" if i in slides else "R" for i in range(n))
     angles = (s.rng.uniform(0, 2 * np.pi) for _ in kinds)
@@ -49,7 +49,7 @@ def _planar(s: Sketch, n: int) -> None:
 
 
 def _ladder(s: Sketch) -> None:
-    """A planar four-bar and on it one pair of links after the other, each between bodies that are there already."""
+    """Draw a planar four-bar and pairs of links on it, each between existing bodies."""
     loops = int(s.rng.integers(2, 9))
     _planar(s, 4)
     for k in range(1, loops):
@@ -59,7 +59,7 @@ def _ladder(s: Sketch) -> None:
 
 
 def _loop(s: Sketch, kinds: str) -> None:
-    """Joints in general position."""
+    """Draw joints in general position."""
     points = _ring(s, len(kinds), 0.6)
     s.chain(kinds[:-1], GROUND, "end", points[:-1])
     s.join(kinds[-1], "end", GROUND, points[-1])
@@ -74,7 +74,7 @@ def _mixed_loop(s: Sketch) -> None:
 
 
 def _spatial_ladder(s: Sketch) -> None:
-    """A loop in space and on it one chain of six freedoms after the other, which takes and adds no freedom."""
+    """Draw a spatial loop with chains of six freedoms, which do not change its mobility."""
     loops = int(s.rng.integers(2, 9))
     _loop(s, str(s.rng.choice(["RSUR", "RCCC", "RRSRR", "RSCR"])))
     for k in range(1, loops):
@@ -84,7 +84,7 @@ def _spatial_ladder(s: Sketch) -> None:
 
 
 def _bennett(s: Sketch) -> None:
-    """Axes normal to the sides of a skew quadrilateral whose opposite sides are equal."""
+    """Draw axes normal to the sides of a skew quadrilateral with equal opposite sides."""
     (x, y), (u, v), h = s.rng.uniform(0.5, 1.2, 2), s.rng.uniform(0.5, 1.2, 2), s.rng.uniform(0.1, 0.4)
     points = np.array([[x, y, h], [-u, v, -h], [-x, -y, h], [u, -v, -h]])
     axes = np.cross(points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points)
@@ -92,7 +92,7 @@ def _bennett(s: Sketch) -> None:
 
 
 def _sarrus(s: Sketch) -> None:
-    """Two chains of three parallel axes guide the platform along a line."""
+    """Draw two chains of three parallel axes that guide the platform along a line."""
     turn = s.rng.uniform(0.7, 2.4)
     for angle, side in ((0.0, -1), (turn, 1)):
         axis = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -107,13 +107,13 @@ def _sarrus(s: Sketch) -> None:
 
 
 def _meeting(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
-    """A point on an axis through the origin, and that axis."""
+    """Draw a point on an axis through the origin, and that axis."""
     axis = rotation(_Z, np.array(angle)) @ rotation(_Y, np.array(tilt)) @ _Z
     return axis * s.rng.uniform(near, 1.0), axis
 
 
 def _spherical_loop(s: Sketch) -> None:
-    """R joints whose axes meet in a point."""
+    """Draw R joints whose axes meet in a point."""
     n = int(s.rng.integers(4, 6))
     angles = (2 * np.pi * (i + s.rng.uniform(-0.25, 0.25)) / n for i in range(n))
     s.place("R" * n, _bars(n), (_meeting(s, angle, s.rng.uniform(0.4, 1.2), 0.3) for angle in angles))
@@ -123,14 +123,14 @@ def _spherical_loop(s: Sketch) -> None:
 
 
 def _serial(s: Sketch, kinds: str = "") -> None:
-    """An open chain or tree of two to eight bodies."""
+    """Draw an open chain or tree of two to eight bodies."""
     for i, kind in enumerate(kinds or _drawn(s, "RRRRPUSC", 2, 9)):
         on = GROUND if i == 0 else f"{i - 1 if s.rng.random() < 0.7 else s.rng.integers(i)}"
         s.join(kind, on, f"{i}", 0.4 * i * _Z + 0.3 * s.rng.normal(size=3))
 
 
 def _gear_train(s: Sketch) -> None:
-    """An open chain or tree of which one or two coordinates move all others by couplings."""
+    """Draw an open chain or tree with one or two coordinates that move all others by couplings."""
     free = int(s.rng.integers(1, 3))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -138,7 +138,7 @@ def _gear_train(s: Sketch) -> None:
 
 
 def _geared_loop(s: Sketch) -> None:
-    """A loop of two freedoms, and a coupling between two of its R joints, not always side by side."""
+    """Draw a loop of two freedoms with a coupling between two of its R joints, adjacent or not."""
     kinds = str(s.rng.choice(["RRRRRRRR", "RUSRR", "RRSCR"]))
     _loop(s, kinds)
     row, of = s.rng.permutation([s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"])[:2].tolist()
@@ -146,7 +146,7 @@ def _geared_loop(s: Sketch) -> None:
 
 
 def _belt_train(s: Sketch) -> None:
-    """An open chain or tree of which two or three coordinates move all others, each by those of two or three."""
+    """Draw an open chain or tree with two or three coordinates that move all others, each by several."""
     free = int(s.rng.integers(2, 4))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -154,7 +154,7 @@ def _belt_train(s: Sketch) -> None:
 
 
 def _belted_loop(s: Sketch) -> None:
-    """A loop of two or three freedoms, and a coupling of three of its R joints, not always side by side."""
+    """Draw a loop of two or three freedoms with a coupling of three of its R joints, adjacent or not."""
     kinds = str(s.rng.choice(["RRRRRRRR", "RRRRRRRRR", "RUSRR", "RRSCR"]))
     _loop(s, kinds)
     s.tie(*s.rng.permutation([s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"])[:3].tolist())
@@ -164,7 +164,7 @@ def _belted_loop(s: Sketch) -> None:
 
 
 def _ends(s: Sketch, n: int, size: float = 0.6) -> list[tuple[Array, Array]]:
-    """Points of n legs on the base and on a platform 1 m above it. Shape (3,) each."""
+    """Draw the leg ends on the base and on a platform 1 m above it. Shape (3,) each."""
     tilted = s.rng.random() < 0.2
     top = _ring(s, n, 0.2) * size
     top = top @ s.turned().T if tilted else top
@@ -172,7 +172,7 @@ def _ends(s: Sketch, n: int, size: float = 0.6) -> list[tuple[Array, Array]]:
 
 
 def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
-    """n legs of one kind; joints between the ends of legs that do not slide are off the straight line."""
+    """Draw n legs of one kind; inner joints of legs without slides are off the straight line."""
     for foot, head in _ends(s, n):
         between = [foot + (head - foot) * k / (len(kinds) - 1) for k in range(1, len(kinds) - 1)]
         bent = [point + 0.4 * s.unit() * (kinds[driven] != "P") for point in between]
@@ -180,7 +180,7 @@ def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
 
 
 def _ups(s: Sketch, n: int, middle: str = "") -> None:
-    """n UPS legs, and a passive one in the middle."""
+    """Draw n UPS legs around a passive one."""
     _legs(s, n, "UPS", 1)
     if middle:
         heights = 0.9 * np.arange(len(middle)) / max(len(middle) - 1, 1)
@@ -188,19 +188,19 @@ def _ups(s: Sketch, n: int, middle: str = "") -> None:
 
 
 def _n_ups(s: Sketch) -> None:
-    """Draws as many UPS legs as the leg in the middle leaves freedoms."""
+    """Draw as many UPS legs as the middle leg has freedoms."""
     middle = str(s.rng.choice(["S", "UP", "UPR", "UPU", ""]))
     _ups(s, _freedoms(middle) or 6, middle)
 
 
 def _six_pus(s: Sketch) -> None:
-    """Six slides, each with a rod to the platform."""
+    """Draw six slides, each with a rod to the platform."""
     for foot, head in _ends(s, 6):
         s.chain("PUS", GROUND, "platform", np.array([foot, foot + 0.3 * s.rng.normal(size=3), head]), driven=0)
 
 
 def _three_rrr(s: Sketch) -> None:
-    """A planar platform."""
+    """Draw a planar platform."""
     base, top = _ring(s, 3, 0.2), _ring(s, 3, 0.2) * np.array([0.4, 0.4, 1.0])
     for foot, head in zip(base, top, strict=True):
         elbow = (foot + head) / 2 + rotation(_Z, np.array(np.pi / 2)) @ (head - foot) * s.rng.uniform(0.4, 0.8)
@@ -208,7 +208,7 @@ def _three_rrr(s: Sketch) -> None:
 
 
 def _three_rrr_spherical(s: Sketch) -> None:
-    """A platform on three legs of R joints whose axes all meet in a point."""
+    """Draw a platform on three legs of R joints whose axes all meet in a point."""
     for k in range(3):
         places = (
             _meeting(s, 2 * np.pi * k / 3 + angle + s.rng.uniform(-0.2, 0.2), tilt + s.rng.uniform(-0.2, 0.2), 0.4)
@@ -218,7 +218,7 @@ def _three_rrr_spherical(s: Sketch) -> None:
 
 
 def _three_upu(s: Sketch) -> None:
-    """Draws three UPU legs, in general position, or such that the platform does not turn."""
+    """Draw three UPU legs, in general position or such that the platform does not rotate."""
     if s.rng.random() < 0.5:
         _legs(s, 3, "UPU", 1)
     else:
@@ -229,7 +229,7 @@ def _three_upu(s: Sketch) -> None:
 
 
 def _delta(s: Sketch) -> None:
-    """Three cranks, each with two rods of equal length that keep the platform from turning."""
+    """Draw three cranks, each with two equal rods that prevent the platform's rotation."""
     for k, (foot, head) in enumerate(_ends(s, 3, 0.4)):
         hinge = np.cross(_Z, foot / np.linalg.norm(foot))
         hinge /= np.linalg.norm(hinge)

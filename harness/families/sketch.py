@@ -1,4 +1,4 @@
-"""A mechanism at home, sketched by points and axes of its joints in the world, and the description made from it."""
+"""Sketch of a mechanism at home by joint points and axes in the world, and its description."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ZERO, REGULAR = 1e-9, 5e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """A joint at home: a point of it and its axes, `a` and `b` being the bodies it joins. Shapes (3,), (n_axes, 3)."""
+    """A joint at home between bodies `a` and `b`: point and axes. Shapes (3,), (n_axes, 3)."""
 
     kind: str
     a: str
@@ -32,18 +32,18 @@ class Placed:
 
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
-        """Whether each freedom turns, and its axis. C has two along one axis."""
+        """Flag for rotation, and axis, of each freedom; C has two along one axis."""
         turns = KINDS[self.kind]
         return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
 
     def tilt(self) -> float:
-        """Second angle of an S joint: how far its third axis is from normal to the others."""
+        """Second angle of an S joint: deviation of its third axis from the normal of the others."""
         first, second, third = self.axes
         normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
     def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
-        """Axes before the joint moved to its coordinates at home, and how far it has turned and slid since.
+        """Axes before the joint moved to its home coordinates, and its rotation and displacement since.
 
         Args:
             W: Rotation of the sketch.
@@ -68,7 +68,7 @@ class Placed:
 
 @dataclass(slots=True)
 class Sketch:
-    """A drawing of a mechanism at home, to which a family adds joints. Lengths are about 1 m.
+    """A mechanism under construction at home, to which a family adds joints; lengths of about 1 m.
 
     Attributes:
         rng: Where all chance comes from.
@@ -96,14 +96,14 @@ class Sketch:
         return np.stack([first, second, np.cross(first, second)])
 
     def off_axis(self, direction: Array, least: float = 0.6) -> Array:
-        """A random axis at an angle to a direction, sin of it at least so much. Shape (3,)."""
+        """Draw a unit axis at an angle to a direction with at least a given sine. Shape (3,)."""
         while True:
             axis = self.unit()
             if np.linalg.norm(np.cross(axis, direction / np.linalg.norm(direction))) >= least:
                 return axis
 
     def axes(self, kind: str, first: Array | None = None) -> Array:
-        """Random axes of a joint at home, the first of them given or not. Shape (n_axes, 3)."""
+        """Draw the axes of a joint at home, the first optionally given. Shape (n_axes, 3)."""
         n = max(1, sum(KINDS[kind]))
         first = self.unit() if first is None else first
         second = np.cross(first, self.off_axis(first))
@@ -112,23 +112,23 @@ class Sketch:
         return np.stack([first, second, third])[:n]
 
     def join(self, kind: str, a: str, b: str, point: Array, axes: Array | None = None, *, driven: bool = False) -> None:
-        """Places a joint; one axis or all of them, shape (3,) or (n_axes, 3), random if not given."""
+        """Place a joint; given are none, one or all axes, shape (3,) or (n_axes, 3)."""
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
     def between(self, a: str, b: str, n: int) -> list[str]:
-        """The bodies that n joints in a row join: a, some that are not there yet, and b."""
+        """Bodies joined by n joints in a row: a, new ones, and b."""
         return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
 
     def place(
         self, kinds: str, names: Sequence[str], places: Iterable[tuple[Array, Array | None]], driven: int | None = None
     ) -> None:
-        """Joints in a row between bodies, at points and along axes, see `join`."""
+        """Place joints in a row between bodies, at points and along axes, see `join`."""
         for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=True)):
             self.join(kind, names[i], names[i + 1], point, axes, driven=i == driven)
 
     def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
-        """Joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
+        """Place joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
         ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
         axes = (
             way / np.linalg.norm(way) if kind == "P" else self.off_axis(way) if way.any() else None
@@ -138,11 +138,12 @@ class Sketch:
 
     @property
     def firsts(self) -> list[int]:
-        """Row of the first coordinate of each joint, and behind them the number of all coordinates."""
+        """Row of each joint's first coordinate, followed by the number of all coordinates."""
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
     def tie(self, row: int, *leads: int) -> None:
-        """Couples a coordinate to others, about as fast: to several linearly, to one in one case of two."""
+        """Couple a coordinate to others at similar speed: linearly to several, or in half the cases nonlinearly to
+        one."""
         self.ties[row] = {}
         for of in leads:
             slope = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1])
@@ -150,13 +151,13 @@ class Sketch:
             self.ties[row][of] = float(slope), float(bend)
 
     def flip(self) -> None:
-        """Exchanges parent and child of joints at random."""
+        """Exchange parent and child of random joints."""
         for i, joint in enumerate(self.joints):
             if self.rng.random() < 0.5:
                 self.joints[i] = replace(joint, a=joint.b, b=joint.a, axes=joint.axes[::-1])
 
     def freedoms(self) -> Array | None:
-        """Joint velocities of all motions at home, from the twists of the bodies and the ties; None where in doubt.
+        """Joint velocities of all motions at home, from body twists and ties; None if the rank is unclear.
 
         Returns:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
@@ -179,7 +180,7 @@ class Sketch:
 
 
 def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("", "-", "_", ".", "+", ":")) -> str:
-    """A random name that no other entry has."""
+    """Draw an unused name."""
     while True:
         name = "".join(rng.choice(list(ascii_letters), size=rng.integers(1, 6)))
         name += f"{rng.choice(parts)}{rng.integers(0, 100)}" if rng.random() < 0.5 else ""
@@ -189,7 +190,7 @@ def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("",
 
 
 def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
-    """A description with random frames, bodies and names, entries in random order.
+    """Write a description with random frames, bodies and names, in random order.
 
     One in four is plain: parallel to the world, zero at home; its text closes redundant loops exactly.
 
@@ -245,20 +246,20 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
 
 
 def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
-    """Entries of a table in random order."""
+    """Shuffle the entries of a table."""
     keys = list(table)
     return {keys[i]: table[keys[i]] for i in rng.permutation(len(keys))}
 
 
 def _frame(body: tuple[Array, Array], R: Array, point: Array) -> Tables:
-    """A frame of the world in axes of a body."""
+    """Express a world frame in a body's axes."""
     turn = body[0].T @ R
     table: Tables = {"position": (body[0].T @ (point - body[1])).tolist()}
     return table if np.array_equal(turn, np.eye(3)) else {**table, "rotation": {"matrix": turn.tolist()}}
 
 
 def _body(rng: np.random.Generator, com: Array) -> Tables:
-    """A body whose mass is spread like a random cloud: its inertia tensor is one that bodies can have."""
+    """Draw a body with the mass of a random cloud, whose inertia tensor is therefore possible."""
     mass = float(np.exp(rng.uniform(-1.5, 1.5)))
     spread = 0.15 * rng.normal(size=(3, 6))
     C = mass * (spread @ spread.T) / 6

@@ -1,1 +1,1 @@
-"""Judges one engine by the laws of mechanics alone; shares no motion formula with the screw solver."""
+"""The judge: checks one engine by the laws of mechanics, with no motion formula of the screw solver."""

@@ -1,4 +1,4 @@
-"""What two numbers of one quantity may differ by, and why: the one place where tolerance is granted.
+"""Tolerances: the largest accepted difference of two numbers, with its reasons; granted nowhere else.
 
 The scene admits what it likes: a tolerance, the error that a table states. Whoever is judged admits errors of its own,
 too, but what an engine says explains a difference up to `LIMIT` only; beyond that the difference is not decided.
@@ -31,12 +31,12 @@ NARROW = "compared as"
 
 
 Integrated = Mapping[str, Mapping[str, Array]]
-"""Of a simulation: quantity -> unit -> estimated error of its integration up to each sample [unit]. Shape (n,)."""
+"""Estimated integration error of a simulation up to each sample: quantity -> unit -> error [unit]. Shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Left:
-    """What integration leaves in the difference of two motions, in one quantity and unit.
+    """Integration error in the difference of two motions, in one quantity and unit.
 
     Attributes:
         scale: Of the scaled errors.
@@ -49,14 +49,14 @@ class Left:
     binding: bool = False
 
     def admitted(self, n: int) -> Array:
-        """Scaled error that is admitted besides the tolerance of the scene. Shape (n,)."""
+        """Extra scaled error allowed on top of the scene's tolerance. Shape (n,)."""
         if self.binding or not self.errors:
             return np.zeros(n)
         whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)
         return np.asarray(np.minimum(whole, MOST))
 
     def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
-        """What part of a scaled difference at a sample is integration, and which is not; "" where nothing is known."""
+        """Split a scaled difference at a sample into integration error and the rest; "" without an estimate."""
         sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
         if not sizes or (ok and size <= usual):
             return ""
@@ -72,7 +72,7 @@ class Left:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Granted:
-    """What two solutions may differ by in one quantity and unit, scaled.
+    """Accepted scaled difference of two solutions in one quantity and unit.
 
     Attributes:
         usual: At any sample.
@@ -91,7 +91,7 @@ class Granted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Allowance:
-    """Who admits which errors.
+    """Accepted errors by their source.
 
     Attributes:
         tolerance_of: Quantity -> scaled error up to which two engines agree, as the scene has it.
@@ -118,7 +118,7 @@ class Allowance:
         scales: Mapping[str, float],
         n: int,
     ) -> Granted:
-        """What two solutions may differ by.
+        """Compute the accepted difference of two solutions.
 
         Args:
             scale: Of the scaled errors [unit].
@@ -150,7 +150,7 @@ class Allowance:
         return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
 
     def _is_zero(self, absolute: float, scale: float, kind: NumberType, unit: str, natural: float) -> bool:
-        """Whether a number that may be off by so much is no more than rounding at the machine's own size."""
+        """True if a number with such an absolute error is rounding at the machine's own size."""
         if kind is not FLOAT64 and absolute < DIGIT * scale:  # it has a digit
             return False
         return absolute <= kind.zero * max(natural, self.summands().get(unit, 0.0))

@@ -1,4 +1,4 @@
-"""One engine's answer at the samples that are judged, and what equations leave over of it."""
+"""Answer of one engine at the judged samples, and residuals of equations in it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DERIVATIVES = ("joint_position", "joint_velocity", "joint_acceleration")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """One engine's answer at n samples.
+    """Answer of one engine at n samples.
 
     Attributes:
         applied: What acts besides actuators.
@@ -78,19 +78,19 @@ class Answer:
         return TreeStates(*self.joints)
 
     def has(self, *quantities: str) -> bool:
-        """Whether it has all of these quantities."""
+        """True if the answer has all of these quantities."""
         return set(quantities) <= set(self.values)
 
     def loosened(self, quantity: str, unit: str) -> float:
-        """What an error of a quantity that the scene admits more of is a share of: its largest magnitude in a unit."""
+        """Scale of an error that the scene tolerates in a quantity: its largest magnitude in a unit."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
         values = self.values[quantity]
         return largest(values.array[:, [has == unit for has in values.units]])
 
     def fastest(self, order: int, unit: str) -> float:
-        """Largest derivative of a joint coordinate, or rate squared beside accelerations, as a number of a unit; of
-        coordinates themselves the natural scale.
+        """Largest derivative of a joint coordinate, or squared rate beside accelerations, converted to a unit; for
+        coordinates the natural scale.
 
         Coordinates of the other kind are turned into it by the length of the mechanism.
         """
@@ -102,13 +102,13 @@ class Answer:
         return arm(unit, L) * (max(size, rate**2) if order == 2 else size)
 
     def moving(self, joints: Array) -> Answer:
-        """The answer with other joint coordinates and derivatives. Shape (3, n, n_q)."""
+        """Replace joint coordinates and derivatives. Shape (3, n, n_q)."""
         return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
     ) -> SizedResidual:
-        """The worst of what an equation leaves over: how large, where, when.
+        """Largest residual of an equation, with component and time.
 
         Args:
             components: Names of the columns.
@@ -142,7 +142,7 @@ class Answer:
         )
 
     def _reason(self, t: float, *, lost: bool, undecided: int, conditioned: bool) -> str:
-        """Why a residual is out of tolerance, or has a larger one."""
+        """Explain why a residual is out of tolerance, or within a larger one."""
         if lost:
             return f"not a number at t = {t:g} s"
         if undecided:
@@ -160,7 +160,7 @@ def answer_at(
     tolerance: float = SOLVED,
     looser: Mapping[str, float] | None = None,
 ) -> Answer:
-    """The answer at some samples. Its joint positions, or else its assembly, have to be known."""
+    """Build the answer at some samples; joint positions, or else the assembly, must be known."""
     values = {name: values.at(rows) for name, values in solution.values.items()}
     scales = natural_scales(mechanism)
     tree = mechanism_tree(mechanism, spanning_tree(mechanism), scales["m"])
@@ -192,12 +192,12 @@ def answer_at(
 
 
 def timed(problem: Problem) -> GivenMotion | InitialValue:
-    """The task; a TypeError if it is no motion over time."""
+    """Return the task; TypeError unless it is a motion over time."""
     if isinstance(problem.task, States):
         raise TypeError("states of an open tree are no motion over time: there is nothing to compare or to judge")
     return problem.task
 
 
 def largest(*arrays: Array) -> float:
-    """The largest magnitude, numbers only; 0 if there is none."""
+    """Largest finite magnitude; 0 if there is none."""
     return max((float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays), default=0.0)

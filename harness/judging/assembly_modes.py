@@ -1,4 +1,4 @@
-"""One motion in several readings: assembly modes in which engines solved it, and joint angles of several charts.
+"""Assembly modes of the engines' solutions, and conversion of joint angles between charts.
 
 Two engines in two assembly modes answer different questions; that is one sentence, not a difference of forces. A
 spherical joint has two triples of angles for each orientation, any angle has its whole turns, and in gimbal lock only a
@@ -34,7 +34,7 @@ CLOSED = 1e-8
 
 
 def joint_places(joint: Joint, q: Array, length: float) -> Array:
-    """Where a joint holds its child, however its angles are counted: rotation matrix and displacement over a length.
+    """Relative placement of a joint's child, independent of angle charts: rotation and displacement over a length.
 
     Args:
         q: Its coordinates. Shape (n, m).
@@ -52,7 +52,7 @@ def joint_places(joint: Joint, q: Array, length: float) -> Array:
 
 
 def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
-    """The joint coordinates by which its assembly is known, NaN where it solved none; None if it gives none."""
+    """Joint coordinates that identify the assembly, NaN at unsolved samples; None if there are none."""
     if solution.assembly is not None:
         return solution.assembly
     given = solution.values.get("joint_position")
@@ -66,7 +66,7 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Pairs of engines that are in two assemblies, or both in another one than home's, and a sentence on each.
+    """Pairs of engines in two assemblies, or both in another one than home's, each with a sentence.
 
     Joint positions that do not close the loops of the description are another matter: those of another geometry.
     """
@@ -87,7 +87,7 @@ def other_assemblies(
 def _away_from_home(
     mechanism: Mechanism, task: GivenMotion | InitialValue, known: Sequence[tuple[Solution, Array]]
 ) -> dict[frozenset[str], str]:
-    """Pairs with an engine that solved a given motion in another assembly than that of home, which is that of `screw`.
+    """Pairs with an engine whose given motion is in another assembly than home's, which `screw` follows.
 
     A simulation may leave it: where coordinates do not determine the motion, its own inertia does.
     """
@@ -107,7 +107,7 @@ def _away_from_home(
 
 
 def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
-    """When and where two engines' joints are held differently; empty if they are held alike."""
+    """Describe when and where joint placements of two engines differ; empty if they agree."""
     lay = layout(mechanism)
     length, turns = loop_equations(lay).length, lay.turns
     difference = np.where(turns, within_half_turn(pair[1] - pair[0]), (pair[1] - pair[0]) / length)
@@ -146,7 +146,7 @@ _ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
-    """The solutions with their joint angles, and the rates and forces along these, as the reference would read them.
+    """Rewrite joint angles, and rates and forces along these, in the reference's chart.
 
     The reference is the first that has all joint positions, the truth before others.
 
@@ -168,7 +168,7 @@ def _has(values: Values, mechanism: Mechanism) -> bool:
 
 
 def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
-    """One solution in the chart of the reference."""
+    """Rewrite a solution in the reference's chart."""
     arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_ALONG) if name in one.values}
     place = {name: {c: k for k, c in enumerate(one.values[name].components)} for name in arrays}
     own, theirs = _coordinates(mechanism, one), _coordinates(mechanism, reference)
@@ -195,7 +195,7 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
 
 
 def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
-    """All joint coordinates as far as a solution has them, NaN elsewhere. Shape (n, n_q)."""
+    """Known joint coordinates of a solution, NaN elsewhere. Shape (n, n_q)."""
     given = one.values.get(_POSITION)
     if given is None and one.assembly is not None:
         return one.assembly
@@ -207,12 +207,12 @@ def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
 
 
 def _angles(joint: Joint) -> list[str]:
-    """Names of a joint's angles: the last three of a joint of six freedoms."""
+    """Names of a joint's angles: the last three of six freedoms."""
     return [name for name, (turns, _) in zip(joint.coordinates, joint.freedoms, strict=True) if turns]
 
 
 def _read(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """A joint's angles as others read them, and where that is the other triple. Shapes (n, m) and (n,)."""
+    """Read a joint's angles in others' chart, and flag samples with the other triple. Shapes (n, m) and (n,)."""
     known = np.isfinite(near)
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
     if angles.shape[1] < 3:
@@ -227,5 +227,5 @@ def _read(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.b
 
 
 def _near(read: Array, near: Array) -> NDArray[np.bool_]:
-    """Samples at which angles differ by little. Shape (n, m) -> (n,)."""
+    """Flag samples at which angles nearly agree. Shape (n, m) -> (n,)."""
     return np.asarray((np.abs(read - near) < NEAR).all(axis=1))

@@ -1,4 +1,4 @@
-"""Compares solutions pair by pair, quantity by quantity. Metrics only; no engine is the truth."""
+"""Comparison of solutions, pair by pair and quantity by quantity; no engine counts as the truth."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def compare(
     allowance: Allowance,
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors of every pair of solutions, whose joint angles are of one chart (see `charts`).
+    """Compute errors of every pair of solutions in one angle chart (see `charts`).
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
@@ -84,14 +84,14 @@ def compare(
 
 
 def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
-    """Whether a quantity of two solutions is one: joint forces of an open tree have a meaning only for that tree, and
-    of another quantity both may have other parts."""
+    """True if a quantity is comparable: open-tree forces only belong to one tree, and other quantities to equal
+    parts."""
     names, others = ({*one.values[quantity].components} for one in (a, b))
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
 def _within(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResidual:
-    """A pair that agrees, with the reason where that is by more than the tolerance of the scene."""
+    """Accept a pair, with the reason if it exceeds the scene's own tolerance."""
     if not row.ok:
         return row
     conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
@@ -100,12 +100,13 @@ def _within(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResi
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
-    """S of the scaled error: the largest magnitude of the reference in this unit, at least 1e-6 of the natural one."""
+    """Scale S of the scaled error: largest magnitude of the reference in this unit, at least 1e-6 of the natural
+    one."""
     return max(largest(values.array[:, [i for i, u in enumerate(values.units) if u == unit]]), FLOOR * natural)
 
 
 def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
-    """Component -> the rule that fixes it, and whether it is unique whatever the rule; "" stands for all others."""
+    """Component -> the rule that fixes it, and True if it is unique under any rule; "" stands for all others."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
     driven = dict[str, str]()
@@ -120,7 +121,7 @@ def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -
 
 
 def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
-    """A component's errors with the rule that fixes it, held against their tolerance.
+    """Add the rule that fixes a component, and compare its errors with the tolerance.
 
     What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
     """
@@ -133,7 +134,7 @@ def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedRes
 def _components(
     quantity: str, unit: str, a: Solution, b: Solution, t: Array, granted: Granted
 ) -> Iterator[SizedResidual]:
-    """Errors of each component of a unit that both have, over the samples that both have solved.
+    """Errors of each common component of a unit at samples that both engines solved.
 
     The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
     most beyond what it may be, if one is. Their reason is what integration has of them.
@@ -181,7 +182,7 @@ def _components(
 
 
 def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
-    """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
+    """Summarise the components of a quantity and unit by the worst one, out of tolerance first."""
     every, rows = rows, [row for row in rows if not row.ok] or rows
     rows = [row for row in rows if not row.undecided] or rows
     sizes = np.array([row.error for row in rows])
@@ -195,7 +196,7 @@ def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
 
 
 def _explained(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> SizedResidual:
-    """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
+    """Add the engines' own reason, if they have any, to a pair out of tolerance."""
     if row.ok:
         return row
     for one in refusals:
@@ -212,5 +213,5 @@ def _explained(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[
 
 
 def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
-    """The row of a pair that has no numbers, with the reason."""
+    """Row of a pair without numbers, with the reason."""
     return SizedResidual(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

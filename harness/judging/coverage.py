@@ -1,4 +1,4 @@
-"""What a scene can see: the share of each kind of term in what is compared, and which parameters change none of it.
+"""Coverage: the share of each kind of term in the compared numbers, and parameters without influence on them.
 
 Engines agree on a term that is not there, too. Looked at are the terms of the equations, and the mass, centre of mass
 and inertia of each body and the point of each load: the columns of the regressor of the compared forces.
@@ -33,7 +33,7 @@ from screwgauge.solution import Solution
 from screwgauge.witness.kinematics import unit_twists
 
 Row = dict[str, Any]
-"""A row of what a scene can see."""
+"""A row of the coverage."""
 
 MOST = 51  # samples that are looked at
 #: Numbers in the regressor; fewer samples where it had more, none where that leaves fewer than `FEWEST`.
@@ -57,7 +57,7 @@ _MOTIONS = tuple(name for name in (*OF_JOINTS, *OF_BODIES) if QUANTITIES[name].n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """What a scene can see.
+    """Parameters and terms that the motion excites.
 
     Attributes:
         shares: Rows quantity, unit, term, share: the largest magnitude of a kind of term over that of the quantity.
@@ -77,12 +77,12 @@ class Coverage:
 
     @property
     def untested(self) -> list[str]:
-        """Names of the parameters that could be wrong by their whole size."""
+        """Names of the parameters that could be wrong by their full value."""
         return [row["parameter"] for row in self.parameters if not row["tested"]]
 
     @property
     def absent(self) -> list[str]:
-        """Kinds of terms that vanish in all that is compared; those that the scene has not are left out."""
+        """Kinds of terms that vanish in all compared numbers, among those of the scene."""
         there = {row["term"] for row in self.shares if row["share"]}
         lost = dict.fromkeys(row["term"] for row in self.shares if row["term"] not in there)
         products = [term for term in BRACKET[1:] if term in lost and "bracket" not in lost]
@@ -91,7 +91,7 @@ class Coverage:
 
     @property
     def inertia(self) -> tuple[str, float] | None:
-        """The first compared force and the share of inertia in it; None if no force is compared."""
+        """The first compared force and the share of inertia in it; None without compared forces."""
         by: dict[str, list[float]] = {}
         for row in self.shares:
             if row["term"] in ("inertial", "gyroscopic"):
@@ -101,7 +101,7 @@ class Coverage:
 
     @property
     def poor(self) -> str:
-        """What the motion does not test, in a sentence or two; empty if nothing is known to be left out."""
+        """Describe what the motion leaves untested; empty if nothing is known."""
         sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
@@ -118,7 +118,7 @@ class Coverage:
 
     @property
     def sentence(self) -> str:
-        """All that it comes to."""
+        """Summarise the coverage."""
         if self.missing:
             return self.missing
         n = len(self.parameters)
@@ -129,7 +129,7 @@ class Coverage:
 
 
 def _counted(parameters: list[str], terms: list[str]) -> str:
-    """The first parameter and how many more there are, then all terms."""
+    """Count parameters, naming the first, and list all terms."""
     more = len(parameters) - 1
     first = [parameters[0] + f" and {more} other{'s' * (more > 1)}" * (more > 0)] if parameters else []
     return ", ".join([*first, *terms])
@@ -142,7 +142,7 @@ def coverage(
     counted: Mobility,
     tolerance_of: Callable[[str], float],
 ) -> Coverage:
-    """What a given motion can see of mistakes, in the quantities that it asks for.
+    """Measure which mistakes a given motion would reveal in the requested quantities.
 
     Args:
         solutions: Of which the first that has its joint coordinates gives the poses.
@@ -171,11 +171,11 @@ def coverage(
 
 
 _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
-"""Names of terms or parameters, and what each does to every compared force: quantity, unit, shape (n, m, p)."""
+"""Names of terms or parameters, and their effect on every compared force: quantity, unit, shape (n, m, p)."""
 
 
 class _Parts:
-    """What forces and accelerations consist of: in a motion, and after it at some of its poses in any other motion."""
+    """Composition of forces and accelerations, in a motion and, at some of its poses, in any other motion."""
 
     def __init__(
         self, mechanism: Mechanism, problem: Problem, counted: Mobility, q: Array, motion: GivenMotion
@@ -200,7 +200,7 @@ class _Parts:
         self.planar = normal_of_plane(twists) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
-        """Coverage of the motion; what stays hidden in any other, too, is named."""
+        """Coverage of the motion; names what remains hidden in any other motion, too."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))
@@ -223,7 +223,7 @@ class _Parts:
         return tuple(found), sizes
 
     def _accelerations(self, rows: slice) -> Iterator[Row]:
-        """What accelerations lose with the Lie bracket."""
+        """Loss of accelerations without the Lie bracket."""
         for (quantity, unit), array in self.whole.items():
             if quantity in self.wanted:
                 size = max(largest(array[rows]), FLOOR * self.scales[unit])
@@ -233,7 +233,7 @@ class _Parts:
     def _effects(
         self, rows: slice, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
     ) -> Iterator[Row]:
-        """What each parameter does to the compared forces."""
+        """Effect of each parameter on the compared forces."""
         names, forces = self.parameters
         effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
         for quantity, unit, array in forces:
@@ -248,13 +248,13 @@ class _Parts:
 
 
 def _any_poses(y: Array) -> Rows:
-    """Rows at which any velocity is tried; none where the poses have a coordinate in common. Shape (k,)."""
+    """Rows at which random velocities are tried; empty if all poses share a coordinate. Shape (k,)."""
     n = ANY if np.ptp(y, axis=0).all() else 0
     return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
 
 
 def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
-    """A motion through the same poses, with random velocities and accelerations as large as gravity makes them."""
+    """Motion through the same poses with random velocities and accelerations, scaled by gravity."""
     units, rng = [mechanism.units[i] for i in mechanism.independent_columns], np.random.default_rng(0)
     scales = natural_scales(mechanism)
     yd, ydd = (rng.normal(size=motion.y.shape) * [scales[unit + per] for unit in units] for per in ("/s", "/s^2"))

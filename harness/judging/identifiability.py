@@ -1,5 +1,5 @@
-"""What the compared forces can identify: what every body needs, term by term and parameter by parameter, and the forces
-that follow from it by one linear map, on the witness's mechanics.
+"""Identifiability: the needs of every body by term and parameter, and the compared forces, a linear map of them by the
+witness's mechanics.
 
 Wrenches on bodies are force over moment about the centre of mass, in p cases of n samples: shape (p, n, n_body, 6).
 """
@@ -81,13 +81,13 @@ class CoveredMotion:
 
     @cached_property
     def lost(self) -> dict[str, CoveredAccelerations]:
-        """What accelerations lose where a term of the Lie bracket is left out, in every loop and of every body."""
+        """Losses of accelerations without single terms of the Lie bracket, in every loop and body."""
         products = velocity_products(self.motion, self.states.qd)
         products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> CoveredAccelerations:
-        """Accelerations lost without some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
+        """Accelerations lost without some of the `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products
@@ -101,7 +101,7 @@ class CoveredMotion:
 
 
 def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, q: Array) -> CoveredMotion:
-    """The mechanism in motion.
+    """Build the mechanism in motion.
 
     Args:
         motion: At these poses.
@@ -133,7 +133,7 @@ class Needed:
 
 
 def compared_forces(at: CoveredMotion, needed: Needed, counted: Mobility) -> Iterator[tuple[str, str, Array]]:
-    """(quantity, unit, its components) of every compared force. Shape (n, m, p).
+    """Yield (quantity, unit, components) of every compared force. Shape (n, m, p).
 
     Args:
         counted: Which reactions are determined; the others are not compared.
@@ -149,7 +149,7 @@ def compared_forces(at: CoveredMotion, needed: Needed, counted: Mobility) -> Ite
 
 
 def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]:
-    """Along the coordinates of the tree of the minimal model files."""
+    """Forces along the tree coordinates of the minimal model files."""
     mechanism, (_, columns) = at.mechanism, minimal_tree(layout(at.mechanism))
     joints = {joint.name for joint in mechanism.joints if {*mechanism.columns(joint.coordinates)} & {*columns}}
     tree, bodies, shares = open_tree(mechanism, spanning_tree(mechanism), joints)
@@ -159,7 +159,7 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
 
 
 def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
-    """Generalised and actuator forces, and the reactions that are determined."""
+    """Generalised and actuator forces, and the determined reactions."""
     mechanism, wanted, partial = at.mechanism, at.problem.wanted, at.admissible.partial
     Q = np.einsum("pnbx,nbxk->nkp", whole, at.admissible.bodies, optimize=True)
     table = {"generalized_force": (_units(mechanism, mechanism.independent_columns), Q)}
@@ -176,7 +176,7 @@ def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
 
 
 def _balanced(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
-    """Reactions, then actuator forces, from the balance of every body and the rule of redundant actuators."""
+    """Reactions, then actuator forces, from the balance of every body and the redundancy rule."""
     tree, com, q = at.tree, at.motion.com, at.states.q
     units = [unit for name in ("reaction", "actuator_force") for unit in unit_wrenches(tree, at.motion, q, name)]
     if at.axial:  # eq. (56)
@@ -199,7 +199,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
-    """Names of the kinds of terms, and what bodies need by each. The parts of the bracket are parts of `inertial`."""
+    """Names of the kinds of terms, and body needs by each; the bracket's parts are parts of `inertial`."""
     applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
     split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))
@@ -223,7 +223,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
 
 
 def _exerted(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
-    """What bodies need for what is exerted on them. Shape (n, n_body, 6)."""
+    """Body needs due to applied forces. Shape (n, n_body, 6)."""
     return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
 
 
@@ -231,11 +231,11 @@ _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]
 _NONE: _Wrench = (0.0, 0.0)
 _Column = tuple[str, int, _Wrench, _Wrench]
-"""Name, body, and what it needs by the parameter: force and moment about its centre of mass, own and applied."""
+"""Name, body, and the parameter's effect on its needs: force and moment about its centre of mass, own and applied."""
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
-    """Names of inertial parameters, load points, rotors and friction, and derivatives of what bodies need by each.
+    """Names of inertial parameters, load points, rotors and friction, and derivatives of body needs by each.
 
     By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of

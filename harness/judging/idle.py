@@ -1,4 +1,4 @@
-"""Coordinates that no actuator drives: is their motion the one that the forces make?
+"""Undriven coordinates: residuals between their motion and the motion that forces produce.
 
 Their accelerations are solved here once more, by the witness. Integrated over some steps of the given motion, they have
 to lead from its rates to its rates.
@@ -35,7 +35,7 @@ _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 
 
 def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Motions of y that move no actuator, one for each idle coordinate. Shape (n, k, m)."""
+    """Motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
     B = admissible.partial[:, answer.mechanism.actuated_columns]
     given = [k for k in range(B.shape[2]) if k not in idle]
     N = np.zeros((len(B), B.shape[2], len(idle)))
@@ -45,7 +45,7 @@ def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -
 
 
 def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """What accelerations of idle coordinates add to those that are given, as an engine says of bodies. Shape (n, n_q).
+    """Effect of idle accelerations on the others, from the engine's own body motions. Shape (n, n_q).
 
     Args:
         answer: With the accelerations that are given.
@@ -62,7 +62,7 @@ def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int])
 
 
 def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> float:
-    """The smallest inertia of some of the independent coordinates at any sample [kg m^2]."""
+    """Smallest inertia of some independent coordinates at any sample [kg m^2]."""
     mechanism, L = answer.mechanism, answer.scales["m"]
     size = np.array([arm(mechanism.units[column], L) for column in mechanism.independent_columns])
     own = np.diagonal(residuals.inertia_of(answer, admissible), axis1=1, axis2=2) * size**2
@@ -70,7 +70,7 @@ def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[i
 
 
 def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
-    """Residuals of the accelerations of idle coordinates, if they are the engine's own, and of their motion.
+    """Residuals of the engine's own accelerations of idle coordinates, and of their motion.
 
     Args:
         answer: With all joint coordinates, rates and accelerations.
@@ -84,7 +84,7 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
 
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
-    """Work of what the bodies require on motions that move no actuator: nothing can do it."""
+    """Work of body needs on motions that move no actuator, which must vanish."""
     missing, terms = _work(answer, _admitted(answer), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
@@ -96,7 +96,7 @@ def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
 
 
 def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Work of what the bodies require on motions that move no actuator, shape (n, m), and its largest terms, (m,).
+    """Work of body needs on motions that move no actuator, shape (n, m), and its largest terms, (m,).
 
     Rounding of these motions works against the whole weight, though a rod that spins weighs on its bearings alone.
     """
@@ -110,7 +110,7 @@ def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> 
 
 
 def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMotion]) -> Residuals:
-    """Rates of idle coordinates after a step less those before it and the integral of their accelerations."""
+    """Change of idle rates over a step minus the integral of their accelerations."""
     rows = np.unique(np.linspace(0, len(given) - 1, STEPS).astype(int))
     h = _steps(answer, given)[rows]
     x, weights = np.polynomial.legendre.leggauss(POINTS)
@@ -134,7 +134,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
 
 
 def _steps(answer: Answer, given: GivenMotion) -> Array:
-    """Durations of steps from each sample, at most to the next one, back from the last [s]. Shape (n,)."""
+    """Durations of steps from each sample, at most to the next one, backwards from the last [s]. Shape (n,)."""
     fall = (G0 / answer.scales["m"]) ** 0.5
     speed = max(fall, answer.fastest(1, "rad/s"), answer.fastest(2, "rad/s^2") ** 0.5)
     h = np.full(len(given), SHARE / speed)
@@ -146,7 +146,7 @@ def _steps(answer: Answer, given: GivenMotion) -> Array:
 
 
 def _at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
-    """An answer at other states of a motion, closed from the poses of some of its samples. Shape (n,)."""
+    """Answer at other states of a motion, closed from the poses of some samples. Shape (n,)."""
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     joints[0] = answer.q[rows]
@@ -170,7 +170,7 @@ def _admitted(answer: Answer) -> AdmissibleMotion:
 
 
 def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
-    """Accelerations of idle coordinates, solved, shape (n, m), and the largest of what they are sums of, shape (m,)."""
+    """Solved accelerations of idle coordinates, shape (n, m), and their largest summands, shape (m,)."""
     idle, admissible = [*given.idle], _admitted(answer)
     missing, terms = _work(answer, admissible, idle)
     M = residuals.inertia_of(answer, admissible)[..., idle]

@@ -1,4 +1,4 @@
-"""Judges one engine's answer without any other engine: do loops close, do forces balance, is energy accounted for?"""
+"""The judge of a single engine's answer: loop closure, balance of forces, and energy."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def judge(
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
     again: Sequence[Solution] = (),
 ) -> pd.DataFrame:
-    """All residuals of what is answered; of a given motion, what they need besides is computed. One row per residual
-    and unit.
+    """Residuals of all answered quantities, one row per residual and unit; what else they need is computed for a given
+    motion.
 
     Args:
         problem: The problem; its gravity counts, whatever a model file has.
@@ -81,17 +81,17 @@ def judge(
 
 
 def _located(solution: Solution) -> bool:
-    """Whether it is known where its joints are."""
+    """True if the placement of the joints is known."""
     return "joint_position" in solution.values or solution.assembly is not None
 
 
 def _few(rows: Rows) -> Rows:
-    """Places of `MOST` rows, evenly spread."""
+    """Choose `MOST` evenly spread rows."""
     return np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
 
 
 def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
-    """Residuals of the motion of bodies and of forces, and of accelerations without velocities.
+    """Residuals of body motions and forces, and of accelerations without velocities.
 
     Args:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
@@ -120,7 +120,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
 
 
 def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Residuals of forces of the closed mechanism; where some of them were not wanted, of a few samples."""
+    """Residuals of forces of the closed mechanism, at a few samples if some forces were not requested."""
     required = residuals.required_wrenches(some)
     full = residuals.balanced(some, required[0])
     every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
@@ -135,7 +135,7 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
 
 
 def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
-    """Closure of every loop and coupling in position, velocity and acceleration, and whether y is that of the motion.
+    """Closure of every loop and coupling in position, velocity and acceleration, and deviation of y from the motion.
 
     Args:
         given: The motion, if there is one; second derivatives of its idle coordinates follow from the forces.
@@ -170,7 +170,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
 
 
 def body_motions(answer: Answer) -> Residuals:
-    """Reported motions of the bodies less those that follow from the joint coordinates."""
+    """Reported body motions minus those of the joint coordinates."""
     for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]
@@ -182,13 +182,13 @@ def body_motions(answer: Answer) -> Residuals:
 
 
 def admitted_by(answer: Answer) -> AdmissibleMotion:
-    """The motions that the loops admit at the poses of an answer."""
+    """Motions admitted by the loops at the poses of an answer."""
     mechanism = answer.mechanism
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
 def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
-    """Unit -> size of what is summed up at the states of a given motion: rates, accelerations, forces.
+    """Size of the summands at the states of a given motion, by unit: rates, accelerations, forces.
 
     Of several answers the smallest counts, so that none can make its own errors small.
     """
@@ -218,7 +218,7 @@ def _summands(answer: Answer) -> dict[str, float]:
 def answer_in_motion(
     mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
 ) -> tuple[Answer, AdmissibleMotion]:
-    """The answer at some samples with what it lacks of a given motion, and the motions that its loops admit."""
+    """Complete answer to a given motion at some samples, and the motions admitted by its loops."""
     answer = answer_at(mechanism, problem, solution, rows)
     admissible = admitted_by(answer)
     if isinstance(problem.task, GivenMotion):
@@ -227,7 +227,7 @@ def answer_in_motion(
 
 
 def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
-    """The answer with the joint velocities and accelerations that it lacks, as its poses and the motion have them."""
+    """Complete an answer by joint velocities and accelerations from its poses and the motion."""
     joints = answer.joints.copy()
     if not answer.has("joint_velocity"):
         joints[1] = admissible.joints(given.yd)

@@ -1,4 +1,4 @@
-"""What acts in a model file and in no engine, measured at the states of an answer.
+"""Forces in a model file that no engine includes, measured at the states of an answer.
 
 Every entry of `Mechanism.left_out` becomes what bodies need besides, a wrench on each; from there it is a force of
 actuators, along coordinates, or in joints, like any other. Signs are those of demands.
@@ -49,7 +49,7 @@ NOTHING = 1e-13
 
 @dataclass(frozen=True, slots=True)
 class LeftOutTerm:
-    """One kind of what is left out.
+    """A kind of force that is left out.
 
     Attributes:
         kind: One of those above.
@@ -72,17 +72,17 @@ class LeftOutTerm:
 
     @property
     def inertia(self) -> bool:
-        """Whether it is inertia, without which a machine moves otherwise under any force."""
+        """True for inertia, which changes the motion under any force."""
         return self.kind == ARMATURE
 
 
 Needed = dict[str, Array]
-"""Kind -> what bodies need for it: force, and moment about the centre of mass. Shape (n, n_body, 6)."""
+"""Kind -> body needs for it: force, and moment about the centre of mass. Shape (n, n_body, 6)."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPart:
-    """Forces that are left out, at some states of an answer.
+    """Forces left out, at some states of an answer.
 
     Attributes:
         admissible: The motions that its loops admit.
@@ -101,16 +101,16 @@ class MeasuredPart:
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
-        """Forces along the independent coordinates that give bodies what they need. Shape (n, k)."""
+        """Forces along the independent coordinates that meet body needs. Shape (n, k)."""
         return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
-        """The smallest actuator forces that do. Shape (n, n_actuator)."""
+        """Smallest actuator forces that meet body needs. Shape (n, n_actuator)."""
         back = np.linalg.pinv(np.swapaxes(self.driven, 1, 2))
         return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
 
     def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
-        """What joints bear of them besides the actuators. Shape (n, m)."""
+        """Share of the joints in them besides the actuators. Shape (n, m)."""
         answer, need = self.answer, wrenches.copy()
         com = answer.motion.com
         driving = [unit for _, unit in unit_wrenches_of(answer, "actuator_force")]
@@ -125,7 +125,7 @@ class MeasuredPart:
         return amounts[:, [places[name] for name in names]]
 
     def _tree_forces(self, wrenches: Array, names: Sequence[str]) -> Array:
-        """Forces along the coordinates of the open tree of some joints. Shape (n, m)."""
+        """Forces along the open-tree coordinates of some joints. Shape (n, m)."""
         mechanism = self.answer.mechanism
         joints = [joint for joint in mechanism.joints if {*joint.coordinates} <= {*names}]
         graph = spanning_tree(mechanism, [joint.name for joint in joints])
@@ -135,7 +135,7 @@ class MeasuredPart:
         return along(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
     def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
-        """What a kind adds to components of a quantity; nothing to what is no force. Shape (n, m)."""
+        """Effect of a kind on components of a quantity; zero unless these are forces. Shape (n, m)."""
         mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":
@@ -150,12 +150,12 @@ class MeasuredPart:
 
 
 Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
-"""Parts of an answer that has positions, velocities and accelerations, and the motions that its loops admit."""
+"""Parts of an answer with positions, velocities and accelerations, and the admitted motions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredForces:
-    """Forces of entries of `Mechanism.left_out` along a motion, computed part by part: bodies times freedoms are many.
+    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit bodies times freedoms.
 
     Attributes:
         springs: Of the scene; what those along a joint exert is not left out of that joint.
@@ -166,7 +166,7 @@ class MeasuredForces:
     springs: Sequence[Spring] = ()
 
     def parts(self) -> Iterator[MeasuredPart]:
-        """At so many states at once as the moments have."""
+        """Iterate over the parts of `moments`."""
         along_joints = [spring for spring in self.springs if isinstance(spring, JointSpring)]
         for answer, admissible in self.moments():
             needed, names = Needed(), dict[str, list[str]]()
@@ -177,7 +177,7 @@ class MeasuredForces:
             yield MeasuredPart(answer, admissible, needed, names)
 
     def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Each kind with its largest force; of several units the one with the largest share."""
+        """Each kind with its largest force; among several units the one with the largest share."""
         if not self.left_out:
             return
         times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
@@ -208,7 +208,7 @@ class MeasuredForces:
             yield LeftOutTerm(kind, owners, size, float(largest[k]), units[k], names[k], float(t[i]), file)
 
     def added(self, quantity: str, names: Sequence[str]) -> dict[str, Array]:
-        """Kind -> what it adds to components of a quantity. Shape (n, m)."""
+        """Kind -> its effect on components of a quantity. Shape (n, m)."""
         by_kind: dict[str, list[Array]] = {}
         for part in self.parts():
             for kind in part.needed:
@@ -217,7 +217,7 @@ class MeasuredForces:
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
-    """Kinds of an entry, and what bodies need for each."""
+    """Kinds of an entry, and body needs for each."""
     match one:
         case Resistance() if one.path:
             yield from _along_path(answer, one)
@@ -245,7 +245,7 @@ def _shape(answer: Answer) -> tuple[int, int, int]:
 
 
 def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
-    """What a force at a point, and a moment, are on the second of two bodies and, turned round, on the first."""
+    """Wrench on the second of two bodies of a force at a point and a moment, and its reaction on the first."""
     total, index = np.zeros(_shape(answer)), answer.mechanism.body_index
     for body, sign in zip(bodies, (-1.0, 1.0), strict=True):
         if (i := index.get(body, 0) - 1) >= 0:
@@ -255,7 +255,7 @@ def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Arra
 
 
 def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring]) -> Needed:
-    """Kind -> force along the stroke, less what springs along the joint have of it. Shape (n,)."""
+    """Kind -> force along the stroke, minus that of the joint's own springs. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
     forces = _resisting(one, stroke, rate, acceleration)
@@ -280,7 +280,7 @@ def _resisting(one: Resistance, stroke: Array, rate: Array, acceleration: Array)
 
 
 def _along_path(answer: Answer, one: Resistance) -> Iterator[tuple[str, Array]]:
-    """The same along a path: what its ends, and where it bends, need."""
+    """Kinds along a path, and the needs at its ends and bends."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stacked(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
@@ -302,7 +302,7 @@ def _along_path(answer: Answer, one: Resistance) -> Iterator[tuple[str, Array]]:
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:
-    """A ball resists as its child sees its turn; a free joint also the way of its origin, as the world sees it."""
+    """Kinds of a ball joint, about the child's axes; of a free joint also along the world's."""
     joint = answer.mechanism.joint(one.joint)
     near, far = (_at(answer, answer.tree.on(body, frame)) for body, frame in joint.sides)
     R, point = far.R[:, 0], far.p[:, 0]
@@ -326,12 +326,12 @@ def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
 
 
 def _at(answer: Answer, frame: FixedFrame) -> Moving:
-    """The one frame, in motion."""
+    """A single frame in motion."""
     return answer.motion.links.frames(stacked([frame]))
 
 
 def _drag(one: Drag, at: Moving) -> tuple[Array, Array]:
-    """Force and moment that a box needs in a medium, as MuJoCo has them without ellipsoids. Shape (n, 3) each.
+    """Force and moment of a box in a medium, by MuJoCo's model without ellipsoids. Shape (n, 3) each.
 
     See mujoco.readthedocs.io, Computation, Passive forces: inertia model.
     """

@@ -1,4 +1,4 @@
-"""`Residual`, the one type of row for an error of a quantity, and tables of such rows."""
+"""`Residual`, the row type of all errors, and tables of such rows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ JUDGE = "judge"
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Error of a quantity: between two answers, against what is right, or of an equation.
+    """Error of a quantity: between two answers, against the right value, or of an equation.
 
     Attributes:
         quantity: Or the name of an equation, of which `b` is ``judge``.
@@ -44,18 +44,18 @@ class Residual:
 
     @property
     def key(self) -> str:
-        """What a baseline knows it by."""
+        """Key of the row in a baseline."""
         return f"{self.quantity} [{self.unit}] {self.a} - {self.b}"
 
     @property
     def share(self) -> float:
-        """Error as a share of its tolerance; infinite where there is no number, or no tolerance."""
+        """Error divided by its tolerance; infinite without a number or tolerance."""
         size = self.error / self.tolerance if self.tolerance else math.inf
         return size if math.isfinite(size) else math.inf
 
     @property
     def digits(self) -> float:
-        """Digits of agreement, NaN where there is no number."""
+        """Digits of agreement, NaN without a number."""
         return digits(self.error)
 
 
@@ -110,7 +110,7 @@ JUDGE_COLUMNS = _columns(
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
-    """A row for each item.
+    """Build a table with a row for each item.
 
     Args:
         columns: Column -> attribute of an item, dotted where it is one of an attribute.
@@ -121,5 +121,5 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
 
 
 def columns_of(row: type[Any]) -> dict[str, str]:
-    """Columns of a dataclass: its fields, by their own names."""
+    """Map the columns of a dataclass to its fields, under their own names."""
     return {field.name: field.name for field in fields(row)}

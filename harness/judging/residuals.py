@@ -1,5 +1,4 @@
-"""What equations leave over of one engine's answer: the balance of each body, power, virtual work, forces of the open
-tree, the rule of redundant forces, energy."""
+"""Residuals of equations in one engine's answer: body balances, power, virtual work, open tree, force rule, energy."""
 
 from __future__ import annotations
 
@@ -41,12 +40,12 @@ WORKING = ("generalized_force", "actuator_force", "axis_moment")
 
 
 def body_motion(answer: Answer, what: str) -> Array:
-    """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
+    """Body motion of a quantity in `BODY_MOTION`, computed from the joint coordinates. Shape (n, n_body, 3)."""
     return np.asarray(getattr(answer.motion.com, what))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
-    """What joints and actuators must exert on each body: force, and moment about the centre of mass.
+    """Wrenches that joints and actuators must exert on each body: force, and moment about the centre of mass.
 
     From the body motions that the engine reports, or those that follow from its joint coordinates; attitudes always
     follow from these.
@@ -78,14 +77,14 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
 
 
 def _vectors(array: Array) -> Array:
-    """Three numbers of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
+    """Reshape to vectors of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
     vectors = lanes(len(array), array.shape[1] // 3, 3)
     vectors[:] = array.reshape(vectors.shape)
     return vectors
 
 
 def levelled(sizes: Array, length: float) -> Array:
-    """Sizes of forces and moments, each no less than what the length of the mechanism makes of the other.
+    """Raise sizes of forces and moments to at least each other's, converted by the mechanism's length.
 
     Args:
         sizes: Largest force [N] and moment [N m]. Shape (..., 2).
@@ -102,13 +101,13 @@ def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, Un
 
 
 def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
-    """How much of it an answer has [N or N m]. Shape (n, 1)."""
+    """An answer's value of a unit wrench [N or N m]. Shape (n, 1)."""
     values = answer.values[quantity]
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """What the reported reactions and actuator forces leave over of the balance of each body.
+    """Residual of the balance of each body under the reported reactions and actuator forces.
 
     It is measured by the largest force on the body, or moment over the length of the mechanism: rounding of a force is
     rounding of its moment, though its lever may be zero at this body.
@@ -131,7 +130,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
 
 
 def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """What motion, gravity and loads take up less the power of the actuators."""
+    """Power of motion, gravity and loads minus that of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
     moved = np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
@@ -143,13 +142,13 @@ def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
 
 
 def _loose(answer: Answer, rates: Array) -> Array:
-    """Power of the actuators that an error admitted by the scene is a share of, rates being (n, n_actuator, ...)."""
+    """Actuator power as the scale of tolerated errors; rates are (n, n_actuator, ...)."""
     forces = [answer.loosened("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
 def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
-    """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
+    """Work of the required wrenches on every admissible motion minus that of generalised and actuator forces.
 
     Moments about the joints' own axes count without the springs and motors there, which the wrenches contain. Where an
     answer has no forces the first must vanish, whatever the reactions. It is measured by its largest term.
@@ -179,14 +178,14 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
 
 
 def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
-    """Inertia of all bodies and rotors in the motions that the loops admit. Shape (n, k, k)."""
+    """Inertia of all bodies and rotors in the admitted motions. Shape (n, k, k)."""
     partial = admissible.partial
     M = inertia(answer.motion) + np.diag(answer.mechanism.rotors)
     return np.asarray(partial.swapaxes(1, 2) @ M @ partial)
 
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Reported inertia less that of all bodies in the motions that the loops admit, composed from the tips inwards."""
+    """Reported inertia minus that of all bodies in the admitted motions, composed from the tips inwards."""
     mechanism, length = answer.mechanism, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
@@ -201,7 +200,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
 
 
 def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
-    """Reported rates per rate of each actuator less those of the motions that the loops admit; `idle` ones rest."""
+    """Reported rates per rate of each actuator minus those of the admitted motions; `idle` coordinates rest."""
     mechanism, com, points = answer.mechanism, answer.motion.com, answer.points
     v, w = np.split(admissible.bodies, 2, axis=2)  # shapes (n, n_body, 3, k)
     spots = [(i, -body.com) for i, body in enumerate(mechanism.bodies)]
@@ -223,7 +222,7 @@ def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]
 
 
 def resistance(answer: Answer) -> Residuals:
-    """Reported shares less what rotors, damping and dry friction take at the rates and accelerations of the joints."""
+    """Reported shares minus forces of rotors, damping and dry friction at the joints' rates and accelerations."""
     reported = answer.values["resistance"]
     for unit in dict.fromkeys(reported.units):
         some = [one for one in answer.mechanism.resistances if one.unit == unit]
@@ -237,7 +236,7 @@ TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
 def tree_forces(answer: Answer) -> Residuals:
-    """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
+    """Reported forces minus the work of gravity and inertia when a single joint of the tree moves.
 
     The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
     body; the body and its copies have equal shares of its mass.
@@ -270,7 +269,7 @@ def tree_forces(answer: Answer) -> Residuals:
 
 
 def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:
-    """Force along each joint coordinate of the open tree of some joints, shape (n, n_q), and the largest term [N]."""
+    """Force along each open-tree coordinate of some joints, shape (n, n_q), and the largest term [N]."""
     tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
     still = np.zeros_like(answer.q)
     required, sizes = required_wrenches(answer, loaded=False)
@@ -280,12 +279,12 @@ def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[A
 
 
 def _ruled(answer: Answer) -> bool:
-    """Whether there are more actuators than freedoms."""
+    """True if actuators outnumber freedoms."""
     return len(answer.mechanism.actuator_names) > len(answer.mechanism.independent)
 
 
 def balanced(answer: Answer, required: Array) -> Answer:
-    """The answer with what it lacks of reactions and actuator forces, as the balance of the bodies has it.
+    """Complete an answer by reactions and actuator forces from the balance of the bodies.
 
     Reactions follow only for a rule that is about them, and nothing where both are missing.
 
@@ -299,7 +298,7 @@ def balanced(answer: Answer, required: Array) -> Answer:
 
 
 def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
-    """The answer with a quantity from the balance of all bodies, the other one known."""
+    """Solve the balance of all bodies for one quantity, the other one known."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
     right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
     tree, com = answer.tree, answer.motion.com
@@ -313,13 +312,13 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
 
 
 def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """What the forces of redundant actuators leave over of the rule that fixes them."""
+    """Residual of the rule that fixes redundant actuator forces."""
     if _ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible, sizes)
 
 
 def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """The part of the actuator forces that moves nothing: those of the smallest norm have none.
+    """Part of the actuator forces that moves nothing; it vanishes for smallest norm.
 
     They are orthogonal to every preload, which does no work on any admissible motion.
     """
@@ -337,7 +336,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
 
 
 def _axial(answer: Answer) -> Residuals:
-    """The force of the spherical joint across the line that it should lie along (eq. 56)."""
+    """Component of the spherical joint's force across its line (eq. 56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
         return
@@ -356,7 +355,7 @@ def _axial(answer: Answer) -> Residuals:
 
 
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
-    """Energy gained since the first sample less the work done since [J], if that work is known.
+    """Energy gained since the first sample minus the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.
 
@@ -378,7 +377,7 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
 
 
 def _balance(answer: Answer) -> tuple[Array, float] | None:
-    """What is missing in the balance of energy at each sample, shape (n, 1), and the largest of its parts [J]."""
+    """Energy missing at each sample, shape (n, 1), and the largest term of the balance [J]."""
     applied, work = answer.applied, answer.work
     resists = resistances(answer.mechanism.joints, LOSSES)
     if not (applied.motors or applied.loads or resists or any(spring.damping for spring in applied.springs)):
@@ -393,7 +392,7 @@ def _balance(answer: Answer) -> tuple[Array, float] | None:
 
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
-    """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
+    """Kinetic energy, and potential energies of gravity and springs [J]. Shape (n,) each."""
     gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
     springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
     rotors = 0.5 * answer.states.qd**2 @ answer.mechanism.rotors

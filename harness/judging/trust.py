@@ -1,4 +1,4 @@
-"""How far numbers can be trusted: estimated errors and singular poses passed, what integration leaves, refused samples.
+"""Trustworthy accuracy: estimated errors, singular poses on the way, integration errors, refused samples.
 
 Conditioning and integration are what engines estimate of their errors; of a simulation, the same motion integrated less
 exactly shows how large that of integration is. Samples without numbers get the singularity that is the reason, by the
@@ -27,7 +27,7 @@ from screwgauge.solution import Solution, Values
 
 
 def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
-    """Samples of each quantity whose estimated error is above the limit of its number type.
+    """Flag samples of each quantity whose estimated error exceeds the limit of the number type.
 
     Returns:
         Quantity -> booleans of shape (n,).
@@ -38,7 +38,7 @@ def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
 
 @dataclass(frozen=True, slots=True)
 class Guarded:
-    """How far one quantity of one engine can be trusted over all samples that the engine solved.
+    """Estimated accuracy of one quantity of an engine over all solved samples.
 
     Attributes:
         condition: Largest condition number of what it was solved from.
@@ -61,7 +61,7 @@ class Guarded:
 
 
 def guarded(solution: Solution, t: Array) -> list[Guarded]:
-    """One row for each quantity with an estimate. `t`: times [s], shape (n,)."""
+    """Build a row for each quantity with an estimate; `t`: times [s], shape (n,)."""
     rows = []
     for name, flags in flagged(solution).items():
         error = solution.errors[name]
@@ -72,7 +72,7 @@ def guarded(solution: Solution, t: Array) -> list[Guarded]:
 
 
 def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:
-    """Looks at all samples of a motion, and between them for changes of the determinant's sign.
+    """Examine all samples of a motion, and sign changes of the determinant between them.
 
     Args:
         q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
@@ -115,7 +115,7 @@ SAFETY = 4.0
 
 
 def integration_note(found: Integrated) -> str:
-    """The sentence on the error that integration leaves of a simulation."""
+    """Describe the integration error of a simulation."""
     if not found:
         return "the error of its integration is not known"
     sizes = found.get("joint_position") or next(iter(found.values()))
@@ -125,8 +125,8 @@ def integration_note(found: Integrated) -> str:
 
 
 def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
-    """Estimated error of a simulation, as runs with looser tolerances show it: of what all of them reached, never less
-    than at an earlier sample, NaN where one has no number.
+    """Estimate a simulation's error from runs with looser tolerances over their common time: it never decreases, and is
+    NaN where a run has no number.
 
     Args:
         looser: The same quantities from those runs; none where they failed.
@@ -140,7 +140,7 @@ def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
 
 
 def _apart(a: Values, b: Values, unit: str) -> Array:
-    """Largest difference of the components of a unit up to each sample. Shape (n,)."""
+    """Largest component difference of a unit up to each sample. Shape (n,)."""
     columns = [i for i, has in enumerate(a.units) if has == unit]
     difference = a.array[:, columns] - b.array[:, columns]
     if unit == "rad":
@@ -155,7 +155,7 @@ SHOWN = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refusal:
-    """Quantities of one engine that are refused at some samples for one reason.
+    """Quantities that an engine refuses at some samples for one reason.
 
     Attributes:
         rows: The samples. Shape (n,).
@@ -171,7 +171,7 @@ class Refusal:
 
 
 def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tuple[Refusal, ...]:
-    """All samples of a given motion that an engine solved without giving every number, with their reasons."""
+    """Group the samples of a given motion without complete numbers by their reasons."""
     motion = problem.task
     if not isinstance(motion, GivenMotion):
         return ()

@@ -1,1 +1,1 @@
-"""Reports what a run found: files for people and programs. Formats only; nothing is computed here."""
+"""Reports of results: files for people and programs, formatted without any computation."""

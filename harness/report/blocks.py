@@ -1,4 +1,4 @@
-"""What reports are made of. Text is shown as it is, unless it is `Marked`; three renderers make files of it."""
+"""Blocks of a report, which three renderers turn into files. Text is literal unless `Marked`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no
 
 
 class Marked(str):
-    """Text of our own, with **bold**, *emphasis* and `code`. What files, engines and users say never is."""
+    """Our own text with **bold**, *emphasis* and `code`; never text from files, engines or users."""
 
     __slots__ = ()
 
@@ -39,14 +39,14 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Paragraph:
-    """Running text; line breaks in it mean nothing."""
+    """Running text; line breaks in it are ignored."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Banner:
-    """A sentence set apart: a result, or a warning. `status` decides its colour, `word` says the same."""
+    """A sentence set apart, a result or a warning; `status` sets its colour, `word` repeats that in text."""
 
     text: str
     word: str = ""
@@ -54,7 +54,7 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """Banner of a good or a bad result."""
+        """Build the banner of a good or a bad result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
@@ -67,21 +67,21 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text, line by line; without any head it has names and values."""
+    """Cells as text, row by row; a table without head has names and values."""
 
     head: tuple[str, ...]
     body: tuple[tuple[str, ...], ...]
 
     @property
     def right(self) -> frozenset[int]:
-        """Columns of numbers."""
+        """Columns of numbers, which are right-aligned."""
         columns = enumerate(zip(*self.body, strict=True) if any(self.head) else ())
         return frozenset(i for i, cells in columns if all(map(_NUMBER.fullmatch, cells)) and any(cells))
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A finished picture, and what a page makes of it that can run scripts.
+    """A finished picture, and its interactive version on a page with scripts.
 
     Attributes:
         name: File name without ending.
@@ -106,7 +106,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks after their title, with a note of a few words; on paper open or not."""
+    """Blocks folded under a title with a short note; `on_paper` opens them in print."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -116,21 +116,21 @@ class Folded:
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """The first screen: blocks with a picture beside them, or below two pictures."""
+    """The first screen: blocks beside a picture, or below two pictures."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Appendix:
-    """What few read: sections that begin with their headings, each folded on a screen and open in print."""
+    """Details at the end: sections folded on a screen and open in print."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Glossary:
-    """Words with what they mean; where a page uses one it links here."""
+    """Words with their meaning; their first use on a page links here."""
 
     entries: tuple[tuple[str, str], ...]
 
@@ -139,12 +139,12 @@ Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded | Front 
 
 
 def as_kind(kind: type[T], record: Any) -> T:
-    """A record as another kind that has the same fields."""
+    """Convert a record to another class with the same fields."""
     return kind(**{item.name: getattr(record, item.name) for item in fields(record)})
 
 
 def walk(blocks: Iterable[Block]) -> Iterator[Block]:
-    """All blocks, each before those within it."""
+    """Iterate over all blocks, parents before children."""
     for block in blocks:
         yield block
         if isinstance(block, (Folded, Front, Appendix)):
@@ -152,7 +152,7 @@ def walk(blocks: Iterable[Block]) -> Iterator[Block]:
 
 
 def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[Block]:
-    """The blocks after a change to each that holds no others."""
+    """Apply a change to each leaf block."""
     return [
         replace(block, blocks=tuple(changed(block.blocks, change)))
         if isinstance(block, (Folded, Front, Appendix))
@@ -162,14 +162,14 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
 
 
 def or_reason(block: Block) -> Block:
-    """A block, or why it could not be drawn in place of a picture."""
+    """Replace a picture that could not be drawn by the reason."""
     if isinstance(block, Picture) and block.lost:
         return Paragraph(f"Not drawn: {block.title} ({block.lost}).")
     return block
 
 
 def table(rows: Iterable[Any], columns: str) -> Table:
-    """One line for each row, a mapping or anything with attributes.
+    """Build a table with a row for each mapping or object.
 
     Args:
         columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
@@ -213,7 +213,7 @@ def _text(row: Any, key: str) -> str:
 
 
 def facts(mapping: Mapping[str, Any]) -> Block:
-    """Names and values without a head: a line for each value of a list or mapping, none for an empty text."""
+    """Build a table of names and values: a line for each value of a list or mapping, none for an empty text."""
     body: list[tuple[str, str]] = []
     for key, value in mapping.items():
         name = words(key)
@@ -234,7 +234,7 @@ def _value_text(value: Any) -> str:
 
 
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Pieces of a `printable` text with the name of the HTML element that each belongs in; empty for plain ones."""
+    """Split a `printable` text into pieces with their HTML elements; empty for plain pieces."""
     shown, end = printable(str(text)), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
@@ -244,5 +244,5 @@ def spans(text: str) -> Iterator[tuple[str, str]]:
 
 
 def plain(text: str) -> str:
-    """A text without its marks."""
+    """Remove the marks of a text."""
     return "".join(piece for _, piece in spans(text))

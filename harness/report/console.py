@@ -1,4 +1,4 @@
-"""Output of commands: on streams that are closed, full or lack signs; progress; what a stopped command prints."""
+"""Output of commands: unreliable streams, progress, and messages of stopped commands."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _stopped_by: list[int] = []
 
 @contextmanager
 def console() -> Iterator[None]:
-    """Makes the streams fit to be written to; SIGTERM ends a command as Ctrl-C does, and everything is cleaned up."""
+    """Prepare the streams for output; SIGTERM ends a command cleanly, as Ctrl-C does."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -65,12 +65,12 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def stopped() -> bool:
-    """Whether a signal ends the command, even if a library has swallowed what that raised."""
+    """True if a signal ends the command, even if a library has swallowed its exception."""
     return bool(_stopped_by)
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print lines, none of which a CI service obeys.
+    """Print lines, and hide commands to a CI service in them.
 
     Raises:
         OutputError: Standard output is closed, or there is no room.
@@ -79,7 +79,7 @@ def say(text: str, end: str = "\n") -> None:
 
 
 def mark(command: str) -> None:
-    """Print the one line that is a command to a CI service.
+    """Print a line that is a command to a CI service.
 
     Raises:
         OutputError: Standard output is closed, or there is no room.
@@ -88,7 +88,7 @@ def mark(command: str) -> None:
 
 
 def _print(text: str, end: str) -> None:
-    """Print on standard output; a reader of the pipe who has gone changes nothing about the exit status."""
+    """Print on standard output; a closed pipe does not change the exit status."""
     try:
         if sys.stdout is None:
             raise OSError(errno.EBADF, "it is closed")
@@ -102,13 +102,13 @@ def _print(text: str, end: str) -> None:
 
 
 def complain(text: str) -> None:
-    """Prints on standard error, if that takes anything."""
+    """Print on standard error, if that works."""
     with suppress(OSError):
         print(log_text(text), file=sys.stderr, flush=True)
 
 
 def ended(error: BaseException, *, debug: bool) -> int:
-    """Says in one sentence why a command ended early, or shows the traceback.
+    """Report in one sentence why a command ended early, or show the traceback.
 
     Returns:
         The exit status.
@@ -133,7 +133,7 @@ QUIET = 10.0  # s without a word where the output is no terminal, and from one l
 
 
 class Progress:
-    """Shows the step that work is at, and wipes it at the end."""
+    """Shows the current step, and wipes it at the end."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = monotonic) -> None:
         self.stream, self.clock, self.terminal = stream, clock, stream.isatty()
@@ -141,7 +141,7 @@ class Progress:
         self.last = self.began
 
     def show(self, step: str, share: float) -> None:
-        """Takes the name of a step and its share done, 0 to 1."""
+        """Show a step's name and its completed share, 0 to 1."""
         if self.terminal:
             text = f"{printable(step):<16} {'#' * int(30 * share):<30} {share:4.0%}"
             if text != self.shown:
@@ -160,7 +160,7 @@ class Progress:
         return self
 
     def wipe(self) -> None:
-        """Makes room for what is printed."""
+        """Erase the progress line before other output."""
         if self.shown:
             self._write("\r" + " " * len(self.shown) + "\r")
             self.shown = ""

@@ -1,4 +1,4 @@
-"""What `screwgauge.diagnose` returns: a diagnosis that can be written and shown."""
+"""The result of `screwgauge.diagnose`: a diagnosis that can be written and shown."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class DiagnosisReport(Shown, Diagnosis):
     __slots__ = ()
 
     def _report(self) -> Report:
-        """Imported where a page is made: pages and figures take a tenth of the time of a diagnosis."""
+        """Import pages and figures only when needed: that takes a tenth of a diagnosis."""
         from screwgauge.report.pages.diagnosis import PAGE
 
         return PAGE

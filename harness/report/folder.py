@@ -1,4 +1,4 @@
-"""The folder of a report: one command at a time writes into it, and replaces only what reports wrote.
+"""The folder of a report: one command writes at a time, and replaces only files of reports.
 
 A list of names and digests says which files these are. Anybody can have written such a list, and anybody can have
 changed a file since: a file whose digest does not prove it to be as a report wrote it is the user's own, and is neither
@@ -32,7 +32,7 @@ PAGES = ("report.md", "report.html")
 
 
 def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
-    """Finds out before a long computation whether its report can be written; leaves nothing behind.
+    """Test before a long computation that its report can be written; leaves no trace.
 
     Args:
         names: Of all files but those of the report's pages.
@@ -58,7 +58,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
 
 def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
-    """Refuses to touch what no report wrote, and to follow links out of the folder."""
+    """Reject replacing foreign files and following links out of the folder."""
     for name in (MANIFEST, "plots", *names):
         path, odd = out / name, ""
         if path.is_symlink():
@@ -75,7 +75,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
 
 
 def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:
-    """Writes files into a new folder beside their place, then moves them there.
+    """Write files into a new folder beside their place, then move them there.
 
     Args:
         files: Path below `out` -> text, or table for Parquet.
@@ -108,7 +108,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
 
 
 def _stage(out: Path) -> Path:
-    """An empty folder on the same disk: in `out` where that exists (it may be a mount), else beside it."""
+    """Create an empty folder on the same disk: in an existing `out` (it may be a mount), else beside it."""
     out = out.absolute()
     if "\0" in str(out):
         raise ValueError("it holds a null byte")
@@ -122,7 +122,7 @@ def _stage(out: Path) -> Path:
 
 
 def _move(stage: Path, out: Path) -> None:
-    """Puts the files in place by renaming: their list first, and last ``summary.json``, the sign that all are there."""
+    """Rename the files into place: first their list, last ``summary.json``, which marks completeness."""
     if not out.exists():
         stage.rename(out)
         return
@@ -142,7 +142,7 @@ ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
 
 
 def written(out: Path) -> set[str]:
-    """Names of the files in a folder that a report wrote and nobody has changed since; none if there is no report.
+    """Names of a report's unchanged files in a folder; empty without a report.
 
     Raises:
         OutputError: There is something else in the place of the list.
@@ -151,7 +151,7 @@ def written(out: Path) -> set[str]:
 
 
 def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
-    """The list of a report that is about to be written.
+    """List the files of a report before it is written.
 
     Where a file is replaced, the digest of the old one stays in the list beside the new one: whenever the writing is
     cut off, each file has one of the two.
@@ -169,7 +169,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
 
 
 def _listed(out: Path) -> dict[str, list[Any]]:
-    """Name -> digests, as the list says, of names that a report could have."""
+    """Read the list: name -> digests, for names that a report could have."""
     if not os.path.lexists(out / MANIFEST):
         return {}
     try:
@@ -184,14 +184,14 @@ def _listed(out: Path) -> dict[str, list[Any]]:
 
 
 def _is_ours(name: str) -> bool:
-    """Whether a report could have written a file of that name, in its folder and nowhere else."""
+    """True if a report could have written a file of that name directly in its folder."""
     path = PurePosixPath(name)
     inside = str(path) == name and str(path.parent) in (".", "plots") and path.name not in ("", "..", MANIFEST)
     return inside and path.suffix in ENDINGS
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a regular file that is no link, as its folder is none; empty for anything else."""
+    """SHA-256 of a regular file if neither it nor its folder is a link; else empty."""
     if os.path.islink(path) or os.path.islink(path.parent):
         return ""
     try:
@@ -206,7 +206,7 @@ _UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINV
 
 @contextmanager
 def locked(out: Path) -> Iterator[None]:
-    """Holds a folder, made if need be, as long as the context lasts; the system lets it go if the process is killed.
+    """Lock a folder, created if needed, within the context; the system unlocks it if the process dies.
 
     A folder that was made and stayed empty goes away.
 

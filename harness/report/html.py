@@ -1,4 +1,4 @@
-"""Blocks as HTML: ``report.html``, one page that opens offline and asks nothing of anybody.
+"""HTML renderer of blocks: ``report.html``, one page that opens offline and requests nothing.
 
 It carries the scripts that its pictures need: vega draws charts, three.js draws in space.
 """
@@ -64,7 +64,7 @@ OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR
 
 
 def page(blocks: Iterable[Block]) -> str:
-    """The whole page, pictures and what draws them inside; its title is the first heading."""
+    """Render the whole page with embedded pictures and scripts; its title is the first heading."""
     blocks = list(blocks)
     title = next((block.text for block in blocks if isinstance(block, b.Heading)), "Screwgauge")
     pictures = [block for block in walk(blocks) if isinstance(block, b.Picture)]
@@ -77,7 +77,7 @@ def page(blocks: Iterable[Block]) -> str:
 
 
 def _scripts(pictures: Sequence[b.Picture]) -> str:
-    """The data of each picture, in order, the libraries that any of them needs, and what brings them together."""
+    """Embed the data of each picture, in order, the needed libraries, and the code that connects them."""
     lines, needed = list[str](), dict[str, None]()
     for picture in pictures:
         kind = "stage" if picture.stage else "chart" if picture.chart else ""
@@ -92,7 +92,7 @@ def _scripts(pictures: Sequence[b.Picture]) -> str:
 
 
 def _with_contents(body: str) -> str:
-    """Headings with places of their own, and links to these before the first."""
+    """Add anchors to headings, and a table of contents before the first."""
     places: dict[str, str] = {}
 
     def named(match: re.Match[str]) -> str:
@@ -108,14 +108,14 @@ def _with_contents(body: str) -> str:
 
 
 def _linked(body: str, words: Iterable[str]) -> str:
-    """Body of a page with a link to the glossary at the first use of a word in each section."""
+    """Link the first use of a glossary word in each section."""
     known = {word.lower(): f"word-{file_name(word)}" for word in words}
     every = re.compile(rf"\b({'|'.join(sorted(map(re.escape, known), key=len, reverse=True))})\b", re.IGNORECASE)
     return "".join(_linked_section(part, every, dict(known)) for part in re.split("(?=<h2)", body)) if known else body
 
 
 def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> str:
-    """`left`: word -> place, of those that are not linked yet."""
+    """Link words in a section; `left`: word -> anchor, for words not linked yet."""
 
     def link(match: re.Match[str]) -> str:
         place = left.pop(match[0].lower(), "")
@@ -131,7 +131,7 @@ def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> 
 
 
 def fragment(blocks: Iterable[Block]) -> str:
-    """The blocks alone, to stand within a page."""
+    """Render the blocks without page, to be embedded."""
     return "\n".join(_block(b.or_reason(block)) for block in blocks)
 
 
@@ -158,7 +158,7 @@ def _block(block: Block) -> str:
 
 
 def _room(block: b.Front | b.Appendix | b.Folded) -> str:
-    """Blocks that have others inside."""
+    """Render a block that contains others."""
     match block:
         case b.Front(inside):
             return _front(inside)
@@ -171,7 +171,7 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
-    """Banners over all of the page; the rest at the left of a picture, and below it from a table of sentences on."""
+    """Full-width banners, then text on the left and the picture on the right; wide tables go below both."""
     banners = fragment(block for block in blocks if isinstance(block, b.Banner))
     pictures = [block for block in blocks if isinstance(block, b.Picture)]
     others = [block for block in blocks if not isinstance(block, (b.Banner, b.Picture))]
@@ -188,7 +188,7 @@ def _has_sentences(block: Block) -> bool:
 
 
 def _folded_sections(body: str) -> str:
-    """Each heading as what folds all up to the next."""
+    """Fold each section under its heading."""
     front, *sections = body.split("<h2>")
     folds = (section.partition("</h2>") for section in sections)
     folded = (f"<details>\n<summary><h2>{x}{end}</summary>{rest}\n</details>" for x, end, rest in folds)
@@ -196,7 +196,7 @@ def _folded_sections(body: str) -> str:
 
 
 def _inline(picture: b.Picture) -> str:
-    """A picture within the page: with ids of its own, and a label for screen readers."""
+    """Embed a picture with unique ids and a label for screen readers."""
     svg = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{picture.name}-", picture.svg)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(plain(picture.title))}" ', 1).strip()
 
@@ -212,24 +212,24 @@ _UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # which s
 
 
 def _numbers(text: str) -> str:
-    """Numbers with exponents stay in one line: browsers break behind the minus."""
+    """Keep numbers with exponents on one line, as browsers break after the minus."""
     return re.sub(r"(?<=.)\b\d[\d.]*e-\d+\b|\b\d[\d.]*e-\d+\b(?=.)", r'<span class="number">\g<0></span>', text)
 
 
 def _cell(text: str) -> str:
-    """A cell whose names may break behind their signs, and nowhere else."""
+    """Render a cell whose names may break only after their punctuation."""
     pieces = re.split("(<[^>]*>)", _UNITS.sub("\N{NO-BREAK SPACE}", _text(text)))
     return "".join(piece if i % 2 else _BREAKS.sub(r"\g<0><wbr>", piece) for i, piece in enumerate(pieces))
 
 
 def _longest(texts: Iterable[str]) -> int:
-    """Letters of the longest piece that no line break may divide."""
+    """Length of the longest unbreakable piece."""
     pieces = (piece for text in texts for piece in re.split(rf"[\s-]+|{_BREAKS.pattern}", plain(text)))
     return max(map(len, pieces), default=0)
 
 
 def _table(block: b.Table) -> str:
-    """A table: tight where it has many columns; on a phone one block a row where columns have no room side by side."""
+    """Render a table: compact if it has many columns; on a phone, one block per row if columns do not fit."""
     named, right = any(block.head), block.right
     columns = [*zip(block.head, *block.body, strict=True)]
     longest = [min(max(map(len, cells)), LEGIBLE) for cells in columns]
@@ -254,7 +254,7 @@ def _table(block: b.Table) -> str:
 
 
 def chart_script() -> str:
-    """vega, vega-lite and vega-embed; making them takes seconds, so they are kept in the user's cache folder."""
+    """Bundle vega, vega-lite and vega-embed, cached in the user's cache folder because that takes seconds."""
     release = version("vl-convert-python")
     key = cache.digest("vega", release)
     kept, _ = cache.read(key, release)  # whole and ours, or computed anew
@@ -266,7 +266,7 @@ def chart_script() -> str:
 
 
 def stage_script() -> str:
-    """three.js with its licence, and what draws a mechanism with it.
+    """Bundle three.js with its licence and the code that draws a mechanism.
 
     Where the installed trimesh carries no three.js that is in `KNOWN`, the script says so below the still picture.
     """
@@ -279,7 +279,7 @@ def stage_script() -> str:
 
 
 def three_js() -> str:
-    """three.js as trimesh's viewer carries it, empty if it does not; trimesh itself is not imported."""
+    """Extract three.js from trimesh's viewer without importing trimesh; empty if absent."""
     archive = viewer_archive()
     if not archive.is_file():
         return ""
@@ -289,7 +289,7 @@ def three_js() -> str:
 
 
 def viewer_archive() -> Path:
-    """The viewer of the installed trimesh, a page in an archive."""
+    """Path of the viewer page in the installed trimesh, an archive."""
     return Path(str(distribution("trimesh").locate_file("trimesh/resources/templates/viewer.zip")))
 
 

@@ -1,4 +1,4 @@
-"""Kinds of reports: each a text of ``texts/``, functions that fill it in, data files, and pictures."""
+"""Kinds of reports: text templates in ``texts/``, functions that fill them, data files, and pictures."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Value = Callable[[Any], Any]
 
 
 def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
-    """Each picture after its title."""
+    """Fold each picture under its title."""
     return [Folded(picture.title, (picture,)) for picture in pictures]
 
 
@@ -87,7 +87,7 @@ class Report:
 
     @property
     def NAME(self) -> str:
-        """File of the table, or the first of several."""
+        """File of the table, or of the first one."""
         return next(iter(self.data))
 
     def write(
@@ -100,7 +100,7 @@ class Report:
         safe: Callable[[], None] = lambda: None,
         force: bool = False,
     ) -> Path:
-        """Writes data, pages and pictures.
+        """Write data, pages and pictures.
 
         Args:
             more: Further files.
@@ -128,7 +128,7 @@ class Report:
     def blocks(
         self, results: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
     ) -> list[Block]:
-        """The blocks of ``report.md`` and ``report.html``."""
+        """Blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
         lead = self.lead(results, drawn)
         first, others = lead[-1] if lead else None, [each for each in drawn if each not in lead]
@@ -143,7 +143,7 @@ class Report:
         return changed([*blocks, Appendix(tuple(last))], or_reason)
 
     def terminal(self, results: Any) -> list[Block]:
-        """What is printed: the section "On a terminal"."""
+        """Blocks of the section "On a terminal"."""
         filled, (_, sections, _) = _Filled(self, results, {}, None, ()), _parts(self.text)
         return [block for title, text in sections if title == TERMINAL for block in filled.section("", text)]
 
@@ -153,7 +153,7 @@ Sections = list[tuple[str, str]]
 
 @cache
 def _parts(name: str) -> tuple[str, Sections, Sections]:
-    """First screen, sections and appendix of a text."""
+    """Split a template into first screen, sections and appendix."""
     front, *rest = re.split(r"^# (.*)\n", (TEXTS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     known = dict(zip(rest[::2], rest[1::2], strict=True))
     sections = [(title, re.sub(r"\{# (.*)\}", lambda x: known[x[1]].strip(), text)) for title, text in known.items()]
@@ -206,7 +206,7 @@ class _Filled(Mapping[str, Any]):
         return reduce(lambda value, part: None if value is None else getattr(value, part), path, self.results)
 
     def section(self, title: str, text: str) -> list[Block]:
-        """Heading and blocks; nothing where it may be left out and has nothing to say."""
+        """Heading and blocks of a section; empty for optional sections without content."""
         shown, places, filled = list[Block](), 0, 0
         text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
         for part in filter(None, re.split(r"\n{2,}", text.strip())):
@@ -246,7 +246,7 @@ _PLACE = re.compile(r"\{([^:;{}]+)(?:: ((?:[^;{}]|\{[^}]*\})+))?(?:; (.*))?\}")
 
 
 def prose(text: str) -> list[Block]:
-    """Paragraphs and lists (``- ``) of a text with empty lines between them."""
+    """Split a text at empty lines into paragraphs and lists (``- ``)."""
     blocks: list[Block] = []
     for part in filter(None, text.strip().split("\n\n")):
         lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
@@ -256,12 +256,12 @@ def prose(text: str) -> list[Block]:
 
 
 def _used(text: str) -> tuple[tuple[str, str], ...]:
-    """Words of the glossary that a text has."""
+    """Words of the glossary in a text."""
     return tuple((w, m) for w, m in _glossary().items() if re.search(rf"\b{re.escape(w)}\b", text, re.IGNORECASE))
 
 
 @cache
 def _glossary() -> dict[str, str]:
-    """Word -> what it means, from ``texts/glossary.md``."""
+    """Word -> its meaning, from ``texts/glossary.md``."""
     lines = " ".join((TEXTS / "glossary.md").read_text(encoding="utf-8").split()).split(" - **")[1:]
     return {word: Marked(meaning) for word, _, meaning in (line.partition("**: ") for line in lines)}

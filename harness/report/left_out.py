@@ -1,4 +1,4 @@
-"""What acts in files and in no engine, in words: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
+"""Sentences on forces in files that no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FIGURES = 3
 
 
 def more(results: Comparison) -> str:
-    """What each file has more than the rigid machine: ``the file has more: armature of joint m1, ...``."""
+    """Name each file's additions to the rigid machine: ``the file has more: armature of joint m1, ...``."""
     by_file: dict[str, list[str]] = {}
     for term in results.left_out.terms:
         by_file.setdefault(term.file or "the file", []).append(phrase(term))
@@ -21,7 +21,7 @@ def more(results: Comparison) -> str:
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
-    """What files have more; where engines agree, they do so on the rigid machine."""
+    """Describe the additions of files; agreeing engines agree on the rigid machine."""
     if not results.left_out.terms:
         return [*contained(results)]
     text = more(results)
@@ -34,13 +34,13 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
 
 
 def phrase(term: LeftOutTerm) -> str:
-    """One kind, and how much it is."""
+    """Describe a kind and its size."""
     amount = f"up to {number(term.size, FIGURES)} of {number(term.of, FIGURES)} {unit_text(term.unit)}"
     return f"{term.kind} of {owners(term.names)}, {amount}"
 
 
 def owners(names: Sequence[str]) -> str:
-    """``joint m1``, or ``2 joints and 1 tendon``."""
+    """Name owners: ``joint m1``, or ``2 joints and 1 tendon``."""
     if len(names) == 1:
         return names[0]
     nouns = Counter(name.partition(" ")[0] for name in names)
@@ -49,13 +49,13 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained(results: Comparison) -> Iterator[str]:
-    """Sentences on tables and engines whose numbers contain it."""
+    """Describe tables and engines whose numbers include the additions."""
     for name, kinds in results.left_out.contained.items():
         yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:
-    """Rows what, whose, size, of, unit, worst_at, file."""
+    """Rows with columns what, whose, size, of, unit, worst_at, file."""
     return [
         {
             "what": term.kind,

@@ -1,4 +1,4 @@
-"""What `screwgauge list` and `screwgauge casebook` show on a terminal."""
+"""Terminal output of `screwgauge list` and `screwgauge casebook`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def mechanisms() -> dict[str, str]:
 
 
 def _methods(engine: Engine) -> Iterator[tuple[str, str]]:
-    """Names of an engine, in each of its number types, with what they mean."""
+    """Names of an engine in each of its number types, with their meaning."""
     first, *others = engine.methods.items()
     yield first[0], _meaning(engine)
     yield from ((name, f"the same in {precision}") for name, precision in others)
@@ -43,7 +43,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
 
 
 def listing(what: str | None) -> str:
-    """Names with a line on each, of one kind of thing or of all of them."""
+    """List names with a line on each, of one kind of thing or of all."""
     tables = {
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }
@@ -51,7 +51,7 @@ def listing(what: str | None) -> str:
 
 
 def blocks(case: Case) -> list[Block]:
-    """A case with its sentence, the numbers that were measured, versions and links."""
+    """Show a case with its sentence, measured numbers, versions and links."""
     rows = [(words, case.numbers[name]) for words, name in _NUMBERS if name in case.numbers]
     rows += [(words, "; ".join(map(case.named, some))) for words, some in _measured(case) if some]
     rows += [("seen with", case.versions)]

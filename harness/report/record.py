@@ -1,4 +1,4 @@
-"""A run as plain data: scene, files, size of forces, ``summary.json``, and every sample for ``samples.parquet``."""
+"""A run as plain data: scene, files, size of forces, ``summary.json``, and all samples for ``samples.parquet``."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema"
 
 
 def timings(results: Comparison) -> list[Timing]:
-    """Measured stages of all engines."""
+    """Timed stages of all engines."""
     return [timing for solution in results.solutions.values() for timing in solution.timings]
 
 
 def samples_table(results: Comparison) -> pd.DataFrame:
-    """Every sample: column t and one column ``engine/quantity/component`` for each value."""
+    """Table of every sample: column t and one column ``engine/quantity/component`` for each value."""
     values = {
         f"{engine}/{quantity}/{name}": column
         for engine, solution in results.solutions.items()
@@ -55,7 +55,7 @@ def values_table(
     quantities: Collection[str] | None = None,
     not_unique: Mapping[str, Collection[str]] | None = None,
 ) -> pd.DataFrame:
-    """The samples that an engine solved, as a user's table has them; of `EXPORTED` and `NAMED` by default.
+    """Samples solved by an engine in the format of a user's table, of `EXPORTED` and `NAMED` by default.
 
     Args:
         not_unique: Quantity -> components that have no unique value; their headers say so.
@@ -72,7 +72,7 @@ def values_table(
 
 
 def forces(results: Comparison) -> list[Row]:
-    """Smallest and largest force over the motion with their times: of actuators, then of the reactions in joints.
+    """Smallest and largest force over the motion with their times: actuators, then joint reactions.
 
     Of a reaction it is the magnitude of the force, and of the moment, from those components that have a unique value.
     Rows of, what, unit, min, t_min, max, t_max, components, engine.
@@ -102,14 +102,14 @@ def forces(results: Comparison) -> list[Row]:
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
-    """The truth where it knows all samples, else the first engine that has the quantity."""
+    """The truth if it has all samples, else the first engine with the quantity."""
     known = [solution for solution in results.solutions.values() if quantity in solution.values]
     certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
     return next(certain, known[0] if known else None)
 
 
 def _without_rounding(sized: list[Row]) -> list[Row]:
-    """Rounding is zero: less than a share of the largest of its unit."""
+    """Replace rounding by zero: values below a share of the largest of their unit."""
     largest = dict[str, float]()
     for row in sized:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))
@@ -177,7 +177,7 @@ def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
 
 
 def short(judged: Mapping[str, str]) -> dict[str, str]:
-    """What was judged, with names of files alone and the beginnings of their hashes."""
+    """Shorten to file names and the first digits of hashes."""
 
     def shortened(text: str) -> str:
         file, sha, digest = text.rpartition(", SHA-256 ")
@@ -192,7 +192,7 @@ def samples(t: Array) -> str:
 
 
 def about(scene: Scene, t: Array) -> dict[str, Any]:
-    """What was computed: names and values."""
+    """Describe the computation as names and values."""
     described = {
         "scene": scene.name,
         "mechanism": scene.mechanism.title or scene.mechanism.name,
@@ -212,7 +212,7 @@ def about(scene: Scene, t: Array) -> dict[str, Any]:
 
 
 def _simulated(scene: Scene) -> dict[str, str]:
-    """How the scene starts and is integrated, what is followed."""
+    """Describe start, integration and observables of a simulation."""
     names, start = scene.mechanism.independent, scene.start
     place, rates = (
         ", ".join(f"{name} = {number(value)}" for name, value in zip(names, values, strict=True))
@@ -229,7 +229,7 @@ def _simulated(scene: Scene) -> dict[str, str]:
 
 
 def _inline(value: Any) -> str:
-    """A value of a scene file on one line."""
+    """Write a value of a scene file on one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
     return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else f'"{value}"'
@@ -260,7 +260,7 @@ def _motor(motor: Motor) -> str:
 
 
 def _over_time(course: Course | Samples) -> str:
-    """A number over time as a formula, or the file that it is from."""
+    """Write a function of time as a formula, or name its file."""
     if isinstance(course, Samples):
         return f"samples of {PurePath(course.file).name}"
     powers = ("", " t", *(f" t^{k}" for k in range(2, len(course.polynomial))))

@@ -1,4 +1,4 @@
-"""What `screwgauge.run` returns: a comparison that can be written, drawn and shown."""
+"""The result of `screwgauge.run`: a comparison that can be written, drawn and shown."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from screwgauge.study.comparison import Comparison
 
 
 class Results(Shown, Comparison):
-    """A comparison with its report; a notebook shows it."""
+    """A comparison with its report, which a notebook shows."""
 
     __slots__ = ()
 
     def write(self, out: str | Path, *, samples: bool = False, pdf: bool = False, force: bool = False) -> Path:
-        """Writes tables and summary into a folder, then report and plots; those of the report before are replaced.
+        """Write tables and summary into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
             out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
@@ -49,7 +49,7 @@ class Results(Shown, Comparison):
         quantities: Iterable[str] | None = None,
         force: bool = False,
     ) -> list[Path]:
-        """Writes times and values to the last bit as CSV, units in the header; such a file may be a scene's table.
+        """Write times and values exactly as CSV with units in the header; a scene can use such a file as its table.
 
         Args:
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
@@ -82,7 +82,7 @@ class Results(Shown, Comparison):
         return Figures(as_kind(Figure, picture) for picture in run_page.pictures(self))
 
     def frame(self, quantity: str) -> pd.DataFrame:
-        """A quantity over time as all engines give it: index t [s], columns engine and component.
+        """Table of a quantity over time by all engines: index t [s], columns engine and component.
 
         Raises:
             UnknownNameError: No engine has it; it lists those that there are.
@@ -123,12 +123,12 @@ class Results(Shown, Comparison):
 
 
 def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
-    """Engine -> file of its values: the one that is named, or one in a folder of that name."""
+    """Engine -> its file of values: the named one, or one in a folder of that name."""
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
 class Figures(list[Figure]):
-    """A list of `Figure`, which a notebook shows; a list of one is saved as that one is."""
+    """A list of `Figure`, shown by notebooks; a list of one is saved like its item."""
 
     def __repr__(self) -> str:
         return "\n".join(picture.title for picture in self)
@@ -137,7 +137,7 @@ class Figures(list[Figure]):
         return fragment(self)
 
     def save(self, path: str | Path, **style: Any) -> Path:
-        """Writes the figure if there is one alone; `style` is what `Figure.save` takes after the path.
+        """Write the figure, if it is the only one; `style` holds the further arguments of `Figure.save`.
 
         Raises:
             DescriptionError: There are several.

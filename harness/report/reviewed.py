@@ -1,4 +1,4 @@
-"""Reviews of tables in words: what is wrong with which columns, and what agrees once it is put right."""
+"""Reviews of tables in words: faults of columns, and agreement after their correction."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ WORDS = {
 
 
 class ReviewReport(TableReview):
-    """A review that shows itself."""
+    """A review with its report."""
 
     __slots__ = ()
 
     @property
     def verdict(self) -> str:
-        """What is wrong with the table, in a sentence or two."""
+        """Describe the faults of the table in a sentence or two."""
         return banner(self).text
 
     def __repr__(self) -> str:
@@ -57,12 +57,12 @@ def blocks(review: TableReview) -> list[Block]:
 
 
 def columns(review: TableReview) -> Table:
-    """A line for each column."""
+    """Build a table with a line for each column."""
     return table(rows(review), COLUMNS)
 
 
 def banner(review: TableReview) -> Banner:
-    """The verdict."""
+    """Build the banner of the verdict."""
     word = "AGREE" if review.ok else "FAULTS" if review.explained else "NOT EXPLAINED"
     more = [f"Converted to SI units: {first_few(review.converted, NAMED)}."] if review.converted else []
     return Banner(
@@ -71,7 +71,7 @@ def banner(review: TableReview) -> Banner:
 
 
 def sentences(review: TableReview) -> list[str]:
-    """What is wrong; what agrees after that is put right; what nothing explains."""
+    """Sentences on faults, on agreement after their correction, and on unexplained columns."""
     whole = [column for column in review.columns if column.faults is not None]
     lost = [column for column in review.columns if column.faults is None]
     if not review.columns:
@@ -92,7 +92,7 @@ def sentences(review: TableReview) -> list[str]:
 
 
 def _loose(review: TableReview) -> Iterator[str]:
-    """Columns that agree to what they print, and not to the tolerance of a run."""
+    """Columns that agree to their printed digits, but not to the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
         yield f"That is what they print: state error.{quantity} = {number(place, 2)}, and a run agrees."
@@ -105,13 +105,13 @@ def _all(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 
 def _phrases(review: TableReview) -> Iterator[str]:
-    """Who has which fault."""
+    """Describe each fault with its columns."""
     for group in review.faults.values():
         yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
 
 
 def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> str:
-    """What columns with one fault do."""
+    """Describe the columns of one fault."""
     column, fault = group[0]
     sizes = sorted(abs(each.size) for _, each in group)
     step = review.step
@@ -142,7 +142,7 @@ def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 
 def rows(review: TableReview) -> list[Row]:
-    """Columns as lines of a table."""
+    """Columns as rows of a table."""
     return [
         {
             **asdict(column),
@@ -161,7 +161,7 @@ def _finding(review: TableReview, column: ReviewedColumn) -> str:
 
 
 def summary(review: TableReview) -> dict[str, Any]:
-    """A review as plain data."""
+    """Convert a review to plain data."""
     found = [
         {**asdict(column), "finding": _finding(review, column), "left": None if missing(column.left) else column.left}
         for column in review.columns

@@ -1,4 +1,4 @@
-"""Blocks as text: 100 columns for a terminal, and Markdown for ``report.md``."""
+"""Text renderers of blocks: 100 columns for a terminal, and Markdown for ``report.md``."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
 
 def terminal(blocks: Iterable[Block]) -> str:
-    """The text, with an empty line between blocks; plots are left out."""
+    """Render text with empty lines between blocks, without plots."""
     parts = (_lines(block) for block in blocks)
     return log_text("\n\n".join("\n".join(map(str.rstrip, lines)) for lines in parts if lines))
 
 
 def screenful(blocks: Iterable[Block]) -> str:
-    """Text as far as a screen shows it."""
+    """Render the text that fits a screen."""
     lines = terminal(blocks).splitlines()
     return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
 
@@ -49,8 +49,9 @@ def _lines(block: Block) -> list[str]:
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Columns side by side, numbers at their right ends. Text that is too wide is wrapped between words; columns for
-    which there is no room even so are left out, and named."""
+    """Align columns, numbers at their right ends; wrap wide text between words, and leave out and name columns that do
+    not fit even so.
+    """
     columns = dict(enumerate(zip(*lines, strict=True)))
     left_out = list[str]()
     while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:
@@ -60,12 +61,12 @@ def _table(lines: list[list[str]], block: b.Table) -> list[str]:
 
 
 def _excess(widths: Mapping[int, int]) -> int:
-    """Signs by which a line is too long."""
+    """Number of characters beyond the line width."""
     return sum(widths.values()) + 2 * (len(widths) - 1) - COLUMNS
 
 
 def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, int]:
-    """Widths of columns; where a line would be too long, the widest ones of text give way."""
+    """Widths of columns; the widest text columns shrink until the line fits."""
     widths = {i: max(map(len, cells)) for i, cells in columns.items()}
     for i in sorted({*columns} - block.right, key=widths.__getitem__, reverse=True):
         least = max(NARROW, *(len(word) for cell in columns[i] for word in cell.split()))
@@ -74,14 +75,14 @@ def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, i
 
 
 def _wrapped(cells: Sequence[str], widths: Mapping[int, int], block: b.Table) -> list[str]:
-    """The lines of one line of a table."""
+    """Wrap a row of a table into lines."""
     columns = [textwrap.wrap(cells[i], max(width, 1), break_on_hyphens=False) or [""] for i, width in widths.items()]
     forms = [f"{'>' if i in block.right else '<'}{width}" for i, width in widths.items()]
     return ["  ".join(map(format, line, forms)) for line in zip_longest(*columns, fillvalue="")]
 
 
 def markdown(blocks: Iterable[Block]) -> str:
-    """The text of a report; plots are linked as ``plots/NAME.svg``."""
+    """Render a report's text, with plots linked as ``plots/NAME.svg``."""
     return "\n\n".join(_block(block) for block in blocks) + "\n"
 
 
@@ -112,7 +113,7 @@ def _block(block: Block) -> str:
 
 
 def _text(text: str) -> str:
-    """One line; what Markdown or HTML would take for its own is escaped outside of code, where Markdown does it."""
+    """Render one line, escaping what Markdown or HTML would interpret outside of code."""
     pieces = (MARKS[tag].format(piece if tag == "code" else _escaped(piece)) for tag, piece in spans(text))
     return " ".join("".join(pieces).split())
 
@@ -122,7 +123,7 @@ def _escaped(text: str) -> str:
 
 
 def _line(text: str) -> str:
-    """A text at the beginning of a line, where it must not begin a list or underline what is before."""
+    """Escape the start of a line, which must not begin a list or underline the previous line."""
     return re.sub(r"^(\d+)(?=[.)](\s|$))", r"\1\\", re.sub(r"^(?=[-+=])", r"\\", _text(text)))
 
 

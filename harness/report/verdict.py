@@ -1,4 +1,4 @@
-"""The verdict of a run: a headline of one sentence, remarks, and the first difference."""
+"""The verdict of a run: a one-sentence headline, remarks, and the first difference."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ OPEN_TREE = {
 
 
 def compared(results: Comparison) -> list[Row]:
-    """Rows of pairs of which both engines ran, with the name of the pair."""
+    """Rows of pairs whose engines both ran, with the name of the pair."""
     return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in rows(results.compared)]
 
 
 def first_difference(results: Comparison) -> Row | None:
-    """The first row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
+    """First row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
     keys = {"quantity": "quantity", "component": "worst_component", "a": "a", "b": "b", "size": "max_scaled"}
     bad = (row for row in compared(results) if not row["ok"])
     return next(({key: row[column] for key, column in keys.items()} for row in bad), None)
 
 
 def verdict(results: Comparison) -> Banner:
-    """Headline and remarks in one text."""
+    """Join headline and remarks in one text."""
     headline, remarks = conclusion(results)
     return Banner(" ".join([headline.text, *remarks]), headline.word, headline.status)
 
 
 def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
-    """The headline of a run in one sentence, worst news first, and what else has to be known, sentence by sentence."""
+    """Headline of a run in one sentence, worst news first, and further remarks."""
     sentences, word, status = _conclusion(results)
     return Banner(sentences[0], word, status), sentences[1:]
 
@@ -88,7 +88,7 @@ def _failed(results: Comparison) -> list[str]:
 
 
 def _partly(results: Comparison) -> list[str]:
-    """What was asked and not compared; samples of the same kind are named once."""
+    """List what was asked but not compared, naming equal cases once."""
     engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
@@ -105,7 +105,7 @@ def _unjudged(results: Comparison) -> list[str]:
 
 
 def _undecided(results: Comparison) -> list[str]:
-    """How far what is out of tolerance is not decided, by the pair, or the residual, of which that is most."""
+    """Report the undecided rows out of tolerance, by the pair or residual with the most of them."""
     found = [row for row in [*compared(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
     count = f"{results.undecided} of {len(results.times)} samples"
@@ -116,7 +116,7 @@ def _undecided(results: Comparison) -> list[str]:
 
 
 def _difference(results: Comparison) -> list[str]:
-    """The first difference."""
+    """Report the first difference."""
     bad, pairs = rows(results.differences), compared(results)
     row = bad[0]
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
@@ -135,7 +135,7 @@ def _difference(results: Comparison) -> list[str]:
 
 
 def _reviewed(results: Comparison, *, explained: bool) -> Iterator[str]:
-    """What is wrong with tables that are out of tolerance, in as many words as a headline has."""
+    """Report faults of tables out of tolerance, briefly enough for a headline."""
     for name, review in results.reviews.items():
         if review.explained == explained and not all(column.ok for column in review.columns):
             yield f"{name}: {' '.join(sentences_of(review))}"
@@ -146,13 +146,13 @@ def _place(row: Row) -> str:
 
 
 def _model_differences(results: Comparison, *engines: str) -> list[str]:
-    """Differences between the engines' model files and the description."""
+    """Report differences between the engines' model files and the description."""
     differences = dict.fromkeys(each.sentence for name in engines for each in results.solutions[name].otherwise)
     return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
 def _unlike(results: Comparison) -> list[str]:
-    """Differences of model files that the scene does not allow; they stand already with a difference or a fault."""
+    """Report unallowed differences of model files, unless a difference or fault already does."""
     if {"differ", "faulted"} & {*results.outcomes}:
         return []
     differ = f"Model files differ from the description: {first_few(results.mismatches.values(), DOUBTS, '; ')}."
@@ -160,13 +160,13 @@ def _unlike(results: Comparison) -> list[str]:
 
 
 def _leave(keys: Iterable[str]) -> str:
-    """How a scene allows something."""
+    """Tell how a scene allows something."""
     entries = ", ".join(f'"{key}"' for key in keys)
     return f"Where that is meant, the scene allows it: allow = [{entries}]."
 
 
 def _fault(results: Comparison) -> list[str]:
-    """The first judge residual out of tolerance; how models differ stands already with a difference."""
+    """Report the first residual out of tolerance, unless a difference of models already explains it."""
     row = rows(results.faults)[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
@@ -197,13 +197,13 @@ def _because(row: Row) -> str:
 
 
 def _alone(results: Comparison) -> Iterator[str]:
-    """What one engine alone gives."""
+    """Report what only one engine gives."""
     for engine, names in results.alone:
         yield f"Compared with no other engine: {listed(names)} of {engine}."
 
 
 def not_unique(results: Comparison) -> Iterator[str]:
-    """How many components of a quantity are not compared, as they have no unique value."""
+    """Count the components that are not compared because their values are not unique."""
     for quantity, names in results.not_unique.items():
         n = len(results.components(quantity))
         count, others = f"{len(names)} of {n}", ", and the digits are of the others"
@@ -213,14 +213,14 @@ def not_unique(results: Comparison) -> Iterator[str]:
 
 
 def _integrated(pairs: list[Row]) -> list[str]:
-    """How many pairs agree within the error of integration only."""
+    """Count the pairs that agree only within integration errors."""
     n = sum(row["reason"].startswith(WITHIN) for row in pairs)
     sentence = f"{n} of them differ by more than their usual tolerance, but not by more than integration leaves."
     return [sentence] if n else []
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """How many digits agree, and the quantities of the open tree that have the fewest; narrow number types last."""
+    """Report the agreeing digits, and the open-tree quantities with the fewest; narrow number types last."""
     narrow = [row for row in agree if row["reason"].startswith(NARROW)]
     wide = [row for row in agree if not row["reason"].startswith(NARROW)]
     text, open_tree = _of_float64(wide, simulated) if wide else ("", [])
@@ -228,7 +228,7 @@ def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def _of_narrow(narrow: list[Row]) -> Iterator[str]:
-    """How many digits each method has in a number type with fewer than float64, and how many that allows."""
+    """Report the digits of each method in a narrow number type, and the number that it allows."""
     names = dict.fromkeys(name for row in narrow for name in (row["a"], row["b"]) if number_type(name) is not FLOAT64)
     for name in names:
         row = max((row for row in narrow if name in (row["a"], row["b"])), key=lambda row: row["max_scaled"])
@@ -237,7 +237,7 @@ def _of_narrow(narrow: list[Row]) -> Iterator[str]:
 
 
 def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """How many digits agree in float64, and the quantities of the open tree that have the fewest."""
+    """Report the agreeing digits in float64, and the open-tree quantities with the fewest."""
     counted = [row for row in agree if not has_excuse(row, simulated)] or agree
     asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
     least = max(asked, key=lambda row: row["max_scaled"])
@@ -255,7 +255,7 @@ def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def has_excuse(row: Row, simulated: bool) -> bool:
-    """Whether a pair agrees for a reason of its own, as what is zero within rounding: it has few digits or none."""
+    """True if few digits are excused, such as for numbers that are zero within rounding."""
     return bool(row["ok"] and row["reason"] and not simulated and not row["reason"].startswith(NARROW))
 
 

@@ -1,4 +1,4 @@
-"""Writes reports: data first, all of them or none, then pages, on request as PDF."""
+"""Writing of reports: first the data, all or none, then pages, and PDF on request."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def write_report(
     safe: Callable[[], None] = lambda: None,
     force: bool = False,
 ) -> Path:
-    """Writes data files, and when these are safe ``report.md``, ``report.html`` and the plots in them.
+    """Write data files, then ``report.md``, ``report.html`` and the plots.
 
     Args:
         out: Folder, made if need be. Files of the report before are replaced or removed; all others stay.
@@ -81,7 +81,7 @@ def write_report(
 
 
 def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
-    """The blocks, each picture under a name of its own that no other file has."""
+    """Give each picture a unique file name."""
 
     def named(block: Block) -> Block:
         if not isinstance(block, Picture):
@@ -100,32 +100,32 @@ def _text(value: Any, figures: int | None) -> str:
 
 
 class Shown:
-    """A result that has a page, and that terminals and notebooks show in a screen."""
+    """A result with a page, which terminals and notebooks show in a screenful."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, result: Any) -> Self:
-        """The same result with its page."""
+        """Return the same result as this class."""
         return as_kind(cls, result)
 
     @abstractmethod
     def _report(self) -> Any:
-        """The kind of its report."""
+        """Kind of the result's report."""
 
     def _page(self) -> Iterable[Block]:
-        """The whole page."""
+        """Blocks of the whole page."""
         report = self._report()
         blocks: list[Block] = report.blocks(self, report.draw(self))
         return blocks
 
     def _screen(self) -> Iterable[Block]:
-        """What fits a screen."""
+        """Blocks that fit a screen."""
         blocks: list[Block] = self._report().terminal(self)
         return blocks
 
     def write(self, out: str | Path, *, force: bool = False) -> Path:
-        """Writes data into a folder, then report and plots; those of the report before are replaced.
+        """Write data into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
             out: Folder, made if need be; if the data cannot be written, it is as it was before.
@@ -145,7 +145,7 @@ class Shown:
         return path
 
     def to_html(self, path: str | Path | None = None, *, force: bool = False) -> str | Path:
-        """The report as one page that opens offline.
+        """Render the report as one page that opens offline.
 
         Args:
             path: File that it is written to; without one nothing is written.
@@ -182,7 +182,7 @@ def browser() -> str:
 
 
 def print_page(html: Path, pdf: Path) -> None:
-    """Prints a page: all of it or nothing.
+    """Print a page to PDF, completely or not at all.
 
     Raises:
         OutputError: No browser, or it fails or takes too long.

@@ -1,4 +1,4 @@
-"""The mechanism's motion and forces in ball arithmetic: every number comes with a rigorous radius.
+"""The truth: motion and forces in ball arithmetic, each number with a rigorous radius.
 
 Independent of `screwgauge.reference`: only the tables of a description, their names and an unverified starting guess
 of the positions come from there. Needs python-flint (the extra ``truth``).

@@ -1,4 +1,4 @@
-"""Cache on disk of results and machine code: keyed by their inputs, used only if this user's program wrote them.
+"""Disk cache of results and machine code, keyed by their inputs and trusted only if this user's program wrote them.
 
 Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
 beside it; so does each line of a journal of long work. So a file that was edited, or put in the place of another one,
@@ -37,11 +37,11 @@ _CHANGEABLE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class _UnsafeError(OSError):
-    """A file or folder that others could have written."""
+    """Raised for a file or folder that others could have written."""
 
 
 def folder() -> Path:
-    """Where files are kept: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
+    """Folder of the cache: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
 
     Raises:
         OSError: There is no such place, as the user has no folder of his own.
@@ -58,7 +58,7 @@ def folder() -> Path:
 
 
 def digest(*parts: Any) -> str:
-    """Hash of texts, bytes and tables. Their order counts: it is that of the columns."""
+    """Hash texts, bytes and tables; the order counts, because it is that of columns."""
     total = hashlib.sha256()
     for part in parts:
         data = part if isinstance(part, bytes) else json.dumps(part, default=str).encode()
@@ -67,7 +67,7 @@ def digest(*parts: Any) -> str:
 
 
 def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") -> str:
-    """Hash of what a result depends on besides its key: another version computes it anew.
+    """Hash what results depend on besides their key; a new version invalidates them.
 
     Args:
         folders: Of source files, those in folders of theirs included.
@@ -78,7 +78,7 @@ def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") 
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """The arrays kept under a key, and a sentence: what is wrong with the file, or nothing.
+    """Read the arrays under a key, and a sentence on what is wrong with the file, if anything.
 
     Args:
         key: Hash of all that it was made of.
@@ -110,7 +110,7 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
 
 
 def write(key: str, version: str, arrays: Arrays) -> str:
-    """Keeps a result; a sentence if that fails, which is no reason to lose it."""
+    """Write a result; return a sentence instead of raising if that fails."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     payload, writer = buffer.getvalue(), version.encode()
@@ -125,7 +125,7 @@ def write(key: str, version: str, arrays: Arrays) -> str:
 
 
 def signer() -> Callable[[str, str], str]:
-    """Return a function that makes the code of a text under a key, with the secret of the folder.
+    """Return a function that signs a text under a key with the folder's secret.
 
     Raises:
         OSError: There is no such folder of this user's own.
@@ -137,7 +137,7 @@ def signer() -> Callable[[str, str], str]:
 
 
 def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
-    """Hexadecimal; lengths go in, so that nothing can pass from one part to the next."""
+    """Hexadecimal code; lengths are included, so that nothing can move between parts."""
     parts = (key.encode(), version, payload)
     sizes = b"".join(len(part).to_bytes(8, "big") for part in parts)
     return hmac.new(secret, sizes + b"".join(parts), hashlib.sha256).hexdigest().encode()
@@ -145,7 +145,7 @@ def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
 
 @contextmanager
 def _opened() -> Iterator[int]:
-    """The folder, opened: what is checked is what is used, whatever is renamed meanwhile.
+    """Open the folder: the descriptor that is checked is used, whatever is renamed meanwhile.
 
     Raises:
         OSError: There is none, or others could have written into it.
@@ -166,7 +166,7 @@ def _check_own(status: os.stat_result, what: str) -> None:
 
 
 def _content(place: int, name: str) -> bytes | None:
-    """Content of a file of the folder; None if there is none.
+    """Read a file of the folder; None if there is none.
 
     Raises:
         OSError: It is no regular file of this user's own, or a link to one.
@@ -187,7 +187,7 @@ def _content(place: int, name: str) -> bytes | None:
 
 
 def _secret(place: int) -> bytes:
-    """The secret of the folder, made when it is first needed; one that others can read is replaced."""
+    """Read the folder's secret; create it on first use, and replace one that others can read."""
     for replace in (False, True):
         try:
             secret = _content(place, SECRET)
@@ -203,7 +203,7 @@ def _secret(place: int) -> bytes:
 
 
 def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
-    """Writes a file in whole or not at all; with `replace` off, only if there is none."""
+    """Write a file atomically; with `replace` off, only if it does not exist."""
     fresh = f".new-{secrets.token_hex(8)}"
     file = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
     try:

@@ -1,4 +1,4 @@
-"""The engine `truth`: the mechanism in ball arithmetic, with a rigorous radius for every value.
+"""The engine `truth`: ball arithmetic with a rigorous radius for every value.
 
 It reads the text of the description and of the scene exactly, takes the doubles of the times as they are, and solves
 at most so many of the samples as its entry says, spread evenly. Of the float64 solver it uses the positions, as a guess
@@ -38,13 +38,13 @@ BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 ar
 
 
 def load(files: ModelFiles) -> TruthModel:
-    """Reads a description."""
+    """Read a description."""
     return TruthModel(files.model, load_mechanism(files.model))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthModel:
-    """A description, whose text is read exactly."""
+    """A description whose text is read exactly."""
 
     file: Path
     mechanism: Mechanism
@@ -54,7 +54,7 @@ class TruthModel:
         return tuple(self.mechanism.independent)
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Every quantity in balls.
+        """Compute every quantity in balls.
 
         Raises:
             NotCertified: Not one of the samples could be certified.
@@ -93,7 +93,7 @@ def _certifiable(problem: Problem) -> frozenset[str]:
 
 
 def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> SampleTable | None:
-    """A table from the cache; none if it has anything but what the answer to this problem has."""
+    """Return a table from the cache if it fits this problem."""
     try:
         table = SampleTable.unpack(stored)
     except (KeyError, TypeError, ValueError):
@@ -103,7 +103,7 @@ def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
-    """Hash of all input: text where there is any, else the bytes of the doubles."""
+    """Hash all input: text if there is any, else the bytes of the doubles."""
     wording, motion, applied = problem.wording, whole.part(rows), problem.applied
     gravity = None if applied.gravity is None else applied.gravity.tolist()
     idle = [*motion.idle]
@@ -122,7 +122,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
 ) -> SampleTable:
-    """Reads the decimals exactly; where redundant loops then stay open, long ones as rounded."""
+    """Read decimals exactly; if redundant loops then stay open, read long ones as rounded."""
     try:
         return _table(model, problem, motion, rows, depth, progress)
     except LoopsOpen:

@@ -1,4 +1,4 @@
-"""Numbers of the truth: exact text as balls (arb), matrices of them, and power series in time (jets).
+"""Number types of the truth: exact text as balls (arb), matrices of them, and power series in time (jets).
 
 Decimals become exact rationals, expressions enclosures. A jet is the list of its Taylor coefficients ``[x, x',
 x''/2]``, as many of them as are wanted; all derivatives of the truth come from multiplying such series, no formula
@@ -39,7 +39,7 @@ ROUNDED = 2.0**-50
 
 
 def number(value: Any) -> arb:
-    """A ball that holds the number which the text means, of the working precision.
+    """Enclose the number that a text means in a ball of the working precision.
 
     Args:
         value: A checked entry of a description: int or text. A float stands for itself, exactly, as a ball does.
@@ -72,7 +72,7 @@ def _evaluate(node: ast.expr, text: str) -> arb:
 
 
 def widened(value: Any) -> Any:
-    """A table of numbers whose decimals of `LONG` digits and more have become balls that hold what they may stand for.
+    """Widen decimals of at least `LONG` digits in a table to balls of all numbers that round to them.
 
     That is half a unit of their last digit, or the rounding of a double as large as the largest of their vector.
     """
@@ -97,12 +97,12 @@ def _widened(value: Any, rounding: arb) -> Any:
 
 
 def vector(values: Any) -> Vector:
-    """A list of numbers."""
+    """Convert a list of numbers."""
     return [number(value) for value in values]
 
 
 def unit_vector(values: Any) -> Vector:
-    """A vector divided by its norm: the text may give a unit vector in rounded decimals."""
+    """Normalise a vector, since the text may give rounded decimals."""
     return normalized(vector(values))
 
 
@@ -112,7 +112,7 @@ def normalized(v: Vector) -> Vector:
 
 
 def rotation_matrix(value: Any) -> arb_mat:
-    """``{axis, angle}``, ``{matrix}`` or a list of them, multiplied from left to right. Shape (3, 3)."""
+    """Read ``{axis, angle}``, ``{matrix}`` or a list of them, multiplied left to right. Shape (3, 3)."""
     result = identity(3)
     for step in value if isinstance(value, list) else [value]:
         if "matrix" in step:
@@ -125,7 +125,7 @@ def rotation_matrix(value: Any) -> arb_mat:
 
 
 def _orthonormal(rows: Any) -> arb_mat:
-    """Decimals of a matrix are orthonormal only to their last digit; Gram and Schmidt make it a rotation."""
+    """Orthonormalise a matrix of decimals by Gram and Schmidt; they are orthonormal only to their last digit."""
     first = unit_vector(rows[0])
     second = vector(rows[1])
     along = dot(first, second)
@@ -134,7 +134,7 @@ def _orthonormal(rows: Any) -> arb_mat:
 
 
 def placement(table: Mapping[str, Any]) -> arb_mat:
-    """A frame ``{position, rotation}`` as a homogeneous matrix. Shape (4, 4)."""
+    """Convert a frame ``{position, rotation}`` to a homogeneous matrix. Shape (4, 4)."""
     return rigid(rotation_matrix(table.get("rotation", [])), vector(table.get("position", [0, 0, 0])))
 
 
@@ -145,7 +145,7 @@ def rigid(R: arb_mat, p: Vector) -> arb_mat:
 
 
 def inverse(T: arb_mat) -> arb_mat:
-    """Inverse of a homogeneous matrix whose rotation is one. Shape (4, 4)."""
+    """Invert a homogeneous matrix with an orthonormal rotation. Shape (4, 4)."""
     r = T.tolist()
     columns = [[r[0][j], r[1][j], r[2][j]] for j in range(3)]
     p = [r[0][3], r[1][3], r[2][3]]
@@ -158,7 +158,7 @@ def identity(n: int) -> arb_mat:
 
 
 def solve(A: arb_mat, b: arb_mat) -> arb_mat:
-    """Encloses the solution of ``A x = b``.
+    """Enclose the solution of ``A x = b``.
 
     Elimination is ten times as fast as preconditioning, and its balls are wider; where they take more than three
     eighths of the digits, or where it fails, preconditioning is next.
@@ -219,7 +219,7 @@ def sin_cos(q: Jet) -> tuple[Jet, Jet]:
 
 
 def inverse_jet(T: MatrixJet) -> MatrixJet:
-    """Inverse of a series of homogeneous matrices: the rotation transposed, the origin moved back. (4, 4)."""
+    """Invert a series of homogeneous matrices by transposing the rotation. (4, 4)."""
     rows = [coefficient.tolist() for coefficient in T]
     turned = [arb_mat([[r[i][j] for i in range(3)] for j in range(3)]) for r in rows]
     origin = [arb_mat([[r[i][3]] for i in range(3)]) for r in rows]
@@ -231,7 +231,7 @@ def inverse_jet(T: MatrixJet) -> MatrixJet:
 
 
 def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
-    """Reads ``[motion.LABEL]`` tables, already checked, without rounding their numbers."""
+    """Read checked ``[motion.LABEL]`` tables without rounding their numbers."""
     terms = []
     for label in labels:
         table = tables[label]
@@ -242,7 +242,7 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Series ``[y, y', y''/2]`` of each coordinate at a time, a double taken exactly."""
+    """Series ``[y, y', y''/2]`` of each coordinate at a time, whose double is exact."""
     return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
@@ -257,6 +257,6 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
 
 
 def samples(motion: GivenMotion, i: int) -> list[Jet]:
-    """Series of each coordinate at one sample whose doubles are taken exactly."""
+    """Series of each coordinate at one sample, whose doubles are exact."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

@@ -1,4 +1,4 @@
-"""Forces by two routes that share no equation: virtual power, and the balance of every body; they must overlap.
+"""Forces by two independent routes, virtual power and the balance of every body, whose enclosures must overlap.
 
 Route 1 is Lagrange's form with homogeneous matrices: ``Q_j = sum trace(dT/dy_j P T''^T) - ...``, where no angular
 velocity appears. Route 2 balances force and moment of each body and solves for every reaction at once.
@@ -20,7 +20,7 @@ from screwgauge.truth.linkage import AXES, Linkage, split
 
 
 class RoutesDisagree(NotCertified):
-    """The two routes to the forces have disjoint enclosures: one of them is wrong."""
+    """Raised when the two routes give disjoint enclosures, so that one of them is wrong."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class BallLoad:
 
 
 Component = tuple[Vector, list[Vector]] | Callable[[float], arb]
-"""A number over time: polynomial and harmonics as in `Terms`, or what it is at a sample."""
+"""A function of time: polynomial and harmonics as in `Terms`, or its value at a sample."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ class VaryingLoad:
     turns: bool
 
     def at(self, t: float, T: arb_mat) -> BallLoad:
-        """The load at a time [s], its body being placed by T."""
+        """Load at a time [s] on a body placed by T."""
         now = [one(t) if callable(one) else drive([one], t)[0][0] for one in self.components]
         force, torque = (point(T, each, 0) if self.turns else each for each in (now[:3], now[3:]))
         return BallLoad(self.body, self.point, force, torque)
@@ -62,7 +62,7 @@ class VaryingLoad:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknown:
-    """A unit force or a unit moment that the parent of a joint exerts on its child at a point."""
+    """A unit force or moment of a joint's parent on its child at a point."""
 
     name: str
     unit: str
@@ -73,7 +73,7 @@ class Unknown:
 
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Route 1: what the actuators must deliver for each independent coordinate [N m or N]."""
+    """Route 1: generalized actuator force along each independent coordinate [N m or N]."""
     forces, resisted = [], [*taken(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
@@ -91,7 +91,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Coordinate and force along it that each rotor, damper and dry friction takes.
+    """Coordinate of each rotor, damper and dry friction, and force along it.
 
     Raises:
         NotCertified: The sign of a rate, against which friction acts, is not certain.
@@ -122,14 +122,14 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
 
 
 def columns_of(A: arb_mat, some: Sequence[int]) -> arb_mat:
-    """Some columns of a matrix. Shape (m, n) -> (m, n_some)."""
+    """Select columns of a matrix. Shape (m, n) -> (m, n_some)."""
     return arb_mat(A.nrows(), len(some), [A[i, j] for i in range(A.nrows()) for j in some])
 
 
 def idle_accelerations(
     B: arb_mat, columns: Sequence[Sequence[arb]], Q: Sequence[arb], idle: Sequence[int]
 ) -> list[arb]:
-    """Second derivatives of coordinates that no actuator drives, by ``N^T (Q + M x) = 0``.
+    """Second derivatives of undriven coordinates, by ``N^T (Q + M x) = 0``.
 
     N has the motions in which the actuators stand still: one idle coordinate each, and what of the others goes with it.
 
@@ -159,7 +159,7 @@ def idle_accelerations(
 
 
 def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]], idle: Collection[int]) -> list[arb]:
-    """Twists of the bodies about their origins, and velocities of points, per rate of each actuator, row by row.
+    """Body twists about their origins, and point velocities, per rate of each actuator, row by row.
 
     Args:
         points: Body and place of each.
@@ -179,7 +179,7 @@ def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]],
 
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
-    """The reaction components of all joints, in the order of the results."""
+    """Reaction components of all joints, in the order of the results."""
     return [unknown for joint in by_role(linkage.mechanism.joints) for unknown in _components(linkage, now, joint)]
 
 
@@ -209,7 +209,7 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
 
 
 def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_mat) -> list[tuple[str, Vector]]:
-    """Labels and directions in the world: its axes, those of the child, across or along an axis, normal to two."""
+    """Labels and world directions of a joint: frame axes, child axes, across, along or normal."""
     world = [*zip("xyz", AXES, strict=True)]
     if what == "world":
         return world
@@ -221,7 +221,7 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
-    """The actuators as unit forces or moments along their axes, and those along coordinates that are held."""
+    """Actuators as unit forces or moments along their axes, and those along held coordinates."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
@@ -235,7 +235,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
 
 
 def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
-    """Columns: what each unknown exerts on each body, force and moment about its centre of mass. (m, 6 n_body)."""
+    """Effect of each unknown on each body: force, and moment about its centre of mass. (m, 6 n_body)."""
     index = linkage.mechanism.body_index
     com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]
     columns = []
@@ -254,7 +254,7 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Columns: what each coupling exerts, 1 along its coordinate and minus the slope along each other one."""
+    """Effect of each coupling: 1 along its coordinate, minus the slope along each other one."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
@@ -265,13 +265,13 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
 
 
 def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
-    """What a unit force along a joint coordinate exerts on the bodies, as in `balances`. Shape (6 n_body,)."""
+    """Effect of a unit force along a joint coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
     joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
     return balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 
 
 def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Newton's and Euler's side: force and moment that joints and actuators must exert on each body. (6 n_body,)."""
+    """Newton-Euler side: force and moment that joints and actuators must exert on each body. (6 n_body,)."""
     right: list[arb] = []
     for i, (mass, T) in enumerate(zip(linkage.masses, now.bodies[1:], strict=True), 1):
         F = [mass.mass * (2 * a - g) for a, g in zip(point(T[2], mass.com), gravity, strict=True)]
@@ -294,7 +294,7 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Acting:
-    """What acts besides actuators and joints, and what decides between forces that balance.
+    """Applied forces besides actuators and joints, and the rule among balanced forces.
 
     Attributes:
         axial: Whether redundant actuators obey the rule of eq. (56).
@@ -308,7 +308,7 @@ class Acting:
 
 
 def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tuple[list[arb], arb_mat, list[arb]]:
-    """Route 2: all reaction components, couplings last, and the actuator forces, from the balance of all bodies.
+    """Route 2: all reactions, then couplings, and actuator forces, from the balance of all bodies.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
     nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant
@@ -342,7 +342,7 @@ def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tu
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:
-    """Solves for the coefficients of the columns; of dependent ones, those that are left out are zero."""
+    """Solve for the coefficients of the columns; dependent columns that are left out get zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
         table = floats(arb_mat(columns)) / np.resize(np.repeat([1.0, length], 3), len(right))
@@ -360,7 +360,7 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float
 
 
 def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict[int, arb]]:
-    """Two directions across the line on which the joint's force must lie (eq. 56): column -> coefficient."""
+    """Two directions across the line of the joint's force (eq. 56): column -> coefficient."""
     axial = linkage.axial
     if axial is None:
         raise NotCertified("the mechanism names no joint for the rule spherical_axial", "", "use min_norm")

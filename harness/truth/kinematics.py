@@ -1,4 +1,4 @@
-"""Certified closed poses, and the velocities and accelerations that follow from them, in balls.
+"""Certified closed poses, and their velocities and accelerations, in balls.
 
 The start may be any guess; nothing is believed of it. Newton's method in high precision comes first, then an interval
 Newton step: where Krawczyk's operator maps a small box into its own interior, the box holds one and only one solution
@@ -24,7 +24,7 @@ NEWTON = 40  # steps; four do from a double start, the rest is for poor ones
 
 
 class NotCertified(ScrewgaugeError):
-    """A pose for which no enclosure could be proved."""
+    """Raised for a pose without a provable enclosure."""
 
 
 def _singular() -> NotCertified:
@@ -32,7 +32,7 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """n rows of full rank, the selection (last) rows first; all rows where there are only n. J has no dimension.
+    """Select n rows of full rank from dimensionless J, the last (selection) rows first; all rows if there are only n.
 
     A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
     checked: they hold within the enclosures.
@@ -55,13 +55,13 @@ def independent_rows(J: Array, n: int) -> list[int]:
 
 
 def check_near(G: arb_mat) -> None:
-    """Refuses a loop that is turned by more than a right angle: it is not near closing."""
+    """Reject a loop turned by more than a right angle, which is far from closing."""
     if not G[0, 0] + G[1, 1] + G[2, 2] > 1:
         raise NotCertified("a loop is far from closed", "", "check the motion")
 
 
 class Certifier:
-    """Certifies the joint coordinates of one linkage for given independent coordinates."""
+    """Certifies joint coordinates of a linkage at independent coordinates."""
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
@@ -72,7 +72,7 @@ class Certifier:
         self.rows = np.concatenate([closing, tied, units[linkage.mechanism.independent_columns]])
 
     def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
-        """Encloses the joint coordinates.
+        """Enclose the joint coordinates.
 
         Args:
             y: Independent coordinates.
@@ -98,7 +98,7 @@ class Certifier:
     def _newton(
         self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int], J: Array | None
     ) -> tuple[list[arb], arb_mat]:
-        """Newton's method. Returns a pose and an approximate inverse of the Jacobian there.
+        """Run Newton's method; return a pose and an approximate inverse of its Jacobian.
 
         Args:
             J: The one Jacobian of the start, in doubles. None takes one of all digits at every step: near a singular
@@ -120,12 +120,12 @@ class Certifier:
         return m, Y
 
     def _square(self, q: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Jacobian of the rows chosen. Shape (n, n)."""
+        """Jacobian of the selected rows. Shape (n, n)."""
         table = self.linkage.jacobian(q).tolist()
         return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Closing errors, those of the couplings and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
+        """Selected rows of the closing errors, those of couplings, and ``q - y``. Shape (n_q, 1)."""
         jets = [[x] for x in q]
         errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
@@ -153,7 +153,7 @@ class Certifier:
 
 
 def floats(M: arb_mat) -> Array:
-    """The midpoints as doubles."""
+    """Midpoints as doubles."""
     return np.array([[float(x.mid()) for x in row] for row in M.tolist()])
 
 
@@ -163,7 +163,7 @@ def _midpoints(M: arb_mat) -> arb_mat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """The motion at one time, in balls.
+    """Motion at one time, in balls.
 
     Attributes:
         q: Series ``[q, q', q''/2]`` of each joint coordinate.
@@ -177,7 +177,7 @@ class State:
 
 
 def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> State:
-    """Positions, velocities and accelerations for the series of the independent coordinates.
+    """Positions, velocities and accelerations from the series of independent coordinates.
 
     Raises:
         NotCertified: A ball cannot be proved or is not finite.
@@ -204,7 +204,7 @@ def _solve(J: arb_mat, right: arb_mat) -> arb_mat:
 
 
 class LoopsOpen(NotCertified):
-    """Redundant loops that do not close."""
+    """Raised when redundant loops do not close."""
 
 
 #: What to do about decimals of redundant loops.
@@ -212,14 +212,14 @@ EXPRESSIONS = "give lengths and angles as expressions such as 'sqrt(2)', or with
 
 
 def redundant_rows(linkage: Linkage) -> int:
-    """How many closing rows, couplings' among them, a mechanism has beyond what determines its coordinates."""
+    """Number of closing rows, couplings included, beyond those that determine the coordinates."""
     mechanism = linkage.mechanism
     rows = 6 * len(linkage.cuts) + len(linkage.ties) + len(mechanism.independent_columns)
     return rows - len(mechanism.coordinates)
 
 
 def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
-    """The error where the exact decimals determine a pose, and all that may have been rounded to them do not.
+    """Build the error for decimals that close exactly, while the range of numbers that round to them does not.
 
     Args:
         reason: Why these could not be enclosed.
@@ -232,7 +232,7 @@ def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
 
 
 def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
-    """Every coefficient of every closing error, couplings' too, must hold zero, those left out of the solution too.
+    """Require every closing error, couplings and unused rows included, to contain zero.
 
     Raises:
         LoopsOpen: One does not.
@@ -261,5 +261,5 @@ def spin(T: MatrixJet, order: int) -> Vector:
 
 
 def point(T: arb_mat, r: Vector, w: int = 1) -> Vector:
-    """A matrix applied to a point of the body (w = 1) or to a direction (w = 0)."""
+    """Apply a matrix to a body's point (w = 1) or direction (w = 0)."""
     return [row[0] * r[0] + row[1] * r[1] + row[2] * r[2] + row[3] * w for row in T.tolist()[:3]]

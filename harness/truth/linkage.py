@@ -1,4 +1,4 @@
-"""Geometry of a mechanism in balls: bodies along the tree, loop equations of the joints left out, and couplings.
+"""Geometry in balls: bodies along the tree, loop equations of cut joints, and couplings.
 
 Everything is a product of homogeneous matrices, or of their jets. Roots of the equations are certified in
 `kinematics`.
@@ -59,13 +59,13 @@ class Tie:
         return error
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
-        """Derivative of the error: columns and what it is there, 1 and each -p_k'."""
+        """Derivative of the error: columns with 1 and each -p_k'."""
         slopes = [(k, -_series(polynomial, [q[k], arb(1)])[1]) for k, polynomial in self.leads if k is not None]
         return [(self.column, arb(1)), *slopes]
 
 
 def _series(polynomial: Vector, x: Jet) -> Jet:
-    """Series of a polynomial for that of its coordinate, by Horner."""
+    """Compose a polynomial with the series of its coordinate, by Horner."""
     value = [arb(0) for _ in x]
     for coefficient in reversed(polynomial):
         value = mul(value, x)
@@ -74,7 +74,7 @@ def _series(polynomial: Vector, x: Jet) -> Jet:
 
 
 def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
-    """The couplings of a mechanism, their numbers from its tables."""
+    """Read the couplings of a mechanism with the numbers of its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
         table = {"polynomial": [0]} if isinstance(one, Fixing) else tables["couplings"][one.name]
@@ -84,7 +84,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def along(axes: Sequence[Vector], i: int) -> Vector:
-    """The vector in the span of one to three axes whose component along axis i is 1, and 0 along the others."""
+    """Vector in the span of one to three axes with component 1 along axis i, and 0 along the others."""
     if len(axes) == 1:
         return axes[0]
     # of two, whose decimals are at right angles to rounding only, the third is at right angles to both
@@ -95,14 +95,14 @@ def along(axes: Sequence[Vector], i: int) -> Vector:
 
 
 def owner(mechanism: Mechanism, column: int) -> tuple[Joint, int]:
-    """The joint of a coordinate, and which of its freedoms it is."""
+    """Joint of a coordinate, and the index of its freedom."""
     name = mechanism.coordinates[column]
     joint = next(joint for joint in mechanism.joints if name in joint.coordinates)
     return joint, joint.coordinates.index(name)
 
 
 def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) -> list[tuple[bool, Vector]]:
-    """Directions of a joint's freedoms, each carried by those before it.
+    """Directions of a joint's freedoms, each moved by its predecessors.
 
     Args:
         steps: Of each freedom whether it turns, its axis in the joint frame, and its matrix (4, 4).
@@ -136,7 +136,7 @@ class Mass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """A joint in balls: its frames on parent and child (4, 4), and the axes of its freedoms in them."""
+    """Frames of a joint on parent and child (4, 4), and its axes in them, in balls."""
 
     parent: arb_mat
     child: arb_mat
@@ -145,7 +145,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """One freedom: ``exp(sign q D)``, D being the derivative at zero. `square` is D D."""
+    """A freedom's motion ``exp(sign q D)``; D is its derivative at zero, and `square` is D D."""
 
     column: int
     sign: int
@@ -154,7 +154,7 @@ class Move:
     square: arb_mat
 
     def matrix(self, q: Jet) -> MatrixJet:
-        """Series of the homogeneous matrix for the series of the coordinate."""
+        """Series of the homogeneous matrix from that of the coordinate."""
         if not self.turns:
             return [identity(4) + self.D * (q[0] * self.sign), *(self.D * (x * self.sign) for x in q[1:])]
         sin, cos = sin_cos([x * self.sign for x in q])
@@ -179,7 +179,7 @@ class Linkage:
     """
 
     def __init__(self, mechanism: Mechanism, tables: Mapping[str, Any], *, rounded: bool = False) -> None:
-        """Reads the text.
+        """Read the tables.
 
         Args:
             rounded: Long decimals of frames and axes stand for all that may have been rounded to them.
@@ -208,7 +208,7 @@ class Linkage:
         self.loops = [[(column, column in via, column in back) for column in sorted(via | back)] for via, back in ways]
 
     def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
-        """Frame, freedoms, frame back: from the parent to the child, or the other way."""
+        """Frame, freedoms, frame back: from parent to child, or reversed."""
         frames, sign = self.frames[joint.name], -1 if reverse else 1
         moves: list[Step] = [
             _move(column, sign, turns, frames.axes[min(i, len(frames.axes) - 1)])
@@ -219,7 +219,7 @@ class Linkage:
         return [step for step in steps if isinstance(step, Move) or not _is_identity(step)]
 
     def place(self, q: Sequence[Jet], spots: dict[int, arb_mat] | None = None) -> list[MatrixJet]:
-        """Homogeneous matrices of all bodies, ground first, for the series of the joint coordinates.
+        """Homogeneous matrices of all bodies, ground first, from the series of joint coordinates.
 
         Args:
             spots: Filled, where given, with ``sign P D P^-1`` of each tree freedom, P being its frame.
@@ -233,14 +233,14 @@ class Linkage:
     def close(
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
-        """Matrix ``G = via tree^-1`` of each loop, of its two ways to one body: the identity where it closes."""
+        """Matrix ``G = via tree^-1`` of each loop, of its two ways to one body; the identity if it closes."""
         return [
             mul(_walk(bodies[parent], steps, q, spots), inverse_jet(bodies[child]))
             for parent, child, steps in self.cuts
         ]
 
     def along(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
-        """A unit force along a joint coordinate that has no power on the joint's others.
+        """A unit force along a joint coordinate without power on the joint's others.
 
         Returns:
             The joint, whether it is a moment, its direction, and the point of the joint on its child.
@@ -279,7 +279,7 @@ class Linkage:
 
 
 def error(G: arb_mat) -> list[arb]:
-    """Six numbers that vanish where G is the identity, and only there if its turn is less than pi."""
+    """Six numbers that vanish if G is the identity, and only then if it turns by less than pi."""
     r = G.tolist()
     turn = [(r[2][1] - r[1][2]) / 2, (r[0][2] - r[2][0]) / 2, (r[1][0] - r[0][1]) / 2]
     return [*turn, r[0][3], r[1][3], r[2][3]]
@@ -297,7 +297,7 @@ def _walk(T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int
 
 
 def _is_identity(T: arb_mat) -> bool:
-    """Whether it surely is; the operator != of balls would say no wherever it only may be."""
+    """True if T certainly is the identity; balls' operator != would be False for a mere possibility."""
     return bool(identity(4) == T)
 
 
@@ -319,7 +319,7 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
 
 
 def split(axis: Vector) -> list[tuple[str, Vector]]:
-    """Labels and directions, two across an axis and one along it: of the joint frame where it is one of its axes."""
+    """Labels and directions, two across an axis and one along it; joint-frame axes if the axis is one."""
     k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
     across = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in across):

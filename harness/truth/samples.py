@@ -1,4 +1,4 @@
-"""Samples of the truth: every quantity as balls, with more bits where those of one precision are too wide.
+"""Samples of the truth: every quantity in balls, with higher precision where balls are too wide.
 
 The two routes to the forces are checked against each other.
 """
@@ -56,15 +56,15 @@ WIDE = 1e-25
 
 
 def ruled(problem: Problem) -> bool:
-    """Whether forces are wanted that rest on a rule, of actuators or of reactions."""
+    """True if requested forces depend on a rule of actuators or reactions."""
     return any(QUANTITIES[name].ruled for name in problem.wanted)
 
 
 class Sampler:
-    """Computes samples of one problem, as far as its quantities need (`depth`: q, v, a or f)."""
+    """Computes samples of one problem, up to the depth that its quantities need: q, v, a or f."""
 
     def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
-        """Reads what acts and what moves, in the working precision, which samples will be computed in.
+        """Read forces and motion in the working precision, which samples also need.
 
         Args:
             redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
@@ -90,7 +90,7 @@ class Sampler:
             self.loads = [_said(table, index) for table in problem.wording.loads]
 
     def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-        """All quantities of one sample of the motion, see `sample`."""
+        """All quantities at one sample of the motion, see `sample`."""
         with ctx.workprec(self.bits):
             y = samples(motion, row)
             for i, series in zip(self.said, drive(self.terms, float(motion.t[row])), strict=True):
@@ -131,10 +131,10 @@ class Sampler:
         return [load.at(t, now.bodies[load.body][0]) for load in self.loads]
 
     def _followed(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
-        """The series, with those second derivatives of idle coordinates for which the actuators alone do."""
+        """Series in which idle coordinates get the second derivatives that actuators alone can sustain."""
 
         def forces(moved: int | None) -> tuple[State, list[arb]]:
-            """Where of the second derivatives of idle coordinates none is, or one."""
+            """Forces with the second derivatives of idle coordinates all zero, or one of them unity."""
             some = [[a, b, arb(i == moved) / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
             now = state(self.certifier, some, start)
             return now, generalized_force(self.linkage, now, self.gravity, self._loads(now, t))
@@ -196,7 +196,7 @@ def _motion(linkage: Linkage, now: State) -> Balls:
 
 
 def _doubles(load: Load, body: int) -> VaryingLoad:
-    """A load whose doubles are meant exactly."""
+    """Convert a load, whose doubles are exact."""
     at, turns = None if load.point is None else vector(load.point.tolist()), load.axes == "body"
     if not load.courses:
         each = [([arb(x)], list[Vector]()) for x in (*load.force.tolist(), *load.torque.tolist())]
@@ -211,7 +211,7 @@ def _exact(course: Course | Samples) -> Component:
 
 
 def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
-    """A load from its text: what a body exerts on the environment acts on it with the other sign."""
+    """Convert a load's text, with reversed sign if a body exerts it on the environment."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")
     components = [x for key in ("force", "torque") for x in table.get(key, [0, 0, 0])]
@@ -225,7 +225,7 @@ def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
 
 
 def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-    """A sample in narrow balls: of the first sampler that makes them, else those of the last.
+    """Compute a sample by the first sampler with narrow balls, else by the last.
 
     Raises:
         NotCertified: None of them had bits enough.
@@ -241,7 +241,7 @@ def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: 
 
 
 def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-    """A sample that `wide` encloses, in balls around what the exact text gives, whose redundant rows were left out.
+    """Recentre balls of `wide` at the exact text's values, which were found without the redundant rows.
 
     Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
 
@@ -270,7 +270,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleTable:
-    """Computed and cached samples: midpoints and radii by quantity (n_row, m), reasons of samples without any.
+    """Samples as midpoints and radii by quantity (n_row, m), with reasons for those without any.
 
     Attributes:
         rounded: Long decimals of the geometry were read as rounded.
@@ -302,7 +302,7 @@ class SampleTable:
         return cls(mid, radius, list(map(str, stored["reasons"])), spent, bool(stored["rounded"]))
 
     def answers(self, wanted: Collection[str], sizes: Mapping[str, int], y: Array, columns: list[int]) -> bool:
-        """Whether this can be the answer to a problem.
+        """True if the table can answer a problem.
 
         Args:
             wanted: Quantities that an answer has.
@@ -324,7 +324,7 @@ class SampleTable:
 
 
 def enclosures(samples: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
+    """Midpoints rounded to doubles, and upper bounds of the radii; NaN for missing samples.
 
     A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
     rounded, it may be as wide as a number that does not vanish.

@@ -1,4 +1,4 @@
-"""What closes the loops of a tree: residuals of closures and couplings, their rates, and the motions that they admit.
+"""Loop constraints of a tree: residuals of closures and couplings, their rates, and the admitted motions.
 
 Which rows state a loop is a choice (a weld, three points, another order); the motions that they admit are none.
 """
@@ -28,7 +28,8 @@ UNCLEAR = 1e-11, 1e-5
 
 
 def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
-    """Second frame of each closure against the first, world axes: of a weld the rotation vector, then the way [rad, m].
+    """Second frame of each closure relative to the first, world axes: displacement, for a weld after the rotation
+    vector.
 
     Args:
         order: 1 or 2 for the first or second derivative of it, of a welded turn where it is closed.
@@ -51,7 +52,7 @@ def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict
 
 
 def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
-    """How far coordinates or their derivatives are from what the couplings make of the others. (n, n_coupling)."""
+    """Deviation of coupled coordinates or derivatives from the couplings' values. (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
         here = states.q[:, one.column], states.qd[:, one.velocity], states.qdd[:, one.velocity]
@@ -60,7 +61,7 @@ def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Arr
 
 
 def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
-    """What a coupling makes of the other coordinates, and its two derivatives. Shape (n,) each."""
+    """Value of a coupling at the other coordinates, and its two derivatives. Shape (n,) each."""
     total, rate, change = (np.full(len(states.q), x) for x in (one.constant, 0.0, 0.0))
     for column, velocity, p in one.leads:
         q, v, a = states.q[:, column], states.qd[:, velocity], states.qdd[:, velocity]
@@ -70,7 +71,7 @@ def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]
 
 
 def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
-    """Relative velocity of the second frame of each closure at its origin, world axes, at unit velocities.
+    """Relative velocity of each closure's second frame at its origin, world axes, per unit velocity.
 
     Returns:
         Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
@@ -85,7 +86,7 @@ def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
 
 
 def coupling_rows(tree: SpanningTree, q: Array) -> Array:
-    """Rates of the couplings at unit velocities. Shape (n, n_coupling, n_freedom)."""
+    """Rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, one in enumerate(tree.couplings.values()):
         rows[:, k, one.velocity] = 1.0
@@ -96,7 +97,7 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintEquations:
-    """All closures and couplings of a tree in motion without accelerations; rows first of the closures."""
+    """Closures, then couplings, of a tree in motion without accelerations."""
 
     tree: SpanningTree
     states: TreeStates
@@ -104,22 +105,22 @@ class ConstraintEquations:
 
     @cached_property
     def gap(self) -> Array:
-        """What is open [m or rad]. Shape (n, m)."""
+        """Openings of the constraints [m or rad]. Shape (n, m)."""
         return residual(self.tree, self.states, self.motion)
 
     @cached_property
     def rows(self) -> Array:
-        """Rate of the gaps at unit velocities. Shape (n, m, n_freedom)."""
+        """Rates of the gaps per unit velocity. Shape (n, m, n_freedom)."""
         return constraint_rows(self.tree, self.motion, self.states.q)
 
     @cached_property
     def bias(self) -> Array:
-        """Second derivative of the gaps, Jdot v; of a welded turn where it is closed. Shape (n, m)."""
+        """Second derivative of the gaps, Jdot v; a weld's rotation counts as closed. Shape (n, m)."""
         return residual(self.tree, self.states, self.motion, 2)
 
 
 def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
-    """Equations of all closures and couplings."""
+    """Build the equations of all closures and couplings."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
     return ConstraintEquations(tree, states, move(tree, states))
 
@@ -130,12 +131,12 @@ def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: 
 
 
 def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
-    """Rates of all gaps at unit velocities. Shape (n, m, n_freedom)."""
+    """Rates of all gaps per unit velocity. Shape (n, m, n_freedom)."""
     return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
 
 
 def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
-    """Coordinates after each joint has gone a way along its velocities.
+    """Move every joint by a step along its velocities.
 
     Args:
         step: [rad or m]. Shape (n, n_freedom).
@@ -158,7 +159,7 @@ def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
 
 
 def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
-    """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
+    """Close the loops by Newton's method, with velocities and accelerations that keep them closed.
 
     Returns:
         The states that could be closed; and which they are, shape (n,).
@@ -181,13 +182,13 @@ def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[
 
 
 def newton_step(rows: Array, gap: Array) -> Array:
-    """The shortest step that closes gaps, cut where it is long. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
+    """Shortest step that closes the gaps, limited in length. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
     step = -(np.linalg.pinv(rows, rcond=DEPENDENT) @ gap[..., None])[..., 0]
     return np.asarray(step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
 
 
 def clear(rows: Array) -> NDArray[np.bool_]:
-    """States at which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
+    """Flag states with a clear rank of the rows; shape (n, m, n_freedom) -> (n,).
 
     Newton's method ends next to a singular pose with half the digits, and with singular values that are neither.
     """
@@ -197,7 +198,7 @@ def clear(rows: Array) -> NDArray[np.bool_]:
 
 
 def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:
-    """Projector onto the velocities that rows admit.
+    """Projector onto the velocities that the rows admit.
 
     Args:
         rows: Shape (n, m, n_freedom).
@@ -217,7 +218,7 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
 
 @dataclass(frozen=True, eq=False)
 class AdmissibleMotion:
-    """The motions that the closed loops admit at n poses, equations being without dimension.
+    """Motions admitted by the closed loops at n poses, with dimensionless equations.
 
     Attributes:
         motion: The poses.
@@ -234,7 +235,7 @@ class AdmissibleMotion:
     columns: list[int]
 
     def joints(self, y: Array, gaps: Array | None = None) -> Array:
-        """Derivatives of all coordinates from those of the chosen ones.
+        """Derivatives of all coordinates from those of the independent ones.
 
         Args:
             y: Shape (n, k) or (n, k, m).
@@ -259,13 +260,13 @@ class AdmissibleMotion:
 
     @cached_property
     def bodies(self) -> Array:
-        """Velocities of the centres of mass over the angular ones, per velocity of y. Shape (n, n_body, 6, k)."""
+        """Velocities of the centres of mass below the angular ones, per velocity of y. Shape (n, n_body, 6, k)."""
         J = self.motion.jacobian(self.motion.tree.bodies, self.motion.com.p)[:, :, [3, 4, 5, 0, 1, 2]]
         return np.asarray(J @ self.partial[:, None])
 
 
 def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
-    """The motions admitted at poses.
+    """Compute the motions admitted at poses.
 
     Args:
         units: rad or m, of each velocity.

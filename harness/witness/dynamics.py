@@ -1,4 +1,4 @@
-"""Newton's and Euler's equations of bodies in motion, and the forces along the velocities of a tree."""
+"""Newton-Euler equations of bodies in motion, and forces along the velocities of a tree."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, Tree
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewtonEulerTerms:
-    """What each body needs to move as it does, term by term: force, and moment about the centre of mass.
+    """Needs of each body by term: force, and moment about the centre of mass.
 
     Attributes:
         inertial: ``m a`` and ``J b``. Shape (n, m, 6).
@@ -27,7 +27,7 @@ class NewtonEulerTerms:
 
     @property
     def wrenches(self) -> Array:
-        """All of it. Shape (n, m, 6)."""
+        """Sum of the terms. Shape (n, m, 6)."""
         total = self.inertial.copy("K")
         total[..., :3] += self.gravity
         total[..., 3:] += self.gyroscopic
@@ -58,7 +58,7 @@ def kinetic_energy(motion: TreeMotion) -> Array:
 
 
 def along(motion: TreeMotion, wrenches: Array) -> Array:
-    """Power of wrenches at the centres of mass of the bodies, see `NewtonEulerTerms`, at unit velocities.
+    """Power of wrenches at the bodies' centres of mass, see `NewtonEulerTerms`, per unit velocity.
 
     Args:
         wrenches: Shape (..., n, n_body, 6).
@@ -91,7 +91,7 @@ def mass_matrix(motion: TreeMotion) -> Array:
 
 
 def _inertia_at_origin(motion: TreeMotion) -> Array:
-    """Inertia of each body: velocity at the world's origin -> moment about it and momentum. (n, n_body, 6, 6)."""
+    """Inertia of each body about the world's origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
     matter, com = motion.tree.matter, motion.com
     C, m = skew(com.p), matter.mass[:, None, None]
     out = np.empty((*com.p.shape[:2], 6, 6))
@@ -104,7 +104,7 @@ def _inertia_at_origin(motion: TreeMotion) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InverseDynamics:
-    """What a tree needs to move as it does; forces are those along its velocities [N m or N].
+    """Forces along a tree's velocities that its motion requires [N m or N].
 
     Attributes:
         tau: All that motors exert. Shape (n, n_freedom).
@@ -126,7 +126,7 @@ class InverseDynamics:
 
 
 def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> InverseDynamics:
-    """Everything at once."""
+    """Compute all terms."""
     motion = motion or move(tree, states)
     bodies, needed = motion.bodies, _needed(motion)
     weights = np.zeros_like(needed.inertial)
@@ -141,7 +141,7 @@ def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None =
 
 
 def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> Array:
-    """`InverseDynamics.tau` alone. Shape (n, n_freedom)."""
+    """Compute `InverseDynamics.tau` only. Shape (n, n_freedom)."""
     motion = motion or move(tree, states)
     return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
@@ -152,12 +152,12 @@ def _needed(motion: TreeMotion) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """Entry of `Tree.passive`; zeros where it has none."""
+    """Entry of `Tree.passive`, zeros by default."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
 def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
-    """What armature resists; of a free joint's translation the derivative in world axes. Shape (n, n_freedom)."""
+    """Acceleration that armature resists; for a free joint's translation in world axes. Shape (n, n_freedom)."""
     qdd = states.qdd.copy()
     for link in tree.links:
         if link.kind == "free":
@@ -167,7 +167,7 @@ def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def deflection(tree: SpanningTree, states: TreeStates) -> Array:
-    """How far each joint is from where its spring rests, along its velocities. Shape (n, n_freedom)."""
+    """Displacement of each joint from its spring's rest position, along its velocities. Shape (n, n_freedom)."""
     out = np.empty_like(states.qd)
     for link in tree.links:
         part = slice(link.velocity, link.velocity + FREEDOMS[link.kind])
@@ -191,7 +191,7 @@ def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """Forces that motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
+    """Motor forces that overcome damping, dry friction and springs. Shape (n, n_freedom)."""
     return np.asarray(sum(passive_parts(tree, states).values()))
 
 

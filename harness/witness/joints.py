@@ -1,4 +1,4 @@
-"""Kinds of joint as the witness knows them, and mechanisms as trees of links.
+"""The witness's kinds of joint, and mechanisms as trees of links.
 
 Written down from the meaning of the kinds and not from the solver's table of joint types: a wrong sign or direction
 there is to be seen here.
@@ -27,7 +27,7 @@ from screwgauge.witness.tree import (
 
 
 class JointKind(NamedTuple):
-    """What a kind of joint frees and holds.
+    """Freedoms and constraints of a kind of joint.
 
     Attributes:
         freedoms: Elementary joints in order.
@@ -53,7 +53,7 @@ JOINT_KINDS = {
 
 
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
-    """Kind and axis, in the joint's frame, of the elementary joints in order.
+    """Kind and axis, in the joint's frame, of its elementary joints in order.
 
     Hinges have the joint's axes. One slide is along the first, two are across it, three along the frame's axes.
     """
@@ -64,7 +64,7 @@ def freedoms(joint: Joint) -> list[tuple[str, Array]]:
 
 
 def across(axis: Array) -> dict[str, Array]:
-    """Two directions at right angles to an axis: axes of the frame if it is one of them, else made from the first.
+    """Two directions orthogonal to an axis: frame axes if it is one, else constructed from the first.
 
     They are called x, y, z or else 1 and 2.
     """
@@ -90,12 +90,12 @@ class MechanismTree(SpanningTree):
     body_frames: Mapping[str, FixedFrame]
 
     def on(self, body: str, frame: Frame) -> FixedFrame:
-        """A frame of a body."""
+        """Frame fixed in a body."""
         return self.body_frames[body].placed(frame.R, frame.p)
 
 
 def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
-    """A mechanism as the tree that a graph of it spans.
+    """Convert a mechanism to the spanning tree of a graph.
 
     A joint that closes a loop leads to a copy of its child, without mass; the loop is closed where the two are one.
     """
@@ -119,7 +119,7 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 
 
 def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
-    """The open tree of some joints: one that closes a loop leads to a copy of a body that another one reaches.
+    """Open tree of some joints; one that would close a loop leads to a copy of its body.
 
     A body and its copies have equal shares of its mass. Ground has no copies: a joint that ends there leads from it.
 
@@ -142,7 +142,7 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
 
 
 def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
-    """Links of the joints of a spanning tree, and frames of ground and the bodies."""
+    """Links of a spanning tree's joints, and frames of ground and bodies."""
     links, at = list[TreeLink](), {GROUND: FixedFrame()}
     for edge in graph.edges:
         at[edge.far] = _across(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)
@@ -152,7 +152,7 @@ def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[
 def _across(
     links: list[TreeLink], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
 ) -> FixedFrame:
-    """Appends the links of a joint; the frame of the body that it leads to.
+    """Append the links of a joint; return the frame of the body beyond it.
 
     Args:
         near: Frame of the body that it starts from, the child if it is walked in reverse.
@@ -167,7 +167,7 @@ def _across(
 
 
 def matter(mechanism: Mechanism) -> MassProperties:
-    """Mass properties of the bodies."""
+    """Read the mass properties of the bodies."""
     return MassProperties(
         *(np.array([getattr(body, name) for body in mechanism.bodies]) for name in ("mass", "com", "inertia"))
     )

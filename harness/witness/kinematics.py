@@ -1,4 +1,4 @@
-"""How a tree moves: poses, velocities and accelerations of its links and of frames fixed to them, all samples at once.
+"""Kinematics of a tree: poses, velocities and accelerations of links and fixed frames, vectorised over samples.
 
 Moving points: ``w x (w x r)`` is the acceleration towards the axis, ``2 w x u`` that of Coriolis.
 """
@@ -20,7 +20,7 @@ AT_ONCE = 16384
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moving:
-    """Frames in motion, n samples of m of them, world axes; samples lie side by side in memory.
+    """Motion of m frames at n samples, world axes; samples are contiguous in memory.
 
     Attributes:
         R, p: Orientation (n, m, 3, 3) and origin [m] (n, m, 3).
@@ -36,33 +36,33 @@ class Moving:
     a: Array
 
     def shifted(self, r: Array) -> Moving:
-        """Motion of the same bodies at other points, displaced by `r` (world axes, shape (n, m, 3))."""
+        """Motion of the same bodies at points displaced by `r` (world axes, shape (n, m, 3))."""
         v = cross(self.w, r)
         return Moving(self.R, self.p + r, self.w, self.v + v, self.b, self.a + cross(self.b, r) + cross(self.w, v))
 
     def part(self, some: slice) -> Moving:
-        """Motion of some of the frames."""
+        """Select frames."""
         return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
 
     def poses(self, at: FixedFrames) -> tuple[Array, Array]:
-        """Orientation and origin of frames fixed to some of these. Shapes (n, k, 3, 3), (n, k, 3)."""
+        """Orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
         R = picked(self.R, at.link)
         return turned(R, at.R), picked(self.p, at.link) + times(R, at.p)
 
     def frames(self, at: FixedFrames) -> Moving:
-        """Frames fixed to some of these."""
+        """Motion of fixed frames."""
         some = Moving(*(picked(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
         return replace(there, R=turned(there.R, at.R))
 
     @property
     def velocity(self) -> Array:
-        """Angular velocity over that of the origin. Shape (n, m, 6)."""
+        """Angular velocity, then that of the origin. Shape (n, m, 6)."""
         return np.concatenate([self.w, self.v], axis=2)
 
     @property
     def acceleration(self) -> Array:
-        """Angular acceleration over that of the origin. Shape (n, m, 6)."""
+        """Angular acceleration, then that of the origin. Shape (n, m, 6)."""
         return np.concatenate([self.b, self.a], axis=2)
 
 
@@ -86,17 +86,17 @@ class TreeMotion:
 
     @cached_property
     def com(self) -> Moving:
-        """The bodies at their centres of mass."""
+        """Bodies at their centres of mass."""
         at = self.tree.bodies
         return self.links.frames(at._replace(p=at.p + (at.R @ self.tree.matter.com[..., None])[..., 0]))
 
     @cached_property
     def closures(self) -> Moving:
-        """First frames of all closures, then the second ones."""
+        """First frames of all closures, then the second ones, in motion."""
         return self.links.frames(self.tree.ends)
 
     def jacobian(self, frames: FixedFrames, points: Array) -> Array:
-        """Angular velocity over that of a point of each frame, at unit velocities.
+        """Angular velocity, then that of a point, of each frame per unit velocity.
 
         Args:
             points: In the world [m]. Shape (n, m, 3).
@@ -115,7 +115,7 @@ class TreeMotion:
 
 
 def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
-    """Motion of everything, so many samples at once that they stay in the cache."""
+    """Compute the motion of all links, in blocks of samples that stay in the cache."""
     n, at_once = len(states.q), AT_ONCE // (len(tree.links) + 1) + 1
     if n <= at_once:
         return _move(tree, states)
@@ -145,7 +145,7 @@ def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
 
 
 def unit_twists(motion: TreeMotion) -> Array:
-    """Angular velocity over that of the point in the world's origin, of what each unit velocity moves. (n, f, 6)."""
+    """Twist at the world's origin of each unit velocity, angular first. (n, f, 6)."""
     number, _, turns = motion.tree.velocity
     lever = cross(motion.links.p[:, number], motion.axes)
     spins = turns[:, None]
@@ -153,7 +153,7 @@ def unit_twists(motion: TreeMotion) -> Array:
 
 
 def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
-    """What products of velocities add to the accelerations of all that each velocity moves, by term of eq. (36).
+    """Velocity products in the accelerations of the links beyond each velocity, by term of eq. (36).
 
     First is the twist before its joint, second what it adds to it, both of the point in the world's origin.
 
@@ -175,27 +175,27 @@ def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
 
 
 def _last(x: Array) -> Array:
-    """Samples as the last axis, along which they lie side by side."""
+    """Move samples to the last axis, where they are contiguous."""
     return x.transpose(*range(1, x.ndim), 0)
 
 
 def _first(x: Array) -> Array:
-    """Samples as the first axis."""
+    """Move samples to the first axis."""
     return x.transpose(-1, *range(x.ndim - 1))
 
 
 def turned(R: Array, by: Array) -> Array:
-    """Orientations turned by fixed rotations, most of which are none. Shapes (n, m, 3, 3), (m, 3, 3)."""
+    """Multiply orientations by fixed rotations, most of them the identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
     return R if (by == np.eye(3)).all() else product(R, by)
 
 
 def picked(x: Array, which: Rows) -> Array:
-    """``x[:, which]`` where samples lie side by side, in a fraction of the time."""
+    """Faster ``x[:, which]`` for contiguous samples."""
     return _first(_last(x)[which])
 
 
 def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
-    """Poses of ground and all links, and vectors from the parents' origins to each. (n, n_link + 1, ...)."""
+    """Poses of ground and all links, and vectors from the parents' origins. (n, n_link + 1, ...)."""
     n, k = len(q), len(tree.links)
     turn, way = _joints(tree, q)
     R, p, r = np.empty((k + 1, 3, 3, n)), np.empty((k + 1, 3, n)), np.empty((k, 3, n))
@@ -210,7 +210,7 @@ def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
 
 
 def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
-    """How each joint turns and displaces its link. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
+    """Rotation and displacement of each link by its joint. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
     n, k = len(q), len(tree.links)
     R, p = np.empty((k, 3, 3, n)), np.empty((k, 3, n))
     own, columns, _, zero, axes, turns = tree.single
@@ -230,7 +230,7 @@ def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
 
 
 def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Array, Array]:
-    """What rates of the joints add to the angular velocity and to that of the origin. Shape (n, n_link, 3) each."""
+    """Joint rates' part of the angular velocities and of the origins'. Shape (n, n_link, 3) each."""
     own, _, velocities, _, _, turns = tree.single
     single, hinges = _last(e)[velocities] * rates.T[velocities, None], turns[..., None] > 0.0
     spin, slide = np.zeros((2, len(tree.links), 3, len(e)))
@@ -245,7 +245,7 @@ def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Arr
 
 
 def _outward(tree: SpanningTree, gained: Array) -> Array:
-    """Sums what each link adds to the one before it, from the ground. Shape (n, n_link, 3) -> (n, n_link + 1, 3)."""
+    """Accumulate each link's increment from the ground outward. Shape (n, n_link, 3) -> (n, n_link + 1, 3)."""
     whole = np.zeros((gained.shape[1] + 1, 3, len(gained)))
     whole[1:] = _last(gained)
     for level, before in tree.levels[1:]:

@@ -1,4 +1,4 @@
-"""A tree of links with everything of it that moves, weighs and closes loops, as arrays.
+"""A tree of links as arrays: moving parts, masses, and loop constraints.
 
 A link is what one elementary joint carries: a hinge, a slide, a ball or a free joint. Mechanisms and model files that
 were read are both written as such a tree.
@@ -34,12 +34,12 @@ class FixedFrame(NamedTuple):
     p: Array = np.zeros(3)
 
     def placed(self, R: Array, p: Array) -> FixedFrame:
-        """A frame in this one."""
+        """Frame given in this one."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
 class FixedFrames(NamedTuple):
-    """Several of them. Shapes (m,), (m, 3, 3), (m, 3)."""
+    """Stack of fixed frames. Shapes (m,), (m, 3, 3), (m, 3)."""
 
     link: Rows
     R: Array
@@ -47,7 +47,7 @@ class FixedFrames(NamedTuple):
 
 
 def stacked(frames: Sequence[FixedFrame]) -> FixedFrames:
-    """Frames side by side."""
+    """Stack frames."""
     R, p = (np.array([getattr(each, name) for each in frames], dtype=float) for name in "Rp")
     return FixedFrames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
 
@@ -74,7 +74,7 @@ class TreeLink(NamedTuple):
 
 
 class LoopConstraint(NamedTuple):
-    """Two frames of which the origins coincide (``point``) or the whole (``weld``)."""
+    """Two frames with coincident origins (``point``) or fully aligned (``weld``)."""
 
     kind: str
     first: FixedFrame
@@ -82,7 +82,7 @@ class LoopConstraint(NamedTuple):
 
 
 class CoupledColumn(NamedTuple):
-    """A coordinate that is a constant and a sum of polynomials of others. Columns of coordinates and velocities.
+    """A coordinate that is a polynomial sum of others, by columns of coordinates and velocities.
 
     Attributes:
         leads: Columns of each coordinate that it depends on, and coefficients of powers of it, that of 1 first.
@@ -95,7 +95,7 @@ class CoupledColumn(NamedTuple):
 
 
 def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> CoupledColumn:
-    """A coupling in a tree. `columns`: coordinate -> its column, and that of its velocity."""
+    """Build a coupling in a tree; `columns`: coordinate -> its column, and that of its velocity."""
     leads = tuple((*columns[name], np.array([0.0, *p])) for name, p in function.terms.items())
     return CoupledColumn(*columns[coordinate], function.constant, leads)
 
@@ -141,13 +141,13 @@ class SpanningTree:
 
     @cached_property
     def starts(self) -> FixedFrames:
-        """Where each joint sits on the link before it."""
+        """Frame of each joint on the preceding link."""
         return stacked([link.start for link in self.links])
 
     @cached_property
     def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
-        """Hinges and slides: positions among the links, columns among coordinates and among velocities, zeros, axes
-        times sign, and 1 where they turn.
+        """Hinges and slides: link positions, columns of coordinates and of velocities, zeros, signed axes, and 1 for
+        hinges.
 
         Shapes (k,), (k,), (k,), (k,), (k, 3), (k, 1).
         """
@@ -167,7 +167,7 @@ class SpanningTree:
 
     @cached_property
     def levels(self) -> tuple[tuple[Rows, Rows], ...]:
-        """Numbers of the links that as many links are before, and of those before them."""
+        """Links of equal depth, and their parents, level by level."""
         before, left = np.array([0, *(link.start.link for link in self.links)]), [*range(1, len(self.links) + 1)]
         known, levels = {0}, list[tuple[Rows, Rows]]()
         while left:  # links are in any order
@@ -179,7 +179,7 @@ class SpanningTree:
 
     @cached_property
     def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:
-        """Link that each velocity moves, its axis there, and whether it turns; 0 where it moves none.
+        """Link of each velocity, its axis there, and True for rotation; 0 if it moves none.
 
         Shapes (n_freedom,), (n_freedom, 3), (n_freedom,).
         """
@@ -194,7 +194,7 @@ class SpanningTree:
 
     @cached_property
     def carries(self) -> Array:
-        """1 where a velocity moves a link, ground first. Shape (n_link + 1, n_freedom)."""
+        """Matrix with 1 where a velocity moves a link, ground first. Shape (n_link + 1, n_freedom)."""
         carries = np.zeros((len(self.links) + 1, self.freedom))
         for level, before in self.levels:
             carries[level] = carries[before]
@@ -204,12 +204,12 @@ class SpanningTree:
 
     @property
     def moves(self) -> Array:
-        """1 where a velocity moves a body. Shape (n_body, n_freedom)."""
+        """Matrix with 1 where a velocity moves a body. Shape (n_body, n_freedom)."""
         return np.asarray(self.carries[self.bodies.link])
 
     @cached_property
     def before(self) -> Array:
-        """1 where a velocity is of a joint before that of another velocity. Shape (n_freedom, n_freedom)."""
+        """Matrix with 1 where a velocity's joint precedes another's. Shape (n_freedom, n_freedom)."""
         number = self.velocity[0]
         return np.asarray(self.carries[number] * (number[:, None] != number))
 
@@ -228,5 +228,5 @@ class TreeStates:
     qdd: Array
 
     def at(self, which: slice | NDArray[Any]) -> TreeStates:
-        """States at some of the samples."""
+        """Select samples."""
         return TreeStates(self.q[which], self.qd[which], self.qdd[which])

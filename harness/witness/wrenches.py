@@ -1,4 +1,4 @@
-"""Wrenches of unit reactions and actuator forces, and what loads, springs, dampers and motors exert."""
+"""Wrenches of unit reactions and actuator forces, and of loads, springs, dampers and motors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from screwgauge.witness.tree import TreeStates, stacked
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Act:
-    """What a joint's parent exerts on its child.
+    """Wrench of a joint's parent on its child.
 
     Attributes:
         force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
@@ -38,7 +38,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitWrench:
-    """A unit force or a unit moment, of one joint or, if it is that of a coupling, of several.
+    """A unit force or moment of a joint; of a coupling, on several joints.
 
     Attributes:
         name: Of the component of a reaction or an actuator.
@@ -50,7 +50,7 @@ class UnitWrench:
     acts: tuple[Act, ...]
 
     def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
-        """Bodies that it acts on, without ground, and force over moment about the centre of mass. Shape (n, 6)."""
+        """Bodies it acts on, ground excepted, with force, then moment about the centre of mass. Shape (n, 6)."""
         for act in self.acts:
             for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
                 body = tree.mechanism.body_index[side] - 1
@@ -61,7 +61,7 @@ class UnitWrench:
 
 
 def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving) -> Array:
-    """What unit wrenches exert on each body. Shape (n, n_body, 6, m)."""
+    """Effect of unit wrenches on each body. Shape (n, n_body, 6, m)."""
     n, b = com.p.shape[:2]
     columns = np.zeros((n, b, 6, len(units)))
     for k, unit in enumerate(units):
@@ -71,7 +71,7 @@ def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving
 
 
 def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
-    """Amounts of unit wrenches that give bodies what they need; least squares, smallest norm.
+    """Multiples of unit wrenches that meet body needs; least squares, smallest norm.
 
     Equations and unknowns are forces: moments are divided by a length.
 
@@ -93,7 +93,7 @@ def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: 
 
 
 def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
-    """All components of ``reaction``, those of couplings last, or of ``actuator_force``.
+    """All components of ``reaction``, couplings last, or of ``actuator_force``.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -118,7 +118,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
-    """A coupling has no power: 1 along its own coordinate, minus the slope of its polynomial along each other one."""
+    """Coupling wrenches, without power: 1 along its coordinate, minus the slope of the polynomial along each other."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
@@ -130,7 +130,7 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
 
 
 def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
-    """A force along one coordinate: without power on the other coordinates of its joint. `amount`: shape (n,)."""
+    """Force along a coordinate without power on the joint's others; `amount` has shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
     force, moment = (
@@ -141,7 +141,7 @@ def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordina
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Force and moment of a unit force along a coordinate of a joint: no power on its other coordinates. (n, 3) each.
+    """Force and moment of a unit force along a joint coordinate, without power on the others. (n, 3) each.
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
@@ -158,13 +158,13 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 
 def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
-    """World axes of a joint's frames on its parent and on its child, and where the second is."""
+    """World axes of a joint's frames on parent and child, and the origin of the second."""
     R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 
 def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
-    """Directions in which a joint holds its child: ``fx`` and so on are forces, ``mx`` and so on moments.
+    """Constrained directions of a joint: ``fx`` and so on are forces, ``mx`` and so on moments.
 
     Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
     three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
@@ -205,7 +205,7 @@ def exerted_wrenches(
     applied: Applied,
     resist: Sequence[Resistance] | None = None,
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """What loads, springs, dampers and motors exert, and rotors and friction of joints, one by one.
+    """Yield the wrenches of loads, springs, dampers and motors, and of rotors and friction of joints.
 
     Args:
         resist: Rotors, damping and dry friction that count, by default all of the mechanism.
@@ -247,7 +247,7 @@ def load_in_world(load: Load, t: Array, R: Array) -> tuple[Array, Array]:
 
 
 def _over_time(course: Course | Samples, t: Array) -> Array:
-    """A number at times [s]. Shape (n,)."""
+    """Evaluate a function of time at times [s]. Shape (n,)."""
     if isinstance(course, Samples):
         return np.asarray(course(t))
     omega, c, s = course.harmonics.T
@@ -263,7 +263,7 @@ def exerted_on_bodies(
     applied: Applied,
     resist: Sequence[Resistance] | None = None,
 ) -> Array:
-    """The sum of `exerted_wrenches`, moments about the centres of mass. Shape (n, n_body, 6)."""
+    """Sum of `exerted_wrenches`, moments about the centres of mass. Shape (n, n_body, 6)."""
     total = np.zeros((len(t), len(tree.matter.mass), 6))
     for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied, resist):
         total[:, body, :3] += force
@@ -283,7 +283,7 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
 
 
 def taken(one: Resistance, states: TreeStates) -> Array:
-    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (n,)."""
+    """Force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (n,)."""
     rate = states.qd[:, one.column]
     if one.what == "friction":
         return np.where(np.abs(rate) > REST, np.copysign(one.amount, rate), 0.0)
@@ -291,7 +291,7 @@ def taken(one: Resistance, states: TreeStates) -> Array:
 
 
 def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Array:
-    """What springs, dampers, motors, rotors and friction exert along joint coordinates [N or N m]. Shape (n, n_q)."""
+    """Forces of springs, dampers, motors, rotors and friction along joint coordinates [N or N m]. Shape (n, n_q)."""
     total = np.zeros_like(states.q)
     for one in mechanism.resistances:
         total[:, one.column] -= taken(one, states)
@@ -303,7 +303,7 @@ def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Ap
 def _pull(
     spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Forces of a spring between two points on its bodies, along the line between them."""
+    """Forces of a point spring on its bodies, along the line between its points."""
     way, rate = _line(spring, tree, motion)
     length = np.linalg.norm(way, axis=1)
     if not (length > 0.0).all():
@@ -323,7 +323,7 @@ def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple
 
 
 def spring_energy(tree: MechanismTree, motion: TreeMotion, q: Array, applied: Applied) -> Array:
-    """What springs have stored [J]. Shape (n,)."""
+    """Energy stored in springs [J]. Shape (n,)."""
     stored = np.zeros(len(q))
     for spring in applied.springs:
         if isinstance(spring, JointSpring):

@@ -343,9 +343,7 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Residuals of closures, then couplings, at tree coordinates q with their poses and ends of closures, see
-        `Loops.ends`. Shape (n, m).
-        """
+        """Residuals of closures, then couplings, at q with its poses and `ends`, see `Loops.ends`. Shape (n, m)."""
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 

@@ -1,1 +1,1 @@
-"""Diagrams as data, and the one renderer that draws any of them as SVG."""
+"""Diagrams as data, and the renderer that draws them as SVG."""

@@ -1,4 +1,4 @@
-"""Diagrams from specifications of Vega-Lite, ``specs/*.json``: one style, one colour per engine, colour-blind safe."""
+"""Vega-Lite diagrams from ``specs/*.json``: one style, one colour per engine, colour-blind safe."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _text(name: str) -> str:
 
 
 def filled(name: str, /, **values: Any) -> Spec:
-    """A specification with a value for each ``"$key"``, however deep; a facet of one panel becomes that panel."""
+    """Fill every ``"$key"`` of a specification, however deep; a facet of one panel becomes that panel."""
     spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
     if spec.get("columns") == 1:
         panel = spec.pop("spec")
@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Values that distinguish things by a field: domain and ranges of scales, columns of the legend, clicks on it."""
+    """Values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
@@ -71,7 +71,7 @@ def ways(field: str, looks: Mapping[str, Look]) -> Spec:
 
 
 def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Spec:
-    """Values ``data`` and ``lookup``: each curve is described once, its points are numbers or gaps.
+    """Values ``data`` and ``lookup``: each curve described once, with points that are numbers or gaps.
 
     Args:
         linear: Whether they share a linear axis: then a still picture needs no points that are on lines between others.
@@ -95,7 +95,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, at parts of them if there are few.
+    """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, and at parts of few decades.
 
     Args:
         values: What is drawn; only what is more than 0 can be.
@@ -122,7 +122,7 @@ def columns(panels: int) -> Spec:
 
 
 def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterable[str] = ()) -> Picture:
-    """Draws a specification, or gives the reason why it cannot be drawn.
+    """Draw a specification; on failure return the reason instead.
 
     Args:
         build: Specification without a title; ``True``: with more points than can be seen at once.
@@ -143,7 +143,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
 
 def still_parts(node: Any) -> Any:
-    """Parts of a chart without what answers a reader, as points that are not seen."""
+    """Parts of a chart without interaction, such as invisible points."""
     if isinstance(node, list):
         return [
             still_parts(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))
@@ -158,7 +158,7 @@ def _unseen(layer: Spec) -> bool:
 
 
 def _labelled(spec: Spec) -> Spec:
-    """A specification of Vega whose labels find places beside their points: Vega-Lite cannot say that."""
+    """Place labels beside their points in a Vega specification, which Vega-Lite cannot do."""
     anchors = ["top-right", "right", "bottom-right", "top-left", "left", "bottom-left", "top", "bottom"]
     for mark in (mark for mark in spec["marks"] if mark["name"] == "labels_marks"):
         size = {"signal": "[width, height]"}
@@ -167,7 +167,7 @@ def _labelled(spec: Spec) -> Spec:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Samples that show as much as all: ends, largest (and smallest) of each stretch, a gap where one has no number.
+    """Thin samples without visible loss: ends, extremes of each stretch, and a gap for missing numbers.
 
     Args:
         values: Shape (n,).
@@ -190,7 +190,7 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 
 
 def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
-    """Samples from which lines lead by all others, or not farther off; gaps stay. Shapes (n,).
+    """Choose samples whose connecting lines miss no other by more than `off`; gaps remain. Shapes (n,).
 
     Every other one is looked at, four times: what is left out early is off by less.
     """
@@ -225,7 +225,7 @@ CAMPS = (
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a line and its marks are drawn; `dash`: lengths of strokes and gaps [pixels]."""
+    """Style of a line and its marks; `dash`: lengths of strokes and gaps [pixels]."""
 
     colour: str
     dash: tuple[int, ...] = DASHES[0]
@@ -233,17 +233,17 @@ class Look:
 
 
 def numbered(i: int) -> Look:
-    """The i-th look of things without a camp."""
+    """Style number i for things without a camp."""
     return Look(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)], SHAPES[i % len(SHAPES)])
 
 
 def camp(name: str) -> str:
-    """Colour of an engine, a family or a setting of one, by how its name begins."""
+    """Colour of an engine, family or setting, by the prefix of its name."""
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
 def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
-    """Looks of engines, families or settings: the colour of the camp, a shape and a dash that it has not used yet.
+    """Styles of engines, families or settings: the camp's colour with an unused shape and dash.
 
     Args:
         before: Names that have their looks already.

@@ -77,13 +77,13 @@ def _reason(grid: GridMotion, at: NDArray[np.intp]) -> str:
 
 
 def _edges(axis: Array) -> Array:
-    """Ends of the cells around values of an axis. Shape (n,) -> (n + 1,)."""
+    """Cell edges around axis values. Shape (n,) -> (n + 1,)."""
     middle = 0.5 * (axis[1:] + axis[:-1])
     return np.concatenate([[2 * axis[0] - middle[0]], middle, [2 * axis[-1] - middle[-1]]])
 
 
 def _ends(table: Array) -> tuple[list[float], bool]:
-    """Ends of the colours, and whether they leave out values."""
+    """Range of the colours, and True if it leaves out values."""
     known = table[np.isfinite(table)]
     if not len(known):
         return [0.0, 1.0], False
@@ -103,7 +103,7 @@ def _levels(low: float, high: float) -> Array:
 
 
 def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[float, float, float, float]]:
-    """Straight pieces of the lines on which a function, linear along the sides of squares between cells, has values.
+    """Straight segments of the level lines of a function that is linear along cell sides.
 
     Args:
         x, y: Where the function is known. Shapes (n,), (m,).

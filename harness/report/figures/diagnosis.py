@@ -1,4 +1,4 @@
-"""The pictures of ``screwgauge diagnose``: both machines, and what the differences change of the torques."""
+"""Pictures of ``screwgauge diagnose``: both machines, and the torque effects of their differences."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ FLOOR = 1e-17  # what is zero is drawn so small
 
 
 def share_text(cause: ToldCause) -> str:
-    """Share of the torque difference; empty where no torque shows the cause, or no value makes it."""
+    """Share of the torque difference; empty for causes without torque effect or numeric change."""
     return percent(cause.share) if has_share(cause) else ""
 
 
 def has_share(cause: ToldCause) -> bool:
-    """Whether a share means anything."""
+    """True if a share is meaningful."""
     return cause.kind in ("cause", "small") and not math.isnan(cause.share)
 
 
 def make_plots(diagnosis: Diagnosis) -> list[Picture]:
-    """All pictures: the machines where they differ, and torques where these do."""
+    """Draw the machines where they differ, and torques if these differ."""
     pictures = [machines(diagnosis)] if diagnosis.differences else []
     shown = sorted(filter(has_share, diagnosis.causes), key=lambda cause: -abs(cause.share))[:MOST]
     if not shown:

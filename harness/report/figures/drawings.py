@@ -1,4 +1,4 @@
-"""Which components a picture of a run shows: those that a scene names, or all; what is not unique stands apart."""
+"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones apart."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_PANELS = 6  # more side by side cannot be read; they then share one
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """One picture: components of a figure that all have a unique value, or that all have none.
+    """A picture's components, either all unique or none.
 
     Attributes:
         panels: Labels and names of components.
@@ -40,7 +40,7 @@ class Drawing:
 
     @property
     def note(self) -> str:
-        """What a reader has to know about values that are not unique; empty where all are."""
+        """Explain values that are not unique; empty if all are."""
         n = len(self.names) + self.others
         if not self.unique:
             return (
@@ -53,7 +53,7 @@ class Drawing:
 
 
 def named(comparison: Comparison) -> dict[str, Drawing]:
-    """Name of a picture -> what it shows."""
+    """Name of a picture -> its drawing."""
     drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
     return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
 
@@ -61,7 +61,7 @@ def named(comparison: Comparison) -> dict[str, Drawing]:
 def drawings(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], not_unique: Mapping[str, Collection[str]]
 ) -> list[Drawing]:
-    """What is drawn of the figures; what has no unique value is drawn apart.
+    """Turn figures into drawings, with non-unique values apart.
 
     Args:
         not_unique: Quantity -> components without a unique value.
@@ -82,13 +82,13 @@ def drawings(
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
-    """Names of the components that have the unit and match one of the patterns."""
+    """Names of the components of a unit that match a pattern."""
     names = zip(values.components, values.units, strict=True)
     return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]:
-    """The contour plot of a figure, if it is one of a component that an engine gives."""
+    """The contour plot of a figure of a component that an engine gives."""
     known = values.get(figure.quantity)
     if known is not None and figure.contour in known.components:
         unit = known.units[known.components.index(figure.contour)]
@@ -98,7 +98,7 @@ def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]
 def drawable(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
 ) -> tuple[Figure, ...]:
-    """The figures of curves with the panels for which an engine has values; defaults if nothing is left to draw."""
+    """Figures of curves with the panels that an engine has values for; defaults if none remain."""
     values, kept = _first_values(solutions), []
     for figure in (figure for figure in figures if figure.quantity in values):
         has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
@@ -107,7 +107,7 @@ def drawable(
 
 
 def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
-    """Sentences on figures of quantities that nobody gives, and on patterns that no component matches."""
+    """Warn about figures of quantities that nobody gives, and patterns that match no component."""
     values = _first_values(solutions)
     missing = [figure for figure in figures if figure.quantity not in values]
     strange = [figure for figure in figures if figure.contour and not [*_contours(figure, values)]]
@@ -128,7 +128,7 @@ def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> li
 
 
 def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
-    """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
+    """Default figures: one per quantity and unit, with a panel per named part of the mechanism."""
     figures = []
     for quantity, values in _first_values(solutions).items():
         units = dict.fromkeys(values.units)
@@ -147,7 +147,7 @@ def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
 
 
 def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Panels by the part before the first dot (``leg1``), or one panel."""
+    """Group names into panels by the part before the first dot (``leg1``), or one panel."""
     parts = list(dict.fromkeys(name.split(".")[0] for name in names))
     if not 1 < len(parts) <= MAX_PANELS or len(parts) == len(names):
         return (("", ("*",)),)
@@ -155,7 +155,7 @@ def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 
 def short_labels(names: list[str]) -> list[str]:
-    """Names without the leading dotted parts that all of them share: ``leg1.q1`` -> ``q1``."""
+    """Drop the dotted prefix that all names share: ``leg1.q1`` -> ``q1``."""
     parts = [name.split(".") for name in names]
     shared = 0
     while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):

@@ -1,4 +1,4 @@
-"""Draws in a process of its own: V8, which draws charts, ends whoever runs it where memory is short."""
+"""Drawing in a separate process: V8, the chart engine, kills its process when memory is short."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ LONGEST = 60.0  # s that one drawing may take
 
 
 class DrawingError(ReportError):
-    """Something that could not be drawn."""
+    """Raised if something could not be drawn."""
 
 
 class Renderer:
-    """The process that draws, started when it is first wanted and again when it has crashed over one drawing.
+    """The drawing process, started on demand, and again after a crash over a drawing.
 
     Attributes:
         lost: Why drawings could not be made.
@@ -39,7 +39,7 @@ class Renderer:
         self.lock = Lock()
 
     def start(self) -> None:
-        """Starts the process, if it does not run; nothing waits for it."""
+        """Start the process unless it runs, without waiting for it."""
         if self.process is not None and self.process.poll() is None:
             return
         self.end()
@@ -55,7 +55,7 @@ class Renderer:
         self.able = False
 
     def ask(self, call: str, *arguments: Any, **named: Any) -> Any:
-        """What a function of vl_convert gives: a text, bytes, or plain data.
+        """Call a function of vl_convert: returns a text, bytes, or plain data.
 
         Raises:
             DrawingError: It cannot; the message has the reason.
@@ -103,7 +103,7 @@ class Renderer:
             raise _error(f"no process can be started ({error.strerror or error})") from None
 
     def end(self) -> None:
-        """Ends the process."""
+        """End the process."""
         process, self.process = self.process, None
         if process is not None:
             with suppress(OSError):
@@ -116,7 +116,7 @@ def _error(why: str) -> DrawingError:
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:
-    """How the process ended, and what may have been the cause."""
+    """Describe how the process ended, and a possible cause."""
     status = process.wait()
     if status == -signal.SIGKILL:
         how = f"was killed: memory ran out, or it took more than {LONGEST:g} s"
@@ -135,7 +135,7 @@ os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a
 
 @contextmanager
 def losses() -> Iterator[list[str]]:
-    """What could not be drawn meanwhile: why not, once for each drawing; complete when the context ends."""
+    """Collect the reasons of failed drawings, once each; complete at the end of the context."""
     reasons, before = list[str](), len(RENDERER.lost)
     yield reasons
     reasons += RENDERER.lost[before:]

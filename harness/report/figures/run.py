@@ -1,4 +1,4 @@
-"""The pictures of a run: what engines say of components, and their differences below."""
+"""Pictures of a run: the engines' values of components, with their differences below."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Subject:
-    """A quantity as every engine has it.
+    """A quantity of every engine.
 
     Attributes:
         t: Time [s]. Shape (n,).
@@ -53,13 +53,13 @@ class _Subject:
         return [name for _, some in self.panels for name in some]
 
     def given(self, *engines: str) -> list[str]:
-        """Components of which all of some engines give a number: a table may lack others."""
+        """Components with numbers from some engine; a table may lack others."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
         return [name for name in self.names if all(name in each for each in known)] or self.names
 
 
 def make_plots(comparison: Comparison) -> list[Picture]:
-    """All pictures of the report, in order."""
+    """Draw all pictures of the report, in order."""
     plots = [_quantity(name, drawing, comparison) for name, drawing in named(comparison).items()]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
@@ -76,7 +76,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
 
 
 def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
-    """What two engines say of one component, and their difference.
+    """Draw one component of two engines, and their difference.
 
     Args:
         curve: Times [s] and both values. Shape (n, 3).
@@ -115,7 +115,7 @@ def _drawn(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], to
 def _curves(
     subject: _Subject, labels: Sequence[dict[str, str]], shown: Sequence[str], title: str, moving: bool
 ) -> Spec:
-    """The first engine as lines, the others as sparse marks in the same colours."""
+    """Draw the first engine as lines, the others as sparse marks in the same colours."""
     grid, series = chart.columns(len(labels)), list[Curve]()
     looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
     stretches = CURVE[moving] // (1 if moving else grid["columns"])
@@ -135,7 +135,7 @@ def _curves(
 
 
 def _flat(series: Iterable[Curve]) -> Spec:
-    """A scale for what does not change at all, or by rounding only: its ticks would all read the same."""
+    """Scale of a curve that is constant up to rounding, whose ticks would all read the same."""
     known = np.concatenate([v[np.isfinite(v)] for _, _, v in series] or [np.zeros(0)])
     largest = float(np.abs(known).max(initial=0.0))
     if not known.size or float(np.ptp(known)) > 1e-5 * largest:
@@ -145,7 +145,7 @@ def _flat(series: Iterable[Curve]) -> Spec:
 
 
 def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
-    """The largest difference of each pair and where it is; grey lines for the tolerance and for zero."""
+    """Draw each pair's largest difference and its place, with grey lines at the tolerance and at zero."""
     numbers, times = (np.concatenate([columns[k] for columns in apart_by_pair.values()]) for k in (1, 0))
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
@@ -177,7 +177,7 @@ def _lower(
     moving: bool,
     **more: object,
 ) -> Spec:
-    """Values of a panel with a logarithmic axis, which a parameter makes linear.
+    """Values of a panel with a logarithmic axis that a parameter makes linear.
 
     A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
 
@@ -191,7 +191,7 @@ def _lower(
 
 
 def _condition(name: str, comparison: Comparison) -> Picture:
-    """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
+    """Draw the condition number of each engine's closure along the path, the maximum of each stretch."""
     t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
@@ -225,13 +225,13 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
 
 
 def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
-    """Component -> label of those that are drawn; of too many, the ones that move most."""
+    """Component -> label of the drawn ones; of too many, those that move most."""
     moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
     return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
 def _apart(subject: _Subject, pair: Pair) -> Apart:
-    """Largest difference over the components, NaN as soon as one side is no number. Shapes (n,)."""
+    """Largest difference over the components, NaN if either side is NaN. Shapes (n,)."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
@@ -241,14 +241,14 @@ def _apart(subject: _Subject, pair: Pair) -> Apart:
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
-    """About `marks` samples, staggered so that the marks of different engines do not hide each other."""
+    """Choose about `marks` samples, staggered so that engines' marks do not hide each other."""
     if n <= 2 * marks:
         return np.arange(n)
     return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
 
 
 def _compared(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Pairs of engines that have the quantity that is drawn; the tolerance if all are held against the same."""
+    """Pairs of engines with the drawn quantity, and the tolerance if all share it."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
@@ -258,7 +258,7 @@ def _compared(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], flo
 
 
 def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[str]:
-    """What the curves, so many of them, do not show."""
+    """Warn about components that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
     if others:  # joint forces of an open tree, for one, differ from cut to cut
         yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."

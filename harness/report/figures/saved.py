@@ -1,4 +1,4 @@
-"""Figures for a paper: curves without tolerance and marks, in the width, font and size of its text."""
+"""Figures for a paper: bare curves in the width, font and size of its text."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ALIKE = {
 
 
 class Figure(Picture):
-    """A picture that can be saved for a paper: what `Results.figure` and `Results.plot` give."""
+    """A picture that can be saved for a paper, made by `Results.figure` and `Results.plot`."""
 
     __slots__ = ()
 
@@ -44,7 +44,7 @@ class Figure(Picture):
         dpi: int = 600,
         force: bool = False,
     ) -> Path:
-        """Writes the figure for a paper: of a chart the curves, without title, differences, tolerance and marks.
+        """Write the figure for a paper: only the curves of a chart, without title, differences, tolerance and marks.
 
         Args:
             path: Ends with ``.pdf``, ``.png`` or ``.svg``.
@@ -71,7 +71,7 @@ class Figure(Picture):
 
 
 def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
-    """Content of an SVG, PDF or PNG file of a width such as ``8.5cm`` with all that is in an SVG."""
+    """Convert an SVG to the content of an SVG, PDF or PNG of a width such as ``8.5cm``."""
     if ending == ".svg":
         return sized(svg, in_points(width), "pt")
     call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
@@ -79,13 +79,13 @@ def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
 
 
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:
-    """Refuses a file whose name promises another kind of picture."""
+    """Reject a file ending of another kind of picture."""
     if path.suffix not in known:
         raise DescriptionError(f"cannot write {path.name}", where, f"name a file that ends with {' or '.join(known)}")
 
 
 def in_points(width: str) -> float:
-    """A width such as ``8.5cm`` in points.
+    """Convert a width such as ``8.5cm`` to points.
 
     Raises:
         DescriptionError: It is none, or none of a page.
@@ -98,7 +98,7 @@ def in_points(width: str) -> float:
 
 
 def sized(svg: str, wide: float, unit: str = "") -> str:
-    """An SVG of another width with all that is in it; without a unit, PDF and PNG take it for points."""
+    """Scale an SVG to a width; PDF and PNG read a width without unit as points."""
     head, end, tail = svg.partition(">")
     w, h = (float(re.findall(rf'\b{name}="([\d.]+)"', head)[0]) for name in ("width", "height"))
     box = "" if "viewBox" in head else f' viewBox="0 0 {w:g} {h:g}"'
@@ -107,7 +107,7 @@ def sized(svg: str, wide: float, unit: str = "") -> str:
 
 
 def _installed(font: str) -> str:
-    """A font with those that take its place; text in a font that is not installed would be left out."""
+    """Add fallback fonts, since text in a missing font would disappear."""
     if font in ALIKE:
         return ALIKE[font]
     name = re.fullmatch(r"[\w -]{1,80}", font)
@@ -122,7 +122,7 @@ def _installed(font: str) -> str:
 
 
 def _drawn(spec: Spec, wide: float, font: str, size: float) -> str:
-    """The curves of a chart as SVG, as wide as is wanted [pt]: drafts tell what axes and legends take."""
+    """Draw a chart's curves as an SVG of the wanted width [pt], using drafts to measure axes and legends."""
     view = _curves(spec, wide, font, size)
     panel, svg = view.get("spec", view), ""
     axis = panel.get("encoding", view.get("encoding"))["y"]
@@ -139,7 +139,7 @@ def _drawn(spec: Spec, wide: float, font: str, size: float) -> str:
 
 
 def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
-    """The lines of a chart, without what stands around and below them."""
+    """Keep the lines of a chart without surroundings."""
     view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": size, "titleFontSize": size}
     config = {key: {**part, **texts} for key, part in spec["config"].items() if isinstance(part, dict)}
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}

@@ -1,4 +1,4 @@
-"""The process that draws: calls functions of vl_convert, which bring a browser's JavaScript engine, one a line.
+"""The drawing process: calls functions of vl_convert, which embeds a browser's JavaScript engine, one per line.
 
 Run as a program: ``python -m screwgauge.report.figures.v8 FD``, the number of its lifeline.
 """
@@ -18,7 +18,7 @@ from screwgauge.study.lifeline import hold
 
 
 def main() -> None:
-    """Answers lines ``{"call", "arguments", "named"}`` with ``{"text"}``, ``{"bytes"}`` or ``{"error"}``."""
+    """Answer lines ``{"call", "arguments", "named"}`` with ``{"text"}``, ``{"bytes"}`` or ``{"error"}``."""
     hold(Connection(int(sys.argv[1]), writable=False))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and then ends this one
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")

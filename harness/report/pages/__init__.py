@@ -1,1 +1,1 @@
-"""What each report says: functions that turn the results of a study into blocks."""
+"""The pages: functions that turn results of a study into blocks."""

@@ -1,4 +1,4 @@
-"""The page of a gate, and what is left for services of CI."""
+"""The page of a gate, and its files for CI services."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ WORDS: dict[Outcome, str] = {
 
 
 def _banners(check: Check) -> list[Banner]:
-    """The verdict, and what no machine has."""
+    """Build banners of the verdict and of content that no machine has."""
     odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
     odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
     odd += [(row.scene, f"{sentence}.") for row in check.rows for sentence in row.remarks]
@@ -79,7 +79,7 @@ def _banner(check: Check) -> Banner:
 
 
 def _admitted(check: Check) -> list[str]:
-    """What is admitted on purpose, and in which scenes."""
+    """List the admitted differences and their scenes."""
     scenes: dict[str, list[str]] = {}
     for row in check.rows:
         for each in row.admitted:
@@ -88,7 +88,7 @@ def _admitted(check: Check) -> list[str]:
 
 
 def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
-    """What tables say of rows: status and worst error."""
+    """Rows for tables: status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
     for row in rows:
@@ -100,7 +100,7 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
 
 
 def _rows(check: Check) -> list[dict[str, Any]]:
-    """What does not pass first, then what comes nearest to its tolerance."""
+    """Failed rows first, then by closeness to the tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
         return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
@@ -109,7 +109,7 @@ def _rows(check: Check) -> list[dict[str, Any]]:
 
 
 def _pictures(check: Check) -> list[Picture]:
-    """What does not pass, as both engines have it."""
+    """Draw failed pairs with both engines' values."""
     bad, drawn = [(row, row.worst) for row in check.rows if row.worst and row.curve], list[Picture]()
     for i, (row, worst) in enumerate(bad[:SHOWN], 1):
         title = f"{row.scene}: {worst.quantity} at {worst.component}"
@@ -118,7 +118,7 @@ def _pictures(check: Check) -> list[Picture]:
 
 
 def _about(check: Check) -> dict[str, Any]:
-    """Facts of the first screen: how much was checked, by which engines, from which files and when."""
+    """Facts of the first screen: size of the check, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
@@ -132,12 +132,12 @@ def _about(check: Check) -> dict[str, Any]:
 
 
 def _files(check: Check) -> dict[str, str]:
-    """Whose file -> its hash."""
+    """Owner of each file -> its hash."""
     return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in check.rows for of, digest in row.files.items()}
 
 
 def _tolerances(check: Check) -> list[str]:
-    """The largest of each quantity by where they come from."""
+    """List the largest tolerance of each quantity by its source."""
     by: dict[str, dict[str, float]] = {}
     for one in (error for row in check.rows for error in row.errors):
         sizes = by.setdefault(one.reason, {})
@@ -146,12 +146,12 @@ def _tolerances(check: Check) -> list[str]:
 
 
 class CheckReport(Shown, Check):
-    """A check with its report; a notebook shows it."""
+    """A check with its report, which a notebook shows."""
 
     __slots__ = ()
 
     def markdown(self) -> str:
-        """The summary of a job."""
+        """Summary of a CI job."""
         return markdown([Heading("Screwgauge"), *self._screen()])
 
     def __repr__(self) -> str:
@@ -162,7 +162,7 @@ class CheckReport(Shown, Check):
 
 
 class _Page(Report):
-    """A report with the files that services for CI read."""
+    """A report with additional files for CI services."""
 
     def write(
         self,
@@ -174,7 +174,7 @@ class _Page(Report):
         force: bool = False,
         **writing: Any,
     ) -> Path:
-        """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
+        """Write ``check.json``, the report and ``environment.json``; JUnit and baseline on request.
 
         The summary of a job is added to the file that `SUMMARY` names.
         """
@@ -212,7 +212,7 @@ PAGE = _Page(
 
 
 def sentence_of(results: Comparison) -> str:
-    """The verdict of a comparison."""
+    """Verdict of a comparison."""
     banner = verdict(results)
     return f"{banner.word}: {banner.text}"
 
@@ -220,6 +220,6 @@ def sentence_of(results: Comparison) -> str:
 def check_with(
     execute: Executor, what: Sequence[str | Path], *, smoke: bool = False, meshes: bool = False, **options: Any
 ) -> CheckReport:
-    """Checks scenes or pairs of models, and says it in words; options as in `study.gate.check`."""
+    """Check scenes or pairs of models, with a report; options as in `study.gate.check`."""
     settings = GateSettings(sentence_of, smoke, more=more, meshes=meshes)
     return CheckReport.of(check_items_with(execute, what, settings, **options))

@@ -1,4 +1,4 @@
-"""The report of ``screwgauge diagnose``: what differs, what that explains, and the proof."""
+"""The report of ``screwgauge diagnose``: differences, their effects, and the proof."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.study.formatting import Row, size
 
 
 def _banners(diagnosis: Diagnosis) -> list[Banner]:
-    """The verdict, and what no machine has."""
+    """Build banners of the verdict and of content that no machine has."""
     return [_banner(diagnosis), *(Banner(sentence, "Warning") for sentence in diagnosis.doubts)]
 
 
@@ -31,7 +31,7 @@ def _banner(diagnosis: Diagnosis) -> Banner:
 
 
 def _differences(diagnosis: Diagnosis) -> list[Row]:
-    """Each one, by the number of its cause; none where the causes are the differences."""
+    """Rows of differences by the number of their cause; empty if the causes are the differences."""
     if all(len(cause.differences) == 1 for cause in diagnosis.causes):
         return []
     numbers = {i: k for k, cause in enumerate(diagnosis.causes, 1) for i in cause.differences}
@@ -58,7 +58,7 @@ def _causes(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _scale(diagnosis: Diagnosis) -> str:
-    """What shares are of."""
+    """Reference of the shares."""
     if not any(map(has_share, diagnosis.causes)):
         return ""
     return (
@@ -68,7 +68,7 @@ def _scale(diagnosis: Diagnosis) -> str:
 
 
 def _agreement(diagnosis: Diagnosis) -> list[Row]:
-    """How far torques are apart where nothing else differs."""
+    """Torque differences where nothing else differs."""
     found = diagnosis.found
     both = found.together.row if found.together is not None else None
     pairs = (("torques of the readings", found.agreement), ("torques of the libraries as loaded", both))
@@ -76,7 +76,7 @@ def _agreement(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _torques(diagnosis: Diagnosis) -> list[Row]:
-    """What the differences change of the torques, the largest first."""
+    """Torque effects of the differences, the largest first."""
     rows = [{"component": name, "change": change} for name, change in diagnosis.found.by_joint if change > 0.0]
     return sorted(rows, key=lambda row: -row["change"])
 
@@ -102,7 +102,7 @@ def _permutation(diagnosis: Diagnosis) -> str:
 
 
 def _ignored(diagnosis: Diagnosis) -> list[str]:
-    """Content that libraries ignore, without what the list of things not compared has."""
+    """Content that libraries ignore and the list of skipped things lacks."""
     whats = [(side, what) for side, model in _sides(diagnosis) for what in model.reading.ignored]
     return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in diagnosis.not_compared]
 
@@ -125,7 +125,7 @@ def _file(model: Model) -> str:
 
 
 def every_difference(diagnosis: Diagnosis) -> str:
-    """What is printed, and each difference."""
+    """Print the report and every difference."""
     ranked = sorted(diagnosis.differences, key=lambda each: -each.size)
     items = Items(tuple(each.sentence for each in ranked))
     more: list[Block] = [Heading("All differences"), items] if diagnosis.differences else []

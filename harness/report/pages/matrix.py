@@ -1,4 +1,4 @@
-"""The report of ``screwgauge matrix``: which versions agree."""
+"""The report of ``screwgauge matrix``: versions that agree."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 def _pairs(some: Iterable[Row]) -> str:
-    """Pairs of versions, those of Pinocchio with one MuJoCo together."""
+    """Version pairs, grouped by Pinocchio for one MuJoCo."""
     grouped: dict[str, list[str]] = {}
     for row in some:
         grouped.setdefault(row["mujoco"], []).append(row["pin"])
@@ -30,7 +30,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """Sentences on what does not pass: in how many scenes which quantities differ. Pairs with one reason share it."""
+    """Reasons of failures: number of scenes by differing quantities; pairs with one reason share it."""
     amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:

@@ -1,4 +1,4 @@
-"""The report of a run: verdict first, evidence after; with its summary, its tables, and what a terminal shows."""
+"""The report of a run: verdict, then evidence; also its summary, tables, and terminal output."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _banners(results: Comparison) -> list[Banner]:
 
 
 def _shown(errors: Iterable[Row]) -> list[Row]:
-    """Rows with what tables say of them: where they are worst, signs for what is out of tolerance."""
+    """Rows for tables: where they are worst, and signs for those out of tolerance."""
     shown = []
     for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
@@ -67,7 +67,7 @@ def _shown(errors: Iterable[Row]) -> list[Row]:
 
 
 def _worst_three(results: Comparison) -> list[Row]:
-    """What comes nearest to its tolerance, or goes beyond it farthest."""
+    """Rows nearest to their tolerance, or farthest beyond it."""
     pairs = [row for row in compared(results) if not has_excuse(row, results.scene.simulated)]
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in pairs]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
@@ -80,12 +80,12 @@ def _worst_three(results: Comparison) -> list[Row]:
 
 
 def _is_open_tree(row: Row) -> bool:
-    """Whether it is of the open tree, of which no force acts in the machine, and within tolerance: it never leads."""
+    """True for an open-tree force within tolerance: it never leads, as it does not act in the machine."""
     return bool(row["ok"]) and row["what"].removeprefix("judge: ").startswith("tree force")
 
 
 def _what(results: Comparison) -> dict[str, Any]:
-    """What was judged, short enough for a first screen."""
+    """Describe the scene and files briefly for the first screen."""
     files, versions = short(judged(results.provenance)), dict[str, Any]()
     for name in (*results.solutions, *results.failures):
         version = (results.solutions[name].version or "given") if name in results.solutions else "✗ failed"
@@ -96,7 +96,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 
 def _overview(results: Comparison) -> list[Row]:
-    """Digits of agreement of each pair, next to those that the tolerance asks for; what differs first."""
+    """Digits of agreement of each pair beside those of the tolerance, differences first."""
     lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
@@ -106,7 +106,7 @@ def _overview(results: Comparison) -> list[Row]:
 
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
-    """What differs is shown; what agrees is folded into a line with its digits."""
+    """Show pictures of differences; fold those of agreement under a line with its digits."""
     drawn, pairs, shown, folds = named(results), _pairs(results), list[Block](), list[Block]()
     for picture in pictures:
         drawing, errors = drawn.get(picture.name), pairs.get(picture.name, [])
@@ -123,13 +123,13 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 
 def _pairs(results: Comparison) -> dict[str, list[Row]]:
-    """Name of a picture -> rows of the pairs that it shows; none of what is not unique."""
+    """Name of a picture -> rows of its pairs, unique components only."""
     rows = grouped(compared(results), "quantity", "unit")
     return {name: rows.get((one.quantity, one.unit), []) for name, one in named(results).items() if one.unique}
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
-    """The first picture of what differs, else of the actuator forces, else of anything; then the mechanism."""
+    """Choose the leading picture: a difference, else actuator forces, else any; then the mechanism."""
     drawn, pairs = named(results), _pairs(results)
     shown = [picture for picture in pictures if picture.name in drawn]
     differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
@@ -138,7 +138,7 @@ def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
 
 
 def _parameters(results: Comparison) -> list[Row]:
-    """Smallest error from which parameters show."""
+    """Smallest visible error of each parameter."""
     parameters, hidden = sorted(results.coverage.parameters, key=lambda row: -row["smallest"]), results.coverage.hidden
     untested = {row["parameter"]: "by no motion" if row["parameter"] in hidden else "not tested" for row in parameters}
     return [
@@ -162,7 +162,7 @@ def _estimate(row: Guarded) -> str:
 
 
 def _conditioning(results: Comparison) -> list[Block]:
-    """Conditioning in a few words: no sample flagged, or the worst of them."""
+    """Summarise the conditioning: no sample flagged, or the worst of them."""
     if not results.guard:
         return []
     bad = [row for row in results.guard if not row.ok]
@@ -179,7 +179,7 @@ def _conditioning(results: Comparison) -> list[Block]:
 
 
 def _engines(results: Comparison) -> Iterator[Row]:
-    """Who ran to the end, or how far."""
+    """Engines, and the time each reached."""
     for name, solution in results.solutions.items():
         n, status = solution.n_solved, "given" if solution.engine == REFERENCE else "ran"
         if solution.stopped:
@@ -190,12 +190,12 @@ def _engines(results: Comparison) -> Iterator[Row]:
 
 
 def _times(results: Comparison) -> list[Row]:
-    """Measured stages with what the clock covers."""
+    """Timed stages, with what the clock covers."""
     return [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
 
 
 def published(results: Comparison) -> list[Row]:
-    """Errors and times of this run next to those that others have published."""
+    """Errors and times of this run beside published ones."""
     theirs_, ours = [*map(theirs, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
@@ -212,7 +212,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def theirs(item: Published) -> Row:
-    """A published result, its error next to what it measures."""
+    """A published result, its error beside what it measures."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s
@@ -220,12 +220,12 @@ def theirs(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Worst error of each key and unit: out of tolerance first, then the largest; a missing number is worst."""
+    """Worst error of each key and unit: out of tolerance first, then the largest; NaN is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:
-    """The row with the fewest digits, those out of tolerance first: the one that the verdict names, too."""
+    """Row with the fewest digits, out of tolerance first, as in the verdict."""
     return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
 
 
@@ -264,14 +264,14 @@ VALUES: dict[str, Value] = {
 
 
 def errors_table(results: Comparison) -> pd.DataFrame:
-    """What ``errors.csv`` holds: empty cells where there is nothing to judge, ``nan`` for what is no number."""
+    """Content of ``errors.csv``: empty cells if there is nothing to judge, ``nan`` for NaN."""
     table = results.errors[[*ERROR_COLUMNS]].astype({"tolerance": object, "ok": object})
     table.loc[table["ok"].isna(), ["tolerance", "ok"]] = ""
     return table
 
 
 def pictures(results: Comparison) -> list[Picture]:
-    """The mechanism, then what engines say of each quantity."""
+    """Draw the mechanism, then each quantity of all engines."""
     return [stage(results.scene, results.solutions), *make_plots(results)]
 
 
@@ -292,12 +292,13 @@ DATA, report = RUN.DATA, RUN.blocks
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
-    """What ``screwgauge run`` prints: verdict, the worst pair of each quantity and unit, the worst engine of each
-    residual of the judge, conditioning."""
+    """Terminal output of ``screwgauge run``: verdict, the worst pair of each quantity and unit, the worst engine of
+    each residual, conditioning.
+    """
     brief: dict[str, Value] = {} if judge else {"worst residuals": lambda results: ()}
     return replace(RUN, values={**VALUES, **brief}).terminal(results)
 
 
 def write(results: Comparison, out: Path, *, samples: bool = False, **writing: Any) -> Path:
-    """Writes everything, see `screwgauge.report.results.Results.write`, and `Report.write` for the rest."""
+    """Write all files, see `screwgauge.report.results.Results.write` and `Report.write`."""
     return RUN.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, **writing)

@@ -1,4 +1,4 @@
-"""The report of a sweep: the number that costs most, the spread of all variants, and those that others checked."""
+"""The report of a sweep: the costliest number, the spread of variants, and variants checked by engines."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NOTES = ("Both ways by one standard deviation, to first order; the longest bar i
 
 
 def headline(sweep: Sweep) -> str:
-    """The number that costs most, how many variants there are, and whether others found the same."""
+    """State the costliest number, the number of variants, and the engines' agreement."""
     count, lost = len(sweep.why), int(np.sum(sweep.why != ""))
     parts = []
     if sweep.effects:
@@ -53,7 +53,7 @@ def _size(effect: Effect) -> str:
 
 
 def _effects(sweep: Sweep) -> list[Row]:
-    """A line for each number, the dearest first."""
+    """A line for each number, the costliest first."""
     return [
         {
             "name": effect.name,
@@ -67,7 +67,7 @@ def _effects(sweep: Sweep) -> list[Row]:
 
 
 def _columns(sweep: Sweep) -> list[Row]:
-    """A line for each statistic: as the scene has it, and over all variants."""
+    """A line for each statistic: value of the scene, and range over variants."""
     lines = list[Row]()
     for k, column in enumerate(sweep.columns):
         row, line = sweep.worst(k), {"name": column.name, "nominal": number(sweep.nominal[k], 4)}
@@ -82,7 +82,7 @@ def _columns(sweep: Sweep) -> list[Row]:
 
 
 def _farthest(sweep: Sweep, row: int, column: int) -> str:
-    """The numbers of a variant that count most for a statistic."""
+    """Most influential numbers of a variant for a statistic."""
     order = sorted(sweep.effects, key=lambda effect: -abs(float(effect.changes[column])))
     values = sweep.numbers.iloc[row]
     some = [effect.name for effect in order if effect.name in values.index] or [*values.index]
@@ -113,7 +113,7 @@ def _indices(sweep: Sweep) -> list[Row]:
 
 
 def make_plots(sweep: Sweep) -> list[Picture]:
-    """A tornado of the statistic that changes most."""
+    """Draw a tornado of the statistic that changes most."""
     if not sweep.effects:
         return []
     column = sweep.ranked[0][1]
@@ -127,7 +127,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
 
 
 def effects_table(sweep: Sweep) -> pd.DataFrame:
-    """What one standard deviation of each number changes."""
+    """Effect of one standard deviation of each number."""
     rows = [effect.changes for effect, _ in sweep.ranked]
     head = pd.DataFrame(
         [[effect.name, effect.kind, effect.deviation] for effect, _ in sweep.ranked],
@@ -170,5 +170,5 @@ def _draws(sweep: Sweep) -> str:
 
 
 def write(sweep: Sweep, out: Path, *, samples: bool = False, **writing: Any) -> Path:
-    """Writes the report; `samples`: the table as Parquet in place of CSV. See `Report.write` for the rest."""
+    """Write the report; `samples` writes the table as Parquet instead of CSV. See `Report.write` for the rest."""
     return PAGE.write(sweep, out, more={SAMPLES if samples else TABLE: sweep.table}, **writing)

@@ -1,1 +1,1 @@
-"""The mechanism in space: drawn from its description, in motion, with what acts on it and what holds it."""
+"""The mechanism in 3D: drawn from its description, in motion, with forces and constraints."""

@@ -1,4 +1,4 @@
-"""A mechanism at its home pose as SVG, by parallel projection."""
+"""SVG drawing of a mechanism at home by parallel projection."""
 
 from __future__ import annotations
 
@@ -67,14 +67,14 @@ LOOK = f"""
 
 
 def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
-    """What has to be within a picture, in its plane. Shape (n, 2)."""
+    """Points that a picture must contain, in its plane. Shape (n, 2)."""
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
     points = [*(end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)]
     return np.array(points) @ _view(mechanism).T
 
 
 def _view(mechanism: Mechanism) -> Array:
-    """Right, and down the page. Shape (2, 3)."""
+    """Directions to the right and down the page. Shape (2, 3)."""
     return across(viewed_from(mechanism)) * [[1.0], [-1.0]]
 
 
@@ -84,7 +84,7 @@ def drawing(
     coils: Sequence[Shape] = (),
     idle: Collection[str] = (),
 ) -> str:
-    """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
+    """Draw a mechanism at home: bodies as lines, joints as marks by kind, hatching on ground, names and a legend.
 
     Args:
         others: Of another mechanism, in the world.
@@ -132,7 +132,7 @@ def drawing(
 
 
 def corner(view: Array, pixels: float, tall: float) -> str:
-    """World axes, and a bar of a round length, at the lower left.
+    """World axes, and a scale bar of a round length, at the lower left.
 
     Args:
         view: Right, and down the page. Shape (2, 3).
@@ -161,7 +161,7 @@ def corner(view: Array, pixels: float, tall: float) -> str:
 
 
 def round_length(most: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above."""
+    """Largest number of the form 1, 2 or 5 times a power of ten, up to a limit."""
     power = 10.0 ** np.floor(np.log10(most))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-9)))
 
@@ -196,7 +196,7 @@ def _spiral(a: Array) -> str:
 
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
-    """The mark of a joint and its last axis: an arrow, or in the mark where it points at the viewer or away."""
+    """Mark of a joint and its last axis: an arrow, or a sign in the mark if it points at or from the viewer."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
     turns = joint.angles == 1 and not joint.fixed
@@ -216,7 +216,7 @@ FURTHER = {
 
 
 def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]:
-    """Marks with what they mean, and how far down they reach.
+    """Marks with their meaning, and the height of the legend.
 
     Args:
         more: Entry of `FURTHER` -> whether there is any.
@@ -244,7 +244,7 @@ def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]
 def labels(
     wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float, left: float = 0.0
 ) -> list[str]:
-    """Texts, each where it covers least, with a line to what it names if that is not near; no two overlap.
+    """Place texts where they cover least, with a leader line from afar; no two overlap.
 
     One for which there is no room is left out.
 
@@ -278,7 +278,7 @@ def _wanted(
     joints: Sequence[tuple[Joint, Array]],
     idle: Collection[str],
 ) -> list[tuple[str, str, Array]]:
-    """Texts with their colours and what they label; joints at one place have one text."""
+    """Labels with their colours and targets; joints at one place share a label."""
     texts = dict[tuple[float, ...], list[str]]()
     label = {name: f"{text}{' (idle)' * (text in idle)}" for text, name in mechanism.independent.items()}
     for joint, place in joints:

@@ -1,4 +1,4 @@
-"""Two machines of a diagnosis side by side, at home, with what differs marked."""
+"""Both machines of a diagnosis side by side, at home, with marked differences."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LOOK = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnMachine:
-    """A machine: its reading seen in A's world, and names of bodies and joints that differ, the first causes first."""
+    """A machine: its reading seen in A's world, and names of differing bodies and joints by rank of their causes."""
 
     title: str
     reading: Reading
@@ -53,12 +53,12 @@ class DrawnMachine:
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
     def closures(self) -> Iterator[tuple[str, Array]]:
-        """Bodies that closures join, each with the point where it is held."""
+        """Bodies joined by closures, each with its point of attachment."""
         for name, frame in (end for closure in self.reading.closures for end in self.reading.ends(closure)):
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Lines of bodies: from the joint that moves each to those on it and where loops close, or to its mass."""
+        """Lines of bodies: from the joint that moves each to its further joints and closures, or to its mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
@@ -80,7 +80,7 @@ class DrawnMachine:
 
 
 def machines(diagnosis: Diagnosis) -> Picture:
-    """Both machines; bodies and joints that differ in colour, the first ones named."""
+    """Draw both machines, differing bodies and joints coloured, the first ones named."""
     causes = (cause for cause in diagnosis.causes if cause.kind != "digits")
     order = [diagnosis.differences[i] for cause in causes for i in cause.differences]
     ours, theirs = (
@@ -116,7 +116,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
-    """Both readings at the home of A, or of B if its file alone says where loops are closed."""
+    """Both readings at the home of A, or of B if only its file locates the closures."""
     pair = diagnosis.found.pair
     a, b = pair.a.reading, pair.b.reading
     single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}
@@ -132,7 +132,7 @@ def _title(side: str, model: Model) -> str:
 
 
 def _further(side: DrawnMachine) -> Iterator[Array]:
-    """Points besides joints that have to be within a picture: where loops close, and centres of mass."""
+    """Points besides joints that a picture must contain: closures, and centres of mass."""
     yield from (point for _, point in side.closures())
     yield from (point for point, _ in side.masses().values())
 
@@ -149,14 +149,14 @@ def _legend(x: float, y: float) -> str:
 
 
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
-    """Direction to who looks: face-on where both are planar."""
+    """Direction to the viewer: face-on if both machines are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
     planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar
 
 
 def _drawn(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
-    """Lines, masses by their cube root, joints, and names."""
+    """Draw lines, masses by their cube root, joints, and names."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
     for name, a, b in side.links():

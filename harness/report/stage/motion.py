@@ -1,4 +1,4 @@
-"""A mechanism in motion, to be looked at: poses at a few samples of a scene, and what acts there."""
+"""A mechanism in motion for display: poses and forces at a few samples of a scene."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FRAMES = 120  # pictures of a motion, at most
 
 @dataclass(frozen=True, eq=False)
 class DrawnMotion:
-    """Some samples of a motion; the home pose alone where there is none.
+    """Some samples of a motion; only the home pose if there is none.
 
     Attributes:
         q: Joint coordinates. Shape (n, n_q).
@@ -51,7 +51,7 @@ class DrawnMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrow:
-    """A force, or a moment, on a body over time.
+    """A force or moment on a body over time.
 
     Attributes:
         point: Where it acts, in the frame of the body [m]. Shape (3,).
@@ -72,7 +72,7 @@ def home_pose(mechanism: Mechanism) -> DrawnMotion:
 
 
 def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
-    """The motion of a scene by the first engine that knows all joints, else a given motion with its loops closed."""
+    """Motion of a scene from the first engine with all joints, else from a given motion with closed loops."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
         q = assembly_of(scene.mechanism, solution)
@@ -103,7 +103,7 @@ def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
 
 
 def arrows(motion: DrawnMotion) -> list[Arrow]:
-    """Loads, forces of actuators and reactions of joints."""
+    """Arrows of loads, actuator forces and joint reactions."""
     mechanism, drawn = motion.lay.mechanism, list[Arrow]()
     index = mechanism.body_index
     for load in motion.loads:

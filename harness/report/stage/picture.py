@@ -1,4 +1,4 @@
-"""The picture of a mechanism: by projection, and as data for ``stage.js``; what constrains it in words."""
+"""The picture of a mechanism, projected and as data for ``stage.js``, with its constraints in words."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def stage(
     other: Mechanism | None = None,
     unsigned: Collection[str] = (),
 ) -> Picture:
-    """A mechanism at home, and for pages with scripts in motion.
+    """Draw a mechanism at home, and in motion on pages with scripts.
 
     Args:
         solutions: Of a run of the scene: whose poses and forces are shown.
@@ -82,7 +82,7 @@ def stage(
 
 
 def remarks(picture: Picture) -> list[Block]:
-    """Remarks on the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
+    """Remarks on a picture: differences of another mechanism, constraints, and suspicious entries."""
     shown = json.loads(picture.stage)
     odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
     there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
@@ -94,7 +94,7 @@ def remarks(picture: Picture) -> list[Block]:
 
 
 def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
-    """What ``stage.js`` draws, with remarks. Lengths in lengths of the mechanism, from its middle.
+    """Input of ``stage.js``, with remarks; lengths are relative to the mechanism's, from its middle.
 
     Args:
         more: Springs, and shapes of another mechanism.
@@ -135,7 +135,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
 
 
 def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, str]]:
-    """Colours of joints with what they mean, of those that are there."""
+    """Colours of the occurring joint kinds with their meaning."""
     kinds = {one.kind for one in solids if one.group == "joints"}
     driven = "driven joint (turns in the ring)" if "ring" in kinds else "driven joint (slides along its arrows)"
     if {"ring", "arrow"} <= kinds:
@@ -149,7 +149,7 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
 
 
 def _loads(shown: Sequence[Arrow]) -> list[str]:
-    """Loads that the scene puts on bodies, with how large they get; weights are no arrows."""
+    """Loads on bodies with their sizes; weights have no arrows."""
     loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
@@ -164,7 +164,7 @@ def _springs(more: Sequence[Shape]) -> list[str]:
 
 
 def _range(one: Arrow) -> str:
-    """How large a force is over the motion."""
+    """Range of a force over the motion."""
     sizes = np.linalg.norm(one.vectors, axis=1)
     low, high, unit = f"{sizes.min():.4g}", f"{sizes.max():.4g}", f"N{' m' * one.turns}"
     return f"{high} {unit} throughout" if low == high else f"{low} to {high} {unit}"
@@ -175,7 +175,7 @@ def _rounded(array: Array, digits: int = 4) -> list[Any]:
 
 
 def _poses(R: Array, p: Array) -> list[list[float]]:
-    """Positions and quaternions (w, x, y, z) of each body, one after the other, at each sample."""
+    """Positions and quaternions (w, x, y, z) of each body, concatenated, at each sample."""
     return _rounded(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
 
 
@@ -192,7 +192,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
 
 
 def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
-    """Wrenches of legs and twists left at some samples: point, direction and `kind` of each element, one by one."""
+    """Leg wrenches and remaining twists at some samples: point, direction and `kind` of each element, flattened."""
 
     def row(system: Sequence[Element], k: int) -> list[float]:
         if k >= len(system):
@@ -209,12 +209,12 @@ def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str
 
 
 def _kind(one: Element) -> int:
-    """0 without pitch, 1 with an infinite one, 2 with another."""
+    """Kind of pitch: 0 for zero, 1 for infinite, 2 for any other."""
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
 
 def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[str]:
-    """Constraints of the legs, remaining freedoms, redundancy of actuators, and whether they change during the motion.
+    """Describe the legs' constraints, remaining freedoms, actuator redundancy, and their changes during the motion.
 
     Args:
         holding: At some samples; the first, which is that of the motion, is described.
@@ -255,7 +255,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
 
 
 def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None) -> str:
-    """Forces and couples by which each leg, or chain of joints, constrains a body; those alike in one clause.
+    """Describe each leg's constraint forces and couples on a body; equal ones share a clause.
 
     Of a planar mechanism (`normal` of its plane) only forces and couples that act in the plane are listed.
     """
@@ -276,19 +276,19 @@ def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None)
 
 
 def _has_legs(first: Held) -> bool:
-    """Whether it is a platform: what holds it are legs by name, not just the ways to ground of some link."""
+    """True for a platform on named legs, as opposed to a link with ways to ground."""
     names = {joint.name for leg in first.legs for joint in leg.joints}
     return len(first.legs) > 1 and any(leg.name not in names and " to " not in leg.name for leg in first.legs)
 
 
 def _acts_in_plane(one: Element, normal: Array) -> bool:
-    """A force in the plane, or a couple about its normal."""
+    """True for a force in the plane, or a couple about its normal."""
     along = abs(float(one.direction @ normal))
     return along > 0.5 if _kind(one) == 1 else along < 0.5
 
 
 def _screws(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
-    """A system of screws in words, such as ``two rotations through s, about x and y``."""
+    """Describe a system of screws, such as ``two rotations through s, about x and y``."""
     force, couple, wrench, along, about, all_six = nouns
     lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
     parts, many = [], _many(len(lines), force)
@@ -321,6 +321,6 @@ def _vector(v: Array) -> str:
 
 
 def _place(one: Element, places: Mapping[str, Array]) -> str:
-    """The name of a joint at the point, else the point."""
+    """Name of a joint at the point, else the point."""
     near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
     return near[0] if near else f"{_vector(one.point)} m"
