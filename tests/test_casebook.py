@@ -1,4 +1,4 @@
-"""Every named discrepancy is known by its versions, and a run names those that the installed versions show."""
+"""Named discrepancies and the versions that show them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import pytest
 import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, Case
+from screwgauge.diagnosis.properties import PROPERTIES
 from support.models import write_models
 from support.report import verdict
 
@@ -77,6 +78,11 @@ def test_what_is_not_installed_shows_nothing(monkeypatch) -> None:
 def test_a_case_that_the_newest_versions_do_not_show_is_told_without_a_number() -> None:
     case = replace(CASE, numbers={"mended": "1 N"})
     assert case.sentence == "It is wrong, because of that; do so: 1 N."
+
+
+def test_cases_that_properties_name_are_in_the_casebook() -> None:
+    named = {case for each in PROPERTIES.values() for case in (*each.cases.values(), each.call)}
+    assert named - {""} <= {*CASES}
 
 
 def test_unknown_case_is_one_sentence(command) -> None:

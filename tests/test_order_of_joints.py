@@ -1,8 +1,6 @@
-"""Pinocchio indexes joints of a URDF by name among siblings, MuJoCo as files have them: that is said, with its cost."""
+"""Libraries that index joints differently."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
@@ -75,20 +73,19 @@ def test_chains_are_followed_to_their_end(write):
 
 def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(files):
     found = diagnose(*files)
+    order, reading = found.found.order, found.a.reading
     assert found.same, found.verdict
-    assert "pinocchio indexes the joints of A as FL_hip, FL_thigh, FL_calf and 9 more" in found.verdict
-    assert "mujoco those of B as FR_hip, FR_thigh, FR_calf and 9 more" in found.verdict
-    said = r"compared by index, torques differ by (\S+) N m \((\w+) beside (\w+)\), the largest being (\S+) N m"
-    cost = re.search(said, found.verdict)
-    reading = found.a.reading
-    tree, order = plant(reading), found.found.order
+    assert order.sentence in found.verdict
+    assert (order.first[:3], order.second[:3]) == (
+        ("FL_hip", "FL_thigh", "FL_calf"),
+        ("FR_hip", "FR_thigh", "FR_calf"),
+    )
     tau = inverse_dynamics(plant(weighed(reading)), draw(weighed(reading), STATES, 0))
-    names = list(tree.reading.joints)
-    there = [names.index(name) for name in order.second]
-    off = np.abs(tau - tau[:, there])
-    assert float(cost[1]) == pytest.approx(off.max(), rel=1e-2)
-    assert float(cost[4]) == pytest.approx(np.abs(tau).max(), rel=1e-2)
-    assert summary(found)["order"]["value"] == pytest.approx(off.max())
+    names = list(reading.joints)
+    off = np.abs(tau - tau[:, [names.index(name) for name in order.second]])
+    assert order.value == pytest.approx(off.max())
+    assert order.largest == pytest.approx(np.abs(tau).max())
+    assert summary(found)["order"]["value"] == order.value
 
 
 def test_nothing_is_said_where_orders_are_the_same(files, write):
@@ -103,22 +100,22 @@ def test_it_is_said_after_a_difference_and_beside_other_names(files, write):
     other = files[1].read_text(encoding="utf-8").replace('mass="1.1"', 'mass="1.2"').replace('"FR_hip"', '"FR.hip"')
     found = diagnose(files[0], write("other.xml", other))
     assert not found.same
-    assert "mujoco those of B as FR.hip, FR_thigh, FR_calf and 9 more" in found.verdict
+    assert "FR.hip, FR_thigh" in found.found.order.sentence in found.verdict
 
 
 def test_joints_are_named_from_where_the_orders_part(write):
     urdf, mjcf = quadruped(("FL", "RR", "FR", "RL"))
-    found = diagnose(write("q.urdf", urdf), write("q.xml", mjcf))
-    assert "the joints of A as FR_hip, FR_thigh, FR_calf and 6 more (from joint 4 on), mujoco those of" in found.verdict
-    assert "those of B as RR_hip, RR_thigh, RR_calf and 6 more; compared by index" in found.verdict
+    order = diagnose(write("q.urdf", urdf), write("q.xml", mjcf)).found.order
+    assert order.first[:3] == order.second[:3]
+    for words in ("as FR_hip, FR_thigh", "as RR_hip, RR_thigh", "(from joint 4 on)"):
+        assert words in order.sentence
 
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_an_import_says_so(which, files, command, inside):
     said = command("import", str(files[which]), "--out", "made.toml").out
-    assert "pinocchio indexes the joints of a URDF of it as FL_hip, FL_thigh, FL_calf and 9 more" in said
-    assert "mujoco those of the file as FR_hip, FR_thigh, FR_calf and 9 more" in said
-    assert re.search(r"compared by index, torques differ by \S+ N m \(", said)
+    for words in ("as FL_hip, FL_thigh, FL_calf", "as FR_hip, FR_thigh, FR_calf", "compared by index"):
+        assert words in said
 
 
 def test_an_import_of_a_chain_says_nothing_of_it(command, inside, write):
