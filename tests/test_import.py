@@ -139,26 +139,6 @@ def gripper(write) -> Path:
     return write("gripper.xml", GRIPPER)
 
 
-def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
-    imported = import_model(gripper)
-    mechanism = imported.mechanism
-    assert "".join(joint.kind for joint in mechanism.joints) == "RRRRS"
-    assert dict(mechanism.independent) == {"driver": "driver"}
-    assert [joint.name for joint in mechanism.actuators] == ["driver"]
-    (coupling,) = mechanism.couplings
-    assert (coupling.coordinate, coupling.function.lead, coupling.function.polynomial.tolist()) == (
-        "twin",
-        "driver",
-        [0.0, -1.0],
-    )
-    springs = {spring.coordinate: (spring.stiffness, spring.rest, spring.damping) for spring in imported.springs}
-    assert springs == {"follower": (2.0, 0.5, 0.0)}
-    resists = {(one.name, one.amount) for one in mechanism.resistances}
-    assert resists == {("driver.rotor", 0.01), ("coupler.damping", 0.02)}
-    assert "gear (not 1) of actuator" in " ".join(imported.left_out)
-    check_home(mechanism)
-
-
 def test_a_gripper_runs(gripper):
     results = screwgauge.run(sampled(gripper, [3, 50]))
     assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
@@ -257,22 +237,6 @@ def test_keyframes_of_any_name_lead_to_a_home(tmp_path):
     assert imported.mechanism.joint("foot").home[0] == pytest.approx(-1.4688, abs=1e-3)
 
 
-#: A body that moves freely and carries a ball joint is held at a place where it is not.
-HELD = """<mujoco><worldbody><site name="there" pos="1.1 0.3 0.2"/>
-<body name="base" pos="0.2 0 0.1"><freejoint name="float"/><geom size="0.1" mass="2"/>
-<body name="tip" pos="0.6 0 0"><joint name="wrist" type="ball"/><geom size="0.1" mass="1" pos="0.2 0 0"/>
-<site name="end" pos="0.3 0 0.1"/></body></body></worldbody>
-<equality><connect site1="end" site2="there"/></equality></mujoco>"""
-
-
-def test_ball_and_free_joints_close_loops_too(tmp_path):
-    (tmp_path / "held.xml").write_text(HELD, encoding="utf-8")
-    imported = import_model(tmp_path / "held.xml")
-    assert any("loops are open: 'connect_1' by 0.3 m" in sentence for sentence in imported.remarks), imported.remarks
-    assert sorted(joint.kind for joint in imported.mechanism.joints) == ["F", "S", "S"]
-    check_home(imported.mechanism)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "origin", "kinds", "why"),
@@ -315,19 +279,6 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
         ClosureError, match=r"loops do not close from any of \d+ starts: nearest are 'loop1' by [\d.]+ m"
     ):
         import_model(path)
-
-
-def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, write, capsys):
-    said = " ".join(import_model(robot(tmp_path, *ARM)).remarks)
-    rule = "The file names no actuators: driven is every hinge and slide of the open chain that follows no other"
-    assert f"{rule}, 'shoulder', 'elbow-joint', 'roll'; --actuated chooses others." in said
-    bare = write("bare.xml", GRIPPER.replace('<motor joint="driver" gear="10"/>', ""))
-    said = " ".join(import_model(bare).remarks)
-    rule = "The file names no actuators: driven is every independent coordinate that is a hinge or slide"
-    assert f"{rule}, 'driver'; --actuated chooses others." in said
-    assert main(["diagnose", str(gripper), str(bare), "--out", str(tmp_path / "out")]) == 0
-    said = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert "B: the file names no actuators; torques of all joints are compared, driven or not" in said
 
 
 def test_a_floating_base_is_independent(tmp_path):
@@ -439,22 +390,6 @@ def test_loops_written_as_robot_yaml_come_back(inside):
     assert len(imported.mechanism.independent) == len(mechanism.independent)
     assert imported.mechanism.mass == pytest.approx(mechanism.mass, rel=1e-15, abs=0)
     check_home(imported.mechanism)
-
-
-@pytest.mark.slow
-def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
-    mimic = AXIS.format(0.5, 1.0) + '<mimic joint="shoulder" multiplier="-0.1"/>'
-    parts = [part.replace(AXIS.format(0.5, 2.5), mimic) for part in ARM]
-    imported = import_model(robot(tmp_path, *parts))
-    assert any("keep elbow-joint beyond limits, which are left out" in sentence for sentence in imported.remarks)
-    assert np.isinf(imported.mechanism.joint("elbow-joint").limits).all()
-    assert "elbow-joint" not in imported.mechanism.independent
-
-
-def test_limits_without_room_are_said_to_be_left_out(tmp_path):
-    arm = (link("base"), link("arm", 1.0), joint("hip", "revolute", "base", "arm", AXIS.format(1.0, -1.0)))
-    imported = import_model(robot(tmp_path, *arm))
-    assert "Limits of 'hip' leave no room, and are left out." in imported.remarks
 
 
 SMALL = '<inertial pos="0 0.02 0.02" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>'

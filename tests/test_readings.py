@@ -169,14 +169,6 @@ def test_a_link_may_have_inertia_alone(library, write):
     assert np.trace(arm.inertia - alone.inertia) == pytest.approx(1 + 1.2 + 1.3, rel=1e-14, abs=0)
 
 
-def test_joints_of_one_body_keep_their_names_beside_a_site_of_its_name(write):
-    joints = '<joint name="x"/><joint name="y" axis="1 0 0"/><site name="a"/>'
-    path = write(
-        "site.xml", f'<mujoco><worldbody><body name="a">{joints}{INERTIAL.format(1)}</body></worldbody></mujoco>'
-    )
-    assert list(read(path, "pinocchio").joints) == ["x", "y"]
-
-
 @pytest.mark.parametrize("library", URDF_LIBRARIES)
 def test_a_mimic_joint_is_a_coupling(urdf, library):
     (said,) = read(urdf, library).couplings.values()
@@ -213,19 +205,6 @@ def test_a_free_body_is_where_the_file_has_it(write):
     np.testing.assert_allclose(one.joints["f"].centre, [1.0, 2.0, 3.0], rtol=0, atol=READ)
 
 
-def test_mujoco_counts_from_ref_and_springs_from_springref(write):
-    joints = '<joint name="j" ref="20" range="-90 90" stiffness="7" springref="30"/>'
-    body = f'<body name="a">{joints}{INERTIAL.format(1)}</body>'
-    path = write("ref.xml", f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    j = read(path, "mujoco").joints["j"]
-    assert (j.home, j.stiffness, j.rest) == pytest.approx((np.pi / 9, 7.0, np.pi / 6), rel=1e-15, abs=0)
-    assert j.limits == pytest.approx((-np.pi / 2, np.pi / 2), rel=1e-15, abs=0)
-    # Pinocchio counts from the pose of the file
-    pinocchio = read(path, "pinocchio").joints["j"]
-    assert (pinocchio.home, pinocchio.stiffness) == (0.0, 0.0)
-    assert pinocchio.limits == pytest.approx((-np.pi / 2 - np.pi / 9, np.pi / 2 - np.pi / 9), rel=1e-15, abs=0)
-
-
 def test_what_has_no_name_gets_one(write):
     inner = f'<body><joint/><joint axis="1 0 0"/>{INERTIAL.format(1)}</body>'
     body = f'<body name="a"><freejoint/>{INERTIAL.format(1)}{inner}</body>'
@@ -236,31 +215,6 @@ def test_what_has_no_name_gets_one(write):
         "body_2": ("body_2_joint", "body_2_joint_2"),
     }
     same_bodies(one, other)
-
-
-def test_actuators_have_a_joint_and_a_gear(write):
-    body = f'<body name="a"><joint name="h"/>{INERTIAL.format(1)}<body name="c"><joint name="b" type="ball"/>'
-    body += f"{INERTIAL.format(1)}</body></body>"
-    rows = '<motor name="m" joint="h" gear="30"/><position joint="h" kp="5"/><motor name="n" joint="b" gear="1 0 0"/>'
-    path = write("driven.xml", f"<mujoco><worldbody>{body}</worldbody><actuator>{rows}</actuator></mujoco>")
-    reading = read(path, "mujoco")
-    assert reading.actuators == {"m": ("h", 30.0), "position_2": ("h", 1.0)}
-    assert "actuator n, which drives no hinge or slide alone" in reading.ignored
-    assert "force law of actuator position_2" in reading.ignored
-
-
-def test_gravity_medium_and_gravcomp_are_read(write):
-    option = '<option gravity="0 1 -3" density="1.2" viscosity="2e-5"/>'
-    inner = f'<body name="b" gravcomp="1">{INERTIAL.format(1)}</body>'
-    body = f'<body name="a" gravcomp="0.25"><joint name="h"/>{INERTIAL.format(3)}{inner}</body>'
-    path = write("wet.xml", f"<mujoco>{option}<worldbody>{body}</worldbody></mujoco>")
-    reading = read(path, "mujoco")
-    assert [*reading.gravity] == [0.0, 1.0, -3.0]
-    assert (reading.medium, reading.bodies["a"].gravcomp) == ((1.2, 2e-5), (0.25 * 3 + 1.0) / 4)
-    assert "where the gravcomp of body a acts: it is not the same in all parts" in reading.ignored
-    off = write("off.xml", f'<mujoco><option><flag gravity="disable"/></option><worldbody>{body}</worldbody></mujoco>')
-    assert [*read(off, "mujoco").gravity] == [0.0, 0.0, 0.0]
-    assert [*read(path, "pinocchio").gravity] == [0.0, 0.0, -9.81]
 
 
 def test_a_massless_cross_stays_until_it_is_collapsed(write):

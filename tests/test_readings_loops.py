@@ -12,7 +12,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from support.mechanism import GROUND, PolynomialSum, load_mechanism
+from support.mechanism import PolynomialSum, load_mechanism
 from support.models import MATTER, write_models
 from support.readings import (
     CouplingReading,
@@ -49,42 +49,11 @@ LEGS = "".join(
         "</robot>",
     ]
 )
-YAML = """
-closed_loop: [['left_end', 'right_end'], [knee, stand]]
-type: ['3d', '6D']
-name_mot: ['hip_mot', 'rod_mot']
-"""
 
 
 @pytest.fixture
 def legs(write) -> Reading:
     return read(write("robot.urdf", LEGS), "pinocchio")
-
-
-def test_a_robot_yaml_closes_pairs_of_frames(legs, write):
-    reading = with_loops(legs, write("robot.yaml", YAML))
-    one, two = reading.closures["loop1"], reading.closures["loop2"]
-    assert (one.kind, one.first, one.second) == ("point", "shin", "rod")
-    np.testing.assert_allclose(one.first_frame[:3, 3], [0.1, 0.0, -0.3], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(one.second_frame[:3, 3], [-0.2, 0.0, -0.7], rtol=0, atol=1e-15)
-    # a joint stands for the link that it carries
-    assert (two.kind, two.first, two.second) == ("weld", "shin", GROUND)
-    assert np.array_equal(two.first_frame, np.eye(4))
-    assert [*two.second_frame[:3, 3]] == [0.0, 0.0, -1.0]
-    assert reading.actuators == {"hip_mot": ("hip_mot", 1.0), "rod_mot": ("rod_mot", 1.0)}
-
-
-def test_joints_of_a_robot_yaml_become_spherical_and_motors_go_by_parts_of_names(legs, write):
-    further = "joint_name: [knee]\njoint_type: [SPHERICAL]\nspeed: 3\n"
-    reading = with_loops(legs, write("robot.yaml", YAML.replace("['hip_mot', 'rod_mot']", "_mot") + further))
-    assert {name: said.kind for name, said in reading.joints.items()} == {
-        "hip_mot": "hinge",
-        "knee": "ball",
-        "rod_mot": "hinge",
-    }
-    assert reading.joints["knee"].centre == pytest.approx([0.0, 0.0, -0.4], rel=0, abs=1e-15)
-    assert list(reading.actuators) == ["hip_mot", "rod_mot"]
-    assert reading.ignored[-2:] == ("limits of joint knee, which is made SPHERICAL", "entry speed of robot.yaml")
 
 
 #: A turned arm of three links, each of which is more than one.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from screwgauge import ScrewgaugeError, load_scene, run
-from support.claims import cases, edited, filled, table, text_of
+from support.claims import cases, table, written
 from support.geometry import number
 from support.mechanism import load_mechanism
 from support.models import import_model, read_loops
@@ -29,24 +27,14 @@ ACTS: dict[str, Callable[..., object]] = {
 KEYS = {"by", "with", "files", "edits", "old", "new", "text", "at", "says"}
 
 
-def refusal(row: dict[str, Any], folder: Path) -> ScrewgaugeError:
-    """Write the files of a row, the first one edited, and take that in; return the refusal."""
-    texts = {name: text_of(text, TABLE["texts"]) for name, text in row["files"].items()}
-    name = next(iter(texts))
-    edits = row.get("edits", [[row["old"], row.get("new", "")]] if "old" in row else [])
-    texts[name] = edited(filled(row.get("text", texts[name]), TABLE["texts"]), edits)
-    for file, text in texts.items():
-        (folder / file).write_text(filled(text, TABLE["texts"]), encoding="utf-8", newline="")
-    with pytest.raises(ScrewgaugeError) as error:
-        ACTS[row["by"]](folder / name, *row.get("with", ()))
-    return error.value
-
-
 @pytest.mark.parametrize("row", [*cases(TABLE["refused"], KEYS)])
 def test_place_and_remedy(row, tmp_path, capfd):
     if any(name.endswith(".usda") for name in row["files"]):
         pytest.importorskip("pxr", reason="usd-core (extra: usd)")
-    error = refusal(row, tmp_path)
+    path = written(row, TABLE["texts"], tmp_path)
+    with pytest.raises(ScrewgaugeError) as caught:
+        ACTS[row["by"]](path, *row.get("with", ()))
+    error = caught.value
     assert error.where.replace(f"{tmp_path}/", "") == row["at"]
     assert [word for word in row["says"] if word not in f"{error.what}; {error.remedy}"] == []
     assert "\n" not in str(error)

@@ -54,3 +54,15 @@ def edited(text: str, edits: Sequence[Sequence[str]]) -> str:
         assert old in text, f"{old} is not in the text"
         text = text.replace(old, new, 1) if old else text + new
     return text
+
+
+def written(row: Mapping[str, Any], texts: Mapping[str, str], folder: Path) -> Path:
+    """Write the files of a row, the first one edited; return its path."""
+    files = {name: text_of(text, texts) for name, text in row["files"].items()}
+    first = next(iter(files))
+    edits = row.get("edits", [[row["old"], row.get("new", "")]] if "old" in row else [])
+    files[first] = edited(filled(row.get("text", files[first]), texts), edits)
+    for name, text in files.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(filled(text, texts), encoding="utf-8", newline="")
+    return folder / first

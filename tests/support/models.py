@@ -16,6 +16,7 @@ from screwgauge.models.generate import model_texts, stem, write_models
 from screwgauge.models.importing.model import Imported, Options, Wanted, description, import_model, notes
 from screwgauge.models.layout import CUTS, lay_out
 from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
+from screwgauge.reference.left_out import BorneWeight
 
 #: What a link of a URDF weighs, and a body of an MJCF, where any mass will do.
 MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
