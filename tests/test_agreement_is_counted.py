@@ -1,5 +1,3 @@
-"""A pair agrees only where all that was asked is compared: quantities, components and samples."""
-
 from __future__ import annotations
 
 import sys
@@ -17,8 +15,6 @@ QUANTITIES = ("joint_position", "joint_velocity", "actuator_force", "reaction")
 
 
 def wrong_but_at(rows):
-    """Our own solver's answer at some samples, seven times that at the others, of which it says nothing."""
-
     def solve(problem):
         right = ask("screw", model_files("slider-crank", "screw"), problem)
         factor = np.where(np.isin(np.arange(len(problem.task)), rows), 1.0, 7.0)[:, None]
@@ -67,8 +63,6 @@ def test_who_says_that_he_stopped_has_not_answered_all(stand_in, crank):
 
 
 class Shy:
-    """A loaded model that says what it does not give of its mechanism."""
-
     def __init__(self, model):
         self.model, self.lacks = model, {"reaction": "its bearings are sealed"}
 
@@ -87,8 +81,6 @@ def test_what_a_loaded_model_says_that_it_lacks_is_listed_and_no_failure(monkeyp
 
 
 class Late(Shy):
-    """A loaded model that says so only when it has been asked."""
-
     def solve(self, problem, progress=None):
         self.lacks = {"reaction": "I do not know"}
         return replace(super().solve(problem), lacks=self.lacks)

@@ -1,5 +1,3 @@
-"""Any joint may close a loop: the cut is chosen so that every format can say it, whatever the order of the joints."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -24,13 +22,13 @@ NEARLY = ["sin(pi)", 0, -1]
 
 
 def u(first: object, second: object) -> list[list[object]]:
-    """Two axes at right angles: the first turned from x to y, the second from its normal in that plane to z."""
+    """Orthogonal axes of a U joint."""
     c, s = f"cos({first})", f"sin({first})"
     return [[c, s, 0], [f"-({s})*cos({second})", f"({c})*cos({second})", f"sin({second})"]]
 
 
 def legs(wrist: str, places: list[tuple[float, float]]) -> dict[str, tuple[object, ...]]:
-    """Legs from ground to a platform at given angles below and above, slides along them."""
+    """Legs to a platform, with slides."""
     joints = {}
     for k, (low, high) in enumerate(places):
         base = np.array([0.6 * np.cos(low), 0.6 * np.sin(low), 0])
@@ -45,7 +43,6 @@ def legs(wrist: str, places: list[tuple[float, float]]) -> dict[str, tuple[objec
 
 
 def planes() -> dict[str, tuple[object, ...]]:
-    """Three legs that hold a platform by planes in it."""
     joints, sides = {}, ("high0 platform", "platform high1", "high2 platform")
     for k, (x, y) in enumerate(((5, 0), (-4, 3), (-2, -4))):
         joints[f"r{k}"] = "R*", f"ground low{k}", [x / 8, y / 8, 0], [(A, B, C)[k]]
@@ -138,7 +135,7 @@ MECHANISMS = {
 
 
 def described(name: str, order: tuple[str, ...], folder: Path) -> Path:
-    """Writes a mechanism, its joints in some order, and a scene of it; inertia is full, at random."""
+    """Write mechanism and scene; random full inertia."""
     chosen, joints = MECHANISMS[name]
     rng = np.random.default_rng(len(name))
     bodies = sorted({body for _, sides, _, _ in joints.values() for body in sides.split()} - {"ground"})
@@ -163,13 +160,11 @@ def described(name: str, order: tuple[str, ...], folder: Path) -> Path:
 
 
 def orders(name: str) -> list[tuple[str, ...]]:
-    """As written, backwards, and one in between."""
     written = tuple(MECHANISMS[name][1])
     return [written, written[::-1], written[1:] + written[:1]]
 
 
 def check(name: str, which: int, folder: Path) -> screwgauge.Results:
-    """Engines agree in everything and satisfy the judge: all six where joints are listed as written, else three."""
     scene = screwgauge.load_scene(described(name, orders(name)[which], folder))
     forceless = {"actuator_force", "reaction"} if not scene.mechanism.actuators else set()
     engines = ENGINES[: 3 if which else -1 if forceless else None]  # without actuators the truth knows no forces
@@ -213,7 +208,7 @@ def test_points_close_what_they_can_and_copies_the_rest(name, cut, tmp_path):
 
 
 def test_a_free_joint_counts_as_no_constraint(tmp_path):
-    """A platform on six legs has the freedoms, constraints and forces that it has without coordinates of its pose."""
+    """A platform on six legs, with and without coordinates of its pose."""
     free = check("stewart", 1, tmp_path)
     assert free.mobility["kutzbach"] == free.mobility["mobility"] == 6
     assert free.mobility["overconstraints"] == 0

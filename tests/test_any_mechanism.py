@@ -1,5 +1,3 @@
-"""Mechanisms other than the paper's: any graph of joints, either way round."""
-
 from __future__ import annotations
 
 import shutil

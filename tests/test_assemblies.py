@@ -1,5 +1,3 @@
-"""Every engine stays in the assembly of the home pose, or says in one sentence that it does not."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -122,7 +120,7 @@ def test_the_stress_case_tells_an_engine_that_jumps(bounded, verdict, tmp_path, 
 
 @pytest.mark.slow
 def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
-    """A four-bar that ends with coupler and rocker in line, at cos a = (1 + 1 - 1.3^2) / 2."""
+    """Coupler and rocker are in line at cos a = (1 + 1 - 1.3^2) / 2."""
     text, last = four_bar([Bar(1.0), Bar(0.5), Bar(0.8)], 1.0, 0.9), np.arccos(0.155)
     with pytest.raises(ClosureError, match=rf"t = 2 s: the loops cannot close beyond y = \[{last:.6f}"):
         check_scene(moving(write, text, [0.9, 1.2, 2.0], 0.0))

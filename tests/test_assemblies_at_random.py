@@ -1,5 +1,3 @@
-"""Random walks about the locks of legs and the lost constraint of leg 1: no engine leaves the branch of home."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -22,7 +20,7 @@ ALIKE = 1e-8
 
 
 def walk(n, seed):
-    """Independent coordinates, shape (n, 2): to beside a lock or leg 1's line, then 50 random steps."""
+    """Approach a lock or leg 1's line, then 50 random steps. Shape (n, 2)."""
     rng, y = np.random.default_rng(seed), [np.zeros(2)]
     while len(y) < n:
         centre = np.array([(BASE, 0.0), (-BASE, 0.0), (0.0, BASE), (rng.uniform(-0.5, 0.5), UPU)][rng.integers(4)])

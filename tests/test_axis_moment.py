@@ -1,5 +1,3 @@
-"""The moment about each joint's own axes: closed forms, what it contains, uniqueness, and who sees that it is wrong."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -125,7 +123,6 @@ def test_all_engines_agree_and_satisfy_the_judge(name):
 
 
 def planted(values: np.ndarray) -> np.ndarray:
-    """The moment about one passive axis is off."""
     wrong = values.copy()
     wrong[:, 1] *= 1.0 + PLANTED
     return wrong

@@ -1,5 +1,3 @@
-"""The established problems' mechanisms: known counts, and home poses where the problems put their points."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -27,7 +25,6 @@ def pose_at_home(name):
 
 
 def points(name):
-    """World position of every joint on its child at home, by name."""
     lay, at = pose_at_home(name)
     return {joint.name: at.joint(joint).p_child[0] for joint in lay.mechanism.joints}
 
@@ -48,7 +45,7 @@ def test_kept_four_bars_are_those_written_now(n):
 
 
 def test_four_bars_are_singular_where_all_links_are_horizontal():
-    """There one freedom for each of the N + 1 uprights appears, of which N + 1 remain."""
+    """One freedom appears for each of the N + 1 uprights."""
     lay = layout(load_mechanism("a02-fourbar-2"))
     q = np.array([[-np.pi / 2] * 3 + [np.pi / 2] * 4])
     assert np.abs(gaps(lay, q)).max() < PLACED
@@ -67,7 +64,7 @@ def test_bricard_starts_at_the_corners_of_a_cube():
 
 
 def test_andrews_starts_where_the_test_set_puts_it():
-    """E, F, G, H of the consistent start, 20 digits (closed-form loop kinematics)."""
+    """E, F, G, H at the consistent start, to 20 digits by closed-form loop kinematics."""
     at = points("a03-andrews")
     known = {
         "f": (0.0069866741154514457087, -0.00043172306456889546258),
@@ -98,7 +95,6 @@ def test_governor_starts_with_unstretched_springs():
 
 
 def test_governor_rods_carry_their_balls():
-    """Moments about the pin: those of a rod of 1 m and of 5 kg at 1 m."""
     body = load_mechanism("a05-governor").body("right")
     about_pin = body.inertia + body.mass * (body.com @ body.com * np.eye(3) - np.outer(body.com, body.com))
     rod = 0.3 * 1.0001 / 12 + 0.3 * 0.25

@@ -1,5 +1,3 @@
-"""A branch of poses is followed from home by Newton's method and halved steps: the slider-crank in closed form."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -13,7 +11,7 @@ MECHANISM = load_mechanism("slider-crank")
 
 
 def loop(R, L, redundant=False):
-    """How far the loop of crank R and rod L is open: its angles, across, and along the slide."""
+    """Gap of crank R and rod L: angles, across, along the slide."""
 
     def gaps(q):
         (crank, pin, wrist, slide), one, zero = q.T, np.ones(len(q)), np.zeros(len(q))
@@ -47,7 +45,7 @@ def motion(crank, drive=None):
 @pytest.mark.parametrize("redundant", [False, True])
 @pytest.mark.parametrize("n", [7, 400])
 def test_turns_are_counted_however_far_samples_are_apart(n, redundant):
-    """Four turns, in steps of 3.6 rad or in windows of many samples; the pin turns back as often."""
+    """Four turns in steps of 3.6 rad, or in windows of many samples."""
     crank = np.linspace(0.3, 8.0 * np.pi, n)
     q = Branch(MECHANISM, *loop(0.1, 0.3, redundant)).follow(motion(crank))
     assert np.abs(q - closed(crank, 0.1, 0.3)).max() < CLOSED * np.abs(q).max()
@@ -72,7 +70,7 @@ def test_what_solves_the_system_says_how_coordinates_follow_y():
 
 @pytest.mark.parametrize("end", [1.2, 2.5])
 def test_a_rod_that_is_too_short_ends_the_branch_where_it_does(end):
-    """A crank longer than its rod turns up to asin(L / R); beyond pi less that the loop would close again."""
+    """A crank longer than its rod turns up to asin(L / R); the loop closes again beyond pi minus that."""
     branch = Branch(MECHANISM, *loop(0.4, 0.3))
     with pytest.raises(ClosureError, match=r"t = 1 s|t = 0\.\d+ s") as error:
         branch.follow(motion(np.array([0.0, end])))
@@ -81,7 +79,7 @@ def test_a_rod_that_is_too_short_ends_the_branch_where_it_does(end):
 
 
 def test_between_samples_the_motion_itself_is_followed():
-    """It leads through a dead point that the straight way to the same sample does not reach."""
+    """The straight way to the same sample would not pass the dead point."""
     branch, straight = (Branch(MECHANISM, *loop(0.4, 0.3)) for _ in range(2))
     ends = np.array([0.0, 0.8])
     assert len(straight.follow(motion(ends))) == 2

@@ -1,5 +1,3 @@
-"""A wrong model, a wrong formula, a wrong gravity: each is noticed, and the first quantity that differs is named."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -24,7 +22,6 @@ def scene(request):
 
 
 def edited(scene, folder: Path, suffix: str, change) -> Path:
-    """A model file of the scene's mechanism with one element changed."""
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     path = folder / f"{scene.mechanism.name}{suffix}"
     tree = ET.parse(path)
@@ -99,7 +96,7 @@ def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
 
 @pytest.mark.slow
 def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
-    """Only a fast motion tells: the paper's own case is nearly static."""
+    """Only a fast motion reveals it: the paper's own case is nearly static."""
     replace_bracket(monkeypatch, opposite)
     results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)))
     status, quantity, engines = found(results)
@@ -111,7 +108,7 @@ def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
 
 
 def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
-    """Eq. (36) as printed, with r the point at O: its first row is a velocity and dimensionally no angular rate."""
+    """Eq. (36) as printed, with r the point at O."""
 
     def printed(first, second):
         w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]

@@ -1,5 +1,3 @@
-"""Buffers of `screwgauge.compile`: nothing is filled, and nothing handed out, that was not checked."""
-
 from __future__ import annotations
 
 import copy
@@ -209,7 +207,7 @@ def test_values_that_no_double_holds_are_refused_by_row(backend, name, own):
 
 @pytest.mark.parametrize("own", [False, True])
 def test_a_program_that_cannot_answer_leaves_the_row_to_arrays(backend, own):
-    """Sines of a million radians, of an open tree, where no loop tells."""
+    """Sines of a million radians in an open tree."""
     solver = screwgauge.compile(sampled("arm7", slice(0, 5 * N, 5)), ["actuator_force"], backend=backend)
     out = solver.buffers(N) if own else None
     y, yd, ydd = motion("arm7")

@@ -1,5 +1,3 @@
-"""What is kept on disk is taken only as this user's program wrote it, for what it was made of; else it is made anew."""
-
 from __future__ import annotations
 
 import hashlib

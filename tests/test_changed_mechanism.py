@@ -1,5 +1,3 @@
-"""A scene whose mechanism was changed in Python is run as it is, by every engine, and the report says so."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -20,7 +18,6 @@ FORCE = ["actuator_force"]
 
 
 def heavier(mechanism, share=1.5):
-    """The same mechanism with one body `share` times as heavy."""
     first, *others = mechanism.bodies
     body = replace(first, mass=share * first.mass, inertia=share * first.inertia)
     return replace(mechanism, bodies=(body, *others))
@@ -58,7 +55,6 @@ def test_a_simulation_does_so_too():
 
 
 def longer(mechanism):
-    """The same with the centre of mass of its body half as far again from its frame."""
     (body,) = mechanism.bodies
     return replace(mechanism, bodies=(replace(body, com=1.5 * body.com),))
 

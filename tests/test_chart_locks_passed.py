@@ -1,5 +1,3 @@
-"""Angles of cut joints are followed through the locks of their charts, by every engine alike."""
-
 from __future__ import annotations
 
 from functools import cache
@@ -24,7 +22,6 @@ NAME = "3ups-upu-s"
 
 @cache
 def fall(engine, start, rates, until, torque=0.0):
-    """The paper's mechanism in free fall, from its two angles (a, b) and their rates, a torque along the second."""
     applied = Applied(np.array(GRAVITY), motors=hold({"s.q2": torque} if torque else {}))
     times = np.linspace(0.0, until, 1 + round(until / 0.05))
     task = InitialValue(np.array(start), np.array(rates), 0.0, times)
@@ -47,7 +44,6 @@ def turned(axes, angles):
 
 
 def read(joint, R):
-    """The chart for a given rotation of its child side against its parent side, the parent at rest in the world."""
     return read_chart(joint, np.tile(np.eye(3), (len(R), 1, 1)), joint.parent_frame.R @ R @ joint.child_frame.R.T)
 
 
@@ -74,7 +70,6 @@ def test_a_fall_through_the_lock_is_read_alike(name, engine):
 
 
 def given(first, last):
-    """A motion from one b to another, with a bend in both angles."""
     t, far = np.linspace(0.0, 1.0, 12), last - first
     y = np.stack([0.1 + 0.2 * t + 0.1 * t**2, first + far * (1.2 * t - 0.2 * t**2)], axis=1)
     yd, ydd = np.stack([0.2 + 0.2 * t, far * (1.2 - 0.4 * t)], axis=1), np.tile([0.2, -0.4 * far], (len(t), 1))
@@ -86,7 +81,7 @@ def given(first, last):
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("b", [(0.7, 0.9), (1.65, 1.9)])
 def test_a_given_motion_that_starts_beyond_singular_poses_is_on_the_branch_that_goes_straight_on(b, engine):
-    """Of the joint in the middle of the base all is known: (a, b, 0)."""
+    """The middle base joint has (a, b, 0)."""
     motion = given(*b)
     found = ask(engine, model_files(NAME, engine), Problem(Applied(), motion, MOTION)).values
     own = slice(column("s.q1"), column("s.q3") + 1)
@@ -102,13 +97,13 @@ def test_a_given_motion_that_starts_beyond_singular_poses_is_on_the_branch_that_
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_a_given_motion_through_the_lock_of_its_own_angles_is_refused(engine):
-    """At b = pi/2 the first and the last angle of that joint mean the same, and any split of a closes the loops."""
+    """At b = pi/2 any split of a between the first and last angle closes the loops."""
     with pytest.raises(ClosureError, match=r"beyond y = \[0.15.* 1.570"):
         ask(engine, model_files(NAME, engine), Problem(Applied(), given(1.35, 2.15), MOTION))
 
 
 def path(n):
-    """Angles of a spherical joint that pass five locks, the middle one exactly at a sample, with two derivatives."""
+    """Angles of a spherical joint through five locks, the third exactly at a sample."""
     t = np.linspace(-1.0, 1.0, n)
     q = np.stack([0.3 + 2.0 * t, np.pi / 2 + 2.2 * np.pi * t, -0.2 + np.sin(3.0 * t)], axis=1)
     v = np.stack([0.0 * t + 2.0, 0.0 * t + 2.2 * np.pi, 3.0 * np.cos(3.0 * t)], axis=1)
@@ -117,7 +112,7 @@ def path(n):
 
 @pytest.mark.parametrize("n", [9, 15, 201])
 def test_a_sample_at_a_lock_spoils_no_later_one(n):
-    """Nine samples are 99 degrees apart: without a prediction the second triples are the nearer ones."""
+    """Nine samples 99 degrees apart: unpredicted, the second triples would be nearer."""
     ball = joint("s")
     t, q, v, _ = path(n)
     chart = read(ball, turned(ball.axes, q))
@@ -134,7 +129,6 @@ def test_a_sample_at_a_lock_spoils_no_later_one(n):
 
 
 def angular(joint, q, v):
-    """Angular velocity in the world, of a joint whose parent rests."""
     omega, R = np.zeros((len(q), 3)), np.tile(np.eye(3), (len(q), 1, 1))
     for axis, angle, rate in zip(joint.axes, q.T, v.T, strict=True):
         omega += (R @ axis) * rate[:, None]

@@ -1,5 +1,3 @@
-"""Closing errors of every kind of joint that may be cut: zero where loops close, with the derivative that is given."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -35,7 +33,6 @@ TRACED = [*CASES, ("rccc", "a", "R"), ("stewart", "v0", "S")]
 
 @pytest.fixture(params=CASES, ids=lambda case: f"{case[0]}, {case[1]}")
 def cut(request, tmp_path):
-    """Equations in which one joint is cut, and joint coordinates of a closed pose, found with others cut."""
     name, joint, kind = request.param
     described(name, tuple(MECHANISMS[name][1]), tmp_path)
     mechanism = load_mechanism(tmp_path / "mechanism.toml")
@@ -58,7 +55,7 @@ def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut
 
 
 def test_all_samples_close_to_rounding(tmp_path):
-    """A residual of 1e-12 that Newton's method would make larger before it makes it small passed for rounding."""
+    """Newton's method first increases a residual of 1e-12."""
     scene = screwgauge.random(1, "rccc", tmp_path)
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion
     lay = layout(scene.mechanism)
@@ -75,7 +72,6 @@ def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
 
 
 def opened(joint, q, twist):
-    """A joint of given coordinates, its parent in the world's axes, whose child was moved by a small twist at O."""
     M, d = np.eye(3), np.zeros(3)
     for (turns, axis), value in zip(joint.freedoms, q, strict=False):
         M, d = (M @ rotation(axis, np.array(value)), d) if turns else (M, d + M @ axis * value)
@@ -98,7 +94,7 @@ def test_every_type_of_joint_is_open_by_errors_whose_derivatives_are_its_wrenche
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_rows_of_engines_are_the_derivative_of_gaps_that_are_open(engine):
-    """Else rates without bound, at a lock, make errors of gaps that are rounding."""
+    """At a lock, rates would be unbounded."""
     closed = Method(engine, {}).load(model_files("3ups-upu-s", engine)).closed
     loops, poses = closed.loops, closed.tree.poses
     q = closed.home[None] + 0.1 * np.cos(np.arange(len(closed.home)))

@@ -1,5 +1,3 @@
-"""No number of a compiled program is wrong by more than its estimate; and what says so can say the opposite."""
-
 from __future__ import annotations
 
 import importlib.util
@@ -68,7 +66,7 @@ def test_a_whole_turn_is_no_difference():
 
 
 def test_the_truth_is_within_the_estimates():
-    """The wrist of leg 1 is bent by a right angle, where three angles would lock."""
+    """Leg 1's wrist is bent by a right angle, where three angles would lock."""
     pytest.importorskip("flint", reason="python-flint is not installed")
     scene, motion = screwgauge.load_scene("3ups-upu-s"), compiled.states(1, seed=1)
     motion = replace(motion, y=np.array([[-0.88532719, 0.70695677]]))
@@ -83,7 +81,7 @@ def test_the_truth_is_within_the_estimates():
 
 
 def test_one_actuator_that_hardly_moves_is_badly_conditioned(tmp_path):
-    """At a matrix of one number no condition number shows: its force is 2e5 N m here, and 1.5e-12 of that is lost."""
+    """Its force is 2e5 N m, of which 1.5e-12 is lost."""
     scene = screwgauge.random(2, "rscr", tmp_path)
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion.part(slice(0, 54))
     work = Work(layout(scene.mechanism), scene.problem(["actuator_force"]))

@@ -1,5 +1,3 @@
-"""Whatever the streams are, however a command is stopped or breaks: one sentence, and a status that says which."""
-
 from __future__ import annotations
 
 import io
@@ -26,8 +24,6 @@ STOP = "import os, signal\nfrom screwgauge import commands, cli\n"
 
 @pytest.fixture
 def command(monkeypatch):
-    """Puts a function in the place of what `list` does, and runs it."""
-
     def run(work, *arguments: str) -> int:
         def list_(options):
             return work()
@@ -39,7 +35,6 @@ def command(monkeypatch):
 
 
 def shell(redirected: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
-    """`screwgauge list quantities` with its streams redirected as a shell does."""
     whole = ["bash", "-c", f'exec "$@" {redirected}', "bash", *LIST]
     return subprocess.run(whole, capture_output=True, check=False, env={**os.environ, **environment})
 
@@ -59,7 +54,6 @@ NAMES = ("::error::x", "  ::stop-commands::tok", ":::debug::x", "a\n::error file
 
 
 def obeyed(printed: str) -> list[str]:
-    """Lines that GitHub's or Azure's runner takes for a command."""
     return [line for line in printed.splitlines() if line.lstrip().startswith("::") or re.search(r"##(vso)?\[", line)]
 
 

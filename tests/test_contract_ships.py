@@ -1,5 +1,3 @@
-"""The contract runs where the package is installed, without this repository, and tells authors what is wrong."""
-
 from __future__ import annotations
 
 import os
@@ -29,12 +27,7 @@ WHOLE = f"{FILTER} or test_tasks or feature or redundant or rccc or 3-upu or ste
 
 
 def contract(folder: Path, *options: str, engine: str = "", text: str = "", module: str = "") -> tuple[int, str]:
-    """Installs an engine as pip would, and runs the contract in an empty folder.
-
-    Args:
-        text: Further lines of an engine that does as the solver.
-        module: All of the module of an engine in its place.
-    """
+    """Install an engine and run the contract in an empty folder."""
     (folder / "empty").mkdir()
     (folder / "own_engine.py").write_text(module or HEAD + text, encoding="utf-8")
     said = folder / "own_engine-1.dist-info"
@@ -56,7 +49,7 @@ def test_an_engine_that_does_all_passes(tmp_path):
 
 
 def named(text: str) -> str:
-    """The module of an engine as that of the package which `contract` installs."""
+    """Name of the module that `contract` installs."""
     package, source = re.subn(r'package="[^"]+"', 'package="own-engine"', text)[0], r'"\w+:load"'
     return re.sub(source, '"own_engine:load"', package)
 

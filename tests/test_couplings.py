@@ -1,5 +1,3 @@
-"""Couplings: every engine and the truth agree on them, in motion, forces and simulations; the judge looks at them."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -129,7 +127,6 @@ def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):
 
 
 def test_gears_join_two_loops(write):
-    """Two four-bars whose cranks mesh: each has its own loop, and one freedom is left."""
     one = four_bar([Bar(0.2), Bar(0.6), Bar(0.4)], 0.5, 1.2)
     names = ("crank", "coupler", "rocker", "joints.a", "joints.b", "joints.c", "joints.d")
     two = one

@@ -1,5 +1,3 @@
-"""Couplings of several coordinates, a belt, a differential and a cable, against closed forms, in all engines."""
-
 from __future__ import annotations
 
 import re
@@ -44,7 +42,7 @@ ROTOR = f"[bodies.{{0}}]\nmass = 0.2\ninertia = {{{{ xx = {PULLED}, yy = {PULLED
 
 
 def of_bones(y: Array, yd: Array, ydd: Array) -> Array:
-    """Moments that hold two hanging bones in motion, at angles from the vertical. Shape (2, n) each."""
+    """Moments on two bones. Shape (2, n)."""
     d, pull = y[0] - y[1], M2 * L * C2
     first = (I1 + M1 * C1**2 + M2 * L**2) * ydd[0] + pull * (np.cos(d) * ydd[1] + np.sin(d) * yd[1] ** 2)
     second = (I2 + M2 * C2**2) * ydd[1] + pull * (np.cos(d) * ydd[0] - np.sin(d) * yd[0] ** 2)
@@ -53,7 +51,7 @@ def of_bones(y: Array, yd: Array, ydd: Array) -> Array:
 
 
 def of_belt(y: Array, yd: Array, ydd: Array) -> dict[str, Array]:
-    """A motor on the ground turns the shank over the hip: its angle is that of the motor, less 0.1."""
+    """A belt over the hip: shank angle = motor - 0.1."""
     hip, shank = of_bones(y + np.array([[0.0], [0.1]]), yd, ydd)
     return {"hip": hip, "motor": shank + PULLED * ydd[1], "belt.coupling": shank}
 
@@ -68,7 +66,7 @@ BELT = (
 
 
 def of_wrist(y: Array, yd: Array, ydd: Array) -> dict[str, Array]:
-    """A hand turns about y by the half sum of two angles, and then about x by their half difference."""
+    """Half sum about y, then half difference about x."""
     (a, b), (va, vb), (aa, ab) = (np.stack([x[0] + x[1], x[0] - x[1]]) / 2 for x in (y, yd, ydd))
     top, side, high = 0.04, 0.05 + 2.0 * 0.3**2, 2.0 * 0.3 * G  # zz, yy about the wrist, weight times height
     moment = side * np.cos(b) ** 2 + top * np.sin(b) ** 2
@@ -99,7 +97,7 @@ WRIST = (
 
 
 def of_cable(y: Array, yd: Array, ydd: Array, curve: float) -> dict[str, Array]:
-    """A cable over two pulleys on the joints of a finger; the moment arm of the second grows with its angle."""
+    """Second moment arm grows with its angle."""
     sums = np.array([[1.0, 0.0], [1.0, 1.0]])
     moments = sums.T @ of_bones(*(sums @ x for x in (y, yd, ydd)))
     arm = 0.06 + 2.0 * curve * y[1]
@@ -123,8 +121,6 @@ def finger(curve: float) -> str:
 
 @dataclass(frozen=True)
 class Case:
-    """A mechanism: its text, its independent coordinates at home, a body that it has, and its forces."""
-
     text: str
     home: Mapping[str, float]
     body: str
@@ -182,7 +178,6 @@ def test_a_coupling_of_several_by_powers_is_refused_by_name_where_mujoco_has_non
 
 
 def test_a_file_of_ones_own_with_such_a_coupling_is_taken(write, tmp_path):
-    """Another scale of the tendon, and another order of its joints, are the same coupling."""
     scene = unloaded(write, CASES["belt"])
     write_models(scene.mechanism, tmp_path)
     own = (tmp_path / "knee.xml").read_text(encoding="utf-8")
@@ -207,7 +202,6 @@ def test_linear_ones_survive_their_files(name, write, tmp_path):
 
 
 def test_what_follows_and_what_leads_are_one_equation(write):
-    """The belt said as the angle of the motor, or of the hip, moves and loads everything alike."""
     belt = 'coordinate = "knee"\nterms = { motor = [0.06, 1], hip = [0.04, -1] }'
     instead = 'coordinate = "motor"\nterms = { knee = [-0.1, 1], hip = [0, 1] }'
     assert belt in BELT

@@ -1,5 +1,3 @@
-"""What a scene could have seen of a mistake: shares of its terms, and parameters that could be anything."""
-
 from __future__ import annotations
 
 import json
@@ -29,7 +27,6 @@ PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
 
 def looked_at(scene):
-    """Coverage of a scene by its description alone, and what the solver gives."""
     mechanism, problem = scene.mechanism, scene.problem(scene.quantities)
     counted = mobility_at_home(mechanism)
     solution = solve_motion(layout(mechanism), problem, scene.motion, quiet)
@@ -42,7 +39,6 @@ def few(name: str, n: int = 5):
 
 
 def loaded(scene):
-    """The scene with loads at a point and at a centre of mass, a spring and a motor."""
     bodies, joint = scene.mechanism.bodies, scene.mechanism.coordinates[0]
     loads = (
         Load(bodies[-1].name, np.array([0.1, 0.2, -0.1]), np.array([3.0, -2.0, 5.0]), np.array([0.5, 0.0, 0.2])),
@@ -57,7 +53,6 @@ def shares(found, quantity: str, term: str) -> float:
 
 
 def effect(scene, counted, before, after) -> float:
-    """Largest scaled change of a compared force."""
     scales, worst = natural_scales(scene.mechanism), 0.0
     known = dict(zip(counted.names, counted.determined, strict=True))
     for quantity in FORCES:

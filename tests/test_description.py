@@ -1,5 +1,3 @@
-"""What a description says is what is meant: rotations in order, names with dots, coordinates that rest."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""Results are on disk, and the verdict is printed, before anything is drawn; drawing cannot take them down."""
-
 from __future__ import annotations
 
 import json
@@ -29,7 +27,6 @@ def short_of_addresses() -> None:
 
 
 def short(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """A command in a process that has few addresses."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-m", "screwgauge.cli", *arguments]
     more = {"capture_output": True, "text": True, "env": environment, "check": False}

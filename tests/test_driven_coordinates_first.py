@@ -1,5 +1,3 @@
-"""`import` makes driven coordinates independent, however short their strokes are, and says which it cannot and why."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -37,7 +35,6 @@ IN_LINE = """<mujoco model="in-line"><worldbody>
 
 
 def held(path: Path, folder: Path, **home: float) -> dict[str, float]:
-    """Forces of the actuators that hold an imported machine, engines agreeing, by name."""
     (folder / "machine.toml").write_text(description(import_model(path).mechanism), encoding="utf-8")
     motion = "\n".join(f"motion.{name}.offset = {value}" for name, value in home.items())
     scene = folder / "hold.toml"

@@ -1,5 +1,3 @@
-"""The Newton-Euler system against laws that need no second program, and against values known to 50 digits."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -21,7 +19,7 @@ def solve(scene, **changes):
 
 @pytest.fixture(scope="module")
 def known():
-    """Values at t = 0 and 1 s from two independent programs in 50-digit arithmetic."""
+    """Two independent programs in 50-digit arithmetic."""
     return screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0])
 
 
@@ -52,7 +50,7 @@ def test_system_has_54_equations_and_56_unknowns(paper):
 
 
 def test_equations_and_projection_give_the_same_forces(known):
-    """Actuator forces come from virtual power; the balance of all bodies with them is the judge's to check."""
+    """The judge then checks the balance of all bodies."""
     results = solve(known)
     worst = results.judge.set_index(["residual", "unit"])["max_scaled"]
     assert worst["newton_euler"].max() < ROUNDING
@@ -60,7 +58,7 @@ def test_equations_and_projection_give_the_same_forces(known):
 
 
 def test_forces_derive_from_the_potential_at_rest(paper):
-    """Q = d(potential)/dy where nothing moves: gravity by central differences of the height."""
+    """Central differences of the height."""
     scene = screwgauge.load_scene("3ups-upu-s").at([1.0])
     lay = layout(paper)
     y = np.array([0.21, 0.07])
@@ -80,7 +78,6 @@ def test_forces_derive_from_the_potential_at_rest(paper):
 
 @pytest.mark.slow
 def test_actuators_deliver_the_power_of_the_generalized_forces():
-    """Power of the actuators is power of the generalised forces, at 150 rad/s too."""
     scene = screwgauge.load_scene("3ups-upu-s-fast")
     scene = scene.at(np.linspace(0.0, 0.2, 2001))
     results = solve(scene, quantities=["joint_velocity", "generalized_force", "actuator_force"])

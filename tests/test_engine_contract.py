@@ -1,5 +1,3 @@
-"""The shipped contract with all engines of the registry, and one of another package; names that users rely on."""
-
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -48,7 +46,6 @@ REACTIONS = {
 
 
 def components(quantity: str, cut: str) -> dict[str, str]:
-    """Name -> unit of the components of a quantity."""
     known = TABLE[quantity]
     if known.of == "joint":
         return {name: f"{unit}{RATE[known.needs]}" for name, unit in JOINTS.items()}
@@ -64,7 +61,6 @@ def components(quantity: str, cut: str) -> dict[str, str]:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Every engine, but where others are compared already."""
     if "engine_name" in metafunc.fixturenames:
         names = [*dict.fromkeys((*(next(iter(one.methods)) for one in ENGINES.values()), *FURTHER))]
         if metafunc.function.__module__ == test_mechanisms.__name__:
@@ -79,7 +75,6 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture(scope="session")
 def entry(engine_name: str) -> Iterator[Engine]:
-    """The engine, if its package is installed."""
     with further_engines({engine_name: FURTHER[engine_name]} if engine_name in FURTHER else {}):
         engine = get_engine(engine_name)
         if not engine.installed:

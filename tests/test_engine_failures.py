@@ -1,5 +1,3 @@
-"""An engine that is missing or fails is rows that say so; the others go on, the report is written, exit 3."""
-
 from __future__ import annotations
 
 import json
@@ -18,8 +16,6 @@ QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
 
 @pytest.fixture
 def elsewhere(monkeypatch):
-    """Says that engines are to be found at some ``module:function``."""
-
     def put(source: str, *names: str) -> None:
         for name in names:
             monkeypatch.setitem(ENGINES, name, replace(ENGINES[name], source=source))
@@ -110,7 +106,7 @@ def test_an_engine_that_is_registered_wrongly_is_a_row(target, elsewhere, scene)
 
 
 def solve_right(problem):
-    """The solver of this project, whatever model file the engine in whose place it is was given."""
+    """The solver, whichever model file is given."""
     return ask("screw", model_files("3ups-upu-s", "screw"), problem)
 
 

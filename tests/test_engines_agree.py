@@ -1,5 +1,3 @@
-"""Every scene: all engines agree, both cuts, and each satisfies the laws of mechanics by itself."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""What an engine of another package changes, starts, prints or breaks stays in its process: each row decides itself."""
-
 from __future__ import annotations
 
 import json
@@ -23,7 +21,6 @@ SOURCE = {harm.NAME: f"{harm.__name__}:ENGINE"}
 
 
 def with_harm(folder: Path, mode: str) -> Path:
-    """Writes a scene on whose mechanism the engine acts in a mode."""
     (folder / mode).mkdir()
     text = (folder / "four-bar.toml").read_text(encoding="utf-8").replace('"four-bar"', f'"{mode}"', 1)
     (folder / mode / "machine.toml").write_text(text, encoding="utf-8")
@@ -34,7 +31,6 @@ def with_harm(folder: Path, mode: str) -> Path:
 
 @pytest.fixture
 def folder(theirs):
-    """Where the engine is installed. A scene, ``red``, differs here, and agrees in the folder ``old``."""
     harm.install(theirs)
     (theirs / "red.toml").write_text(scene('models.mujoco = "red.xml"', FORCE), encoding="utf-8")
     repository(theirs / "old")
@@ -46,7 +42,6 @@ def folder(theirs):
 
 
 def status_of(mode: str) -> set[str]:
-    """What may become of a row of a mode."""
     if mode in harm.CHANGES or mode in harm.RIGHT:
         return {"agree"}
     return {"failed"} if mode in harm.ENDS else {"failed", "differ", "partly"}
@@ -74,7 +69,6 @@ def test_whatever_an_engine_does_costs_its_own_row(folder):
 
 
 def marked(mark: str) -> list[int]:
-    """Processes with a mark in their environment that do not end of themselves."""
     found = []
     for place in Path("/proc").glob("[0-9]*"):
         try:

@@ -1,5 +1,3 @@
-"""An engine of others can spoil its own row only: whatever it returns, raises, prints or calls itself."""
-
 from __future__ import annotations
 
 import json
@@ -23,7 +21,6 @@ def right(problem) -> Solution:
 
 
 def spoilt(results) -> str:
-    """The reason why one engine has no rows, the others having theirs."""
     assert [*results.solutions] == ["screw", "pinocchio"]
     good = results.pairs[(results.pairs["a"] == "screw") & (results.pairs["b"] == "pinocchio")]
     assert {*good["quantity"]} == {*QUANTITIES}

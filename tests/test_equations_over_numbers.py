@@ -59,7 +59,6 @@ PROVED = 1e-40
 
 
 def sprung(name: str, cut: str = "") -> State:
-    """A built-in mechanism under all of these, its loops closed by the last joint of a kind if one is given."""
     mechanism = load_mechanism(name)
     at = swinging(mechanism, acting(mechanism), 2)
     names = [joint.name for joint in mechanism.joints if joint.kind == cut]
@@ -112,7 +111,7 @@ rounding = cache(lambda name: max(conditions(posed(name))))
 
 
 def check(name: str, found, number, right=None) -> None:
-    """That quantities of a case are what balls say, but for rounding of a type of number."""
+    """Compare with balls up to rounding."""
     errors, bound = errors_of(posed(name), found, right or true(name)), ROUNDINGS * EPS[number] * rounding(name)
     assert errors
     assert {each: error for each, error in errors.items() if not error <= bound} == {}
@@ -158,7 +157,7 @@ def test_balls_of_what_doubles_may_stand_for_enclose_their_results(name):
 @pytest.mark.parametrize("number", FLOATS)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_program_is_off_by_the_rounding_of_what_it_runs_in(name, number):
-    """Constants that nothing changes are worked out in doubles while it is made."""
+    """Constants are folded in doubles."""
     made, places = program(name)
     least = max(number, np.float64, key=EPS.get) if number is np.longdouble else number
     check(name, parts(run_in(made, number, inputs(posed(name))), places), least)

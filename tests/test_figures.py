@@ -1,5 +1,3 @@
-"""Figures are data that draw well: whatever the numbers and names, and the same each time."""
-
 from __future__ import annotations
 
 import json
@@ -25,7 +23,6 @@ def texts(plot: Picture) -> list[str]:
 
 
 def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", **more: Any) -> Picture:
-    """Curves over t = 0 to 1 s by their names."""
     t = np.linspace(0.0, 1.0, len(next(iter(curves.values()))))
     looks = by_camp(curves)
     series = [

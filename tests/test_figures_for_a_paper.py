@@ -1,5 +1,3 @@
-"""A figure is saved for a paper: in the width, font and size of its text, with curves alone."""
-
 from __future__ import annotations
 
 import re
@@ -110,7 +108,6 @@ def test_a_figure_that_nobody_changed_is_saved_again(ending, results, tmp_path):
 
 
 def test_a_png_stays_a_png(results, tmp_path):
-    """Its chunks follow each other to the last, each with its checksum."""
     data = results.figure("mechanism").save(tmp_path / "f.png").read_bytes()
     kinds, at = list[bytes](), 8
     while at < len(data):

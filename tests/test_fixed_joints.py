@@ -1,5 +1,3 @@
-"""A fixed joint holds a body of its own to another one: its reaction is known in all six components, it is no pivot."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -63,7 +61,7 @@ def about(e: np.ndarray, angle: float) -> np.ndarray:
 
 
 def wrench_on_load(q: float, v: float, a: float) -> np.ndarray:
-    """Force on the load in the world, and moment about the joint in its frame on the load: Newton and Euler. (6,)."""
+    """Newton-Euler, in the joint's frame. Shape (6,)."""
     y, x = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
     arm = about(y, q)
     R = arm @ about(x, 0.7)
@@ -76,7 +74,6 @@ def wrench_on_load(q: float, v: float, a: float) -> np.ndarray:
 
 
 def held(results: screwgauge.Results, engine: str) -> np.ndarray:
-    """Reaction of the fixed joint, in the order of `COMPONENTS`. Shape (n, 6)."""
     names = results.components("reaction")
     return results.values("reaction", engine=engine)[:, [names.index(f"hold.{each}") for each in COMPONENTS]]
 

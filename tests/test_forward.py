@@ -1,5 +1,3 @@
-"""Forward dynamics: what inverse dynamics asked for brings back the motion, by two routes."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -25,7 +23,6 @@ SCENES = [
 
 
 def at_rest_or_moving(scene, n=9):
-    """Some samples of a scene, in its motion, and under its forces without actuators."""
     t = scene.t
     scene = scene.at(t[np.linspace(0, len(t) - 1, n).astype(int)])
     return scene, moved(layout(scene.mechanism), scene.motion.y, scene.motion.yd, applied=scene.applied)
@@ -61,7 +58,6 @@ def test_a_batch_is_its_samples_one_by_one():
 
 @pytest.fixture(scope="module")
 def pendulum():
-    """The double pendulum at three poses that move."""
     lay = layout(load_mechanism(DATA / "pendulum.toml"))
     y = np.array([[0.3, -0.2], [1.1, 0.4], [-0.7, 0.9]])
     return moved(lay, y, np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
@@ -76,7 +72,6 @@ def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
 
 
 def test_a_point_spring_pulls_along_its_line(pendulum):
-    """Against the force found from the derivative of its own energy, and both routes against each other."""
     spring = PointSpring("ground", np.array([0.5, 0.2, 0.0]), "bob", np.array([0.1, 0.0, -1.0]), 40.0, 0.6)
     y, h = pendulum.q, 1e-6
 
@@ -91,7 +86,7 @@ def test_a_point_spring_pulls_along_its_line(pendulum):
 
 
 def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
-    """dE/dt = tau w - c (q')^2 - c (l')^2, E by central differences along the motion."""
+    """dE/dt = tau w - c (q')^2 - c (l')^2, by central differences of E."""
     damper = PointSpring("ground", np.array([1.0, 0.5, 0.0]), "bob", np.array([0.0, 0.0, -1.0]), 7.0, 0.3, 5.0)
     forces = {"applied": Applied(springs=(JointSpring("a", 10.0, 0.2, 3.0), damper)), "joints": np.array([0.7, -1.3])}
     y, yd = pendulum.q, pendulum.yd
@@ -140,7 +135,6 @@ def test_bad_springs_and_forces_are_said(pendulum):
 
 
 def test_a_coordinate_that_moves_no_mass_is_named(write):
-    """A point mass on the axis about which it turns."""
     path = write(
         "idle.toml",
         """
@@ -204,14 +198,14 @@ def response(path: Path, *y: tuple[float, float]):
 
 
 def test_coordinates_in_metres_and_radians_of_any_size_have_an_inertia_matrix(write):
-    """A slide of 1e12 kg carries a wheel of 1e-14 kg m^2: 26 powers of ten that are no linear dependence."""
+    """A slide of 1e12 kg carries a wheel of 1e-14 kg m^2."""
     found = response(write("m.toml", SLIDE_AND_WHEEL), (0.0, 0.0))
     assert found.inertia_matrix[0] == pytest.approx(np.diag([1e12, 1e-14]), rel=FORMULA, abs=0.0)
     assert found.ydd[0] == pytest.approx([2e-12, 3e14], rel=FORMULA, abs=0.0)
 
 
 def test_coordinates_that_together_move_no_mass_are_refused_at_any_sample(write):
-    """An arm without mass and a point mass at its end: stretched, it cannot be moved along."""
+    """A massless arm with a point mass at its end, stretched."""
     path = write("m.toml", ELBOW)
     assert np.isfinite(response(path, (0.0, 1.0), (0.1, 1.0)).ydd).all()
     with pytest.raises(SingularPoseError, match="some combination of the independent coordinates moves no mass"):
@@ -220,7 +214,6 @@ def test_coordinates_that_together_move_no_mass_are_refused_at_any_sample(write)
 
 @pytest.mark.parametrize("name", ["stewart", "rccc", "a02-fourbar-2"])
 def test_forces_along_any_coordinate_do_the_same_in_both_routes(name):
-    """Along those of a floating joint and of joints that close loops, too."""
     lay = layout(load_mechanism(name))
     home, columns = lay.mechanism.home, lay.mechanism.independent_columns
     y = home[columns] + 0.05 * np.cos(np.arange(2.0 * len(columns))).reshape(2, -1)

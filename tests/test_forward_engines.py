@@ -1,5 +1,3 @@
-"""Pinocchio and MuJoCo driven forward: they undo their own inverse dynamics and follow the established problems."""
-
 from __future__ import annotations
 
 import re
@@ -56,7 +54,6 @@ UNTIL = {
 
 
 def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, np.ndarray]:
-    """A scene at times of its reference, and what is known of its observables there."""
     scene = screwgauge.load_scene(name)
     rows = np.flatnonzero(scene.known.t <= until)[::10]
     return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
@@ -85,7 +82,7 @@ def test_established_problem(name, engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_loops_closed_by_welds_move_alike(engine):
-    """The full cut of the Bricard mechanism: a copy of a rod is welded to the rod itself."""
+    """A Bricard rod is welded to its copy."""
     scene, known = scene_of("a04-bricard-box")
     full = model_files("a04-bricard-box", f"{engine}-full")
     found = simulate(engine, full, scene.applied, scene.start)
@@ -114,7 +111,7 @@ def test_what_progress_raises_ends_the_integration(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_cut_joints_follow_whole_turns(engine):
-    """Two four-bars: the angle at the end of each bar turns with the crank, five times in ten seconds."""
+    """The crank turns five times in ten seconds."""
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 3.0])
     found = simulate_scene(engine, scene)
     names = scene.mechanism.coordinates
@@ -128,7 +125,7 @@ def test_cut_joints_follow_whole_turns(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_springs_and_motors_at_a_cut_joint_act_like_those_beside_it(engine):
-    """In a parallelogram the cut joint c0 turns as b0 does, so that either may carry the spring."""
+    """In a parallelogram the cut joint c0 turns as b0 does."""
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.2, 0.6])
 
     def motion(coordinate):
@@ -143,7 +140,7 @@ def test_springs_and_motors_at_a_cut_joint_act_like_those_beside_it(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
-    """As if the accelerations became unsafe once the crank has passed one radian."""
+    """Accelerations become unsafe once the crank has passed one radian."""
     mover = MOVERS[engine]
     accelerate, place = mover.accelerate, mover.place
 
@@ -173,7 +170,7 @@ def test_a_start_without_direction_is_refused():
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_start_that_its_coordinates_do_not_determine_is_refused(engine):
-    """All links of the four-bars in one line: which way they bend is not said by the crank."""
+    """With all links in line the crank does not determine how they bend."""
     scene = screwgauge.load_scene("a02-fourbar-2")
     in_line = replace(scene.start, start=np.array([-0.5 * np.pi]))
     with pytest.raises(SingularPoseError, match="do not determine the motion"):
@@ -196,7 +193,7 @@ def test_bad_problems_are_said(engine):
 
 
 class Sticking(METHODS["DOP853"]):
-    """Steps shrink to nothing after 0.3 s, as they do where a pose is nearly singular, unless begun farther away."""
+    """Steps shrink to zero after 0.3 s, unless started later."""
 
     def step(self):
         if 0.3 < self.t < 0.4 and self.sticks:
@@ -207,7 +204,6 @@ class Sticking(METHODS["DOP853"]):
 
 @pytest.fixture(scope="module")
 def boxes():
-    """A motion of a Bricard box, and its simulation."""
     scene = screwgauge.load_scene("a04-bricard-box").at(np.linspace(0.0, 0.6, 25))
     return scene, simulate_scene("pinocchio", scene)
 

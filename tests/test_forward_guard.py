@@ -1,5 +1,3 @@
-"""An integrated motion says which singular poses it passed; starts that cannot be are refused, all others are not."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -34,8 +32,6 @@ SQUARE = "a02-fourbar-2"
 
 @pytest.fixture
 def scene(write):
-    """A forward scene of two four-bars under gravity, or of what is asked for."""
-
     def make(**entries: str) -> Path:
         usual = {"mechanism": SQUARE, "gravity": "[0, -9.81, 0]", "time": "duration = 0.4\nstep = 0.1"}
         usual |= {"start": "", "rates": "crank = -1", "method": "", "more": ""}
@@ -50,7 +46,7 @@ def run(path: Path, **more: object):
 
 @pytest.mark.slow
 def test_a_motion_through_a_singular_pose_says_so_and_is_flagged_from_there_on(scene):
-    """Falling freely, the platform tilts beyond b = 0.3568 rad, where its third rotation is no longer held."""
+    """Beyond b = 0.3568 rad the platform's third rotation is free."""
     results = run(
         scene(mechanism="3ups-upu-s", gravity="[0, 0, -9.81]", start="b = 0.3", rates="b = 1",
               time="times = [0, 0.02, 0.04, 0.06, 0.08, 0.1]")
@@ -90,8 +86,6 @@ def test_what_cannot_be_integrated_is_refused_before_any_engine(scene, refused, 
 
 
 def test_a_start_beside_a_dead_point_is_not_refused(scene, monkeypatch):
-    """The stiffness at the start is advice: that it looks at poses beyond is no reason against the scene."""
-
     def beyond(*_: object) -> None:
         raise ClosureError("the loops cannot close", "beside the start", "look elsewhere")
 
@@ -108,7 +102,6 @@ def test_a_start_in_degrees_is_asked_about(scene):
 
 @pytest.fixture
 def no_engine(stand_in):
-    """An engine that is not installed; that it was asked stands in the list."""
     order: list[str] = []
 
     def absent(problem) -> None:

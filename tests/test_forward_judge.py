@@ -1,5 +1,3 @@
-"""The judge of an integrated motion finds what energy cannot see: forces of the wrong sign with their own work."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -50,7 +48,6 @@ def driven(write):
 
 
 def answered(scene, **changes: object) -> Solution:
-    """The motion under other loads, springs or motors."""
     return solve(scene.under(**changes), ["screw"], MOTION)[0]["screw"]
 
 
@@ -87,7 +84,7 @@ def test_an_acceleration_that_is_slightly_off_is_found(driven):
 
 
 def test_the_energy_of_a_motion_that_is_looked_at_from_later_on_balances(driven):
-    """The work counts from the start, the energy from the first sample that is wanted."""
+    """Work counts from the start, energy from the first requested sample."""
     later = driven.at([0.1, 0.2])
     rows = judged(later, answered(later))
     assert rows["ok"].all()

@@ -1,5 +1,3 @@
-"""Forward scenes are integrated, compared with each other and with their reference, and judged."""
-
 from __future__ import annotations
 
 import json
@@ -46,8 +44,6 @@ coordinate = "{coordinate}"
 
 @pytest.fixture
 def sprung(write):
-    """A scene of the pendulum of A01 without gravity on a torsion spring."""
-
     def make(**entries: object):
         usual = {"mechanism": "a01-pendulum", "duration": 1, "forward": "start = { angle = 0.5 }"}
         usual |= {"coordinate": "pivot", "stiffness": 4, "damping": 0}
@@ -57,7 +53,6 @@ def sprung(write):
 
 
 def pendulum(problem):
-    """Stands in for another engine, which reads another file."""
     return ask("screw", model_files("a01-pendulum", "screw"), problem)
 
 
@@ -83,7 +78,6 @@ def test_pendulum_follows_its_reference():
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "until"), [("a03-andrews-ivp", 0.003), ("a04-bricard-box", 0.5)])
 def test_three_engines_and_the_reference_agree(name, until):
-    """Each from its own model file; loops with redundant constraints, a spring and a motor among them."""
     scene = screwgauge.load_scene(name)
     results = screwgauge.run(scene.at(scene.t[scene.t <= until]))
     assert results.ok
@@ -93,7 +87,6 @@ def test_three_engines_and_the_reference_agree(name, until):
 
 
 def test_times_after_the_start_may_be_asked_for():
-    """The start state stays that of the scene's own first time."""
     scene = screwgauge.load_scene("a01-pendulum")
     late = screwgauge.run(scene.at([0.5, 1.0]), engines=["screw"])
     assert late.ok
@@ -101,7 +94,7 @@ def test_times_after_the_start_may_be_asked_for():
 
 
 def test_spring_swings_as_its_closed_form(sprung):
-    """1 kg at 1 m on 4 N m/rad: the angle is 0.5 cos 2 t."""
+    """1 kg at 1 m on 4 N m/rad: 0.5 cos 2 t."""
     results = screwgauge.run(sprung())
     error = results.values("observable", "screw")[:, 0] - 0.5 * np.cos(2.0 * results.times)
     assert np.abs(error).max() < STEPPED
@@ -165,7 +158,7 @@ def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, wri
 
 
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
-    """1e4 N m s/rad on 1 kg m^2 asks DOP853 for steps of 0.6 ms; ten of them are not worth a word."""
+    """1e4 N m s/rad on 1 kg m^2 limits DOP853 to steps of 0.6 ms."""
     scene = sprung(damping=1e4, duration=1)
     (warning,) = check_start(scene)[1]
     assert "fastest eigenvalue at the start, -1e+04 1/s" in warning
@@ -176,7 +169,7 @@ def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
 
 
 def test_eigenvalues_of_the_governor_are_the_known_ones():
-    """-8117, -1450, -20.30, -20.05, +-7.346i (published with its reference), and two zeros of the spin."""
+    """Published with its reference: -8117, -1450, -20.30, -20.05, +-7.346i, and zeros of the spin."""
     scene = screwgauge.load_scene("a05-governor")
     lay = layout(load_mechanism("a05-governor"))
     found = eigenvalues(lay, scene.applied, scene.start.start, scene.start.rates)

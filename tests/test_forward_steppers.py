@@ -1,5 +1,3 @@
-"""The engines' own steppers: their orders, MuJoCo's softness that no step removes, springs as its own."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -32,7 +30,6 @@ pytestmark = pytest.mark.slow
 
 
 def error(name, until, engine, **stepper):
-    """Largest error of the observable, and what the stepper returned."""
     scene = screwgauge.load_scene(name)
     rows = np.flatnonzero(scene.known.t <= until)[::5]
     scene = scene.at(scene.known.t[rows])
@@ -67,7 +64,6 @@ def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
     ],
 )
 def test_mujoco_steps_converge_without_loops(integrator, expected, steps):
-    """The governor: stiff springs and dampers as tendons, seen by the implicit integrators."""
     if not has_integrator(integrator):
         pytest.skip("this MuJoCo has no discrete integrator")
     found = order("a05-governor", 0.25, steps, engine="mujoco", integrator=integrator)
@@ -79,7 +75,7 @@ def test_rk4_of_mujoco_is_as_exact_as_the_reference_where_it_is_stable():
 
 
 def test_loops_of_mujoco_are_soft_at_any_step_and_refinement_closes_them():
-    """Two four-bars, default softness: a floor that no step removes. Refined, Euler's error follows the step."""
+    """By default a floor remains at any step; refined, Euler's error follows the step."""
 
     def pair(**more):
         return [error("a02-fourbar-2", 2.0, "mujoco", dt=dt, **more)[0] for dt in (2e-3, 1e-3)]
@@ -92,7 +88,6 @@ def test_loops_of_mujoco_are_soft_at_any_step_and_refinement_closes_them():
 
 @pytest.fixture(scope="module")
 def held():
-    """The loaded default scene at its first pose, its actuators holding it by constant forces for 0.2 s."""
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0])
     run = screwgauge.run(scene, engines=["screw"], quantities=["actuator_force"])
     force = run.values("actuator_force", "screw")[0]
@@ -102,7 +97,7 @@ def held():
     task = InitialValue(scene.motion.y[0], np.zeros(2), 0.0, np.linspace(0.0, 0.2, 5))
 
     def step(engine, **stepper):
-        """Its coordinates, and how far the loops have come open [m], shape (5,)."""
+        """Coordinates, and openings [m]. Shape (5,)."""
         files = model_files("3ups-upu-s", engine)
         found = simulate(engine, files, applied, task, **stepper)
         return found.q, opening(files, found.q, scene.mechanism.coordinates)
@@ -113,7 +108,7 @@ def held():
 @pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
-    """7.3 mm in the end, by default, for every step and integrator; 15 um at the largest impedance."""
+    """7.3 mm by default, 15 um at the largest impedance."""
     if not has_integrator(integrator):
         pytest.skip("this MuJoCo has no discrete integrator")
     apart = [held("mujoco", integrator=integrator, dt=dt)[1][-1] for dt in (2e-3, 1e-3)]
@@ -137,14 +132,12 @@ def test_refined_steps_keep_the_loops_of_the_held_mechanism_closed(held, held_by
 
 
 def springs_of_the_governor():
-    """One along a joint, one between points, one beside it."""
     pull = PointSpring("ground", np.array([0.3, 0.1, 0.2]), "right", np.array([0.4, 0.0, 0.1]), 800.0, 0.3, 25.0)
     between = PointSpring("slider", np.array([0.05, 0, 0]), "left", np.array([-0.5, 0, 0]), 900.0, 0.0, 3.0)
     return (JointSpring("right", 30.0, 0.4, 2.0), pull, between)
 
 
 def test_springs_of_mujoco_are_ours():
-    """Passive forces of the sprung model against those from poses and Jacobians."""
     files = model_files("a05-governor", "mujoco")
     applied = Applied(np.zeros(3), springs=springs_of_the_governor())
     file = read_loops(files.loops)
@@ -164,7 +157,6 @@ def test_springs_of_mujoco_are_ours():
 
 @pytest.mark.slow
 def test_what_varies_is_held_over_each_step_and_said():
-    """A load beside the centre of mass and springs at a cut joint: they end near the motion of finer steps."""
     scene = screwgauge.load_scene("a02-fourbar-2").at(np.array([0.0, 0.1, 0.3]))
     load = Load("bar1", np.array([1.0, 0.0, 0.0]), np.array([3.0, -2.0, 0.0]), np.zeros(3))
     scene = scene.under(loads=(load,), springs=(JointSpring("c0", 5.0, 0.1, 0.2),))

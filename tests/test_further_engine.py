@@ -1,5 +1,3 @@
-"""A further engine is one file and one line, and what is wrong with it is named."""
-
 from __future__ import annotations
 
 from dataclasses import replace

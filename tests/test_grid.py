@@ -1,5 +1,3 @@
-"""A grid of poses as a motion: cells that are reached, those that are named, and contour plots over them."""
-
 from __future__ import annotations
 
 import json
@@ -80,7 +78,6 @@ FIGURE = '[[figures]]\ntitle = "Map"\nquantity = "jacobian"\ncontour = "toe.vz/l
 
 @pytest.fixture
 def ankle(write):
-    """The map of an ankle as a scene."""
     write("ankle.toml", ANKLE + "".join(SIDE.format(side=side, y=y, h=h) for side, (y, h) in SIDES.items()))
 
     def read(size: float, count: int, more: str = ""):
@@ -90,14 +87,13 @@ def ankle(write):
 
 
 def foot(pitch, roll, place) -> np.ndarray:
-    """A point of the foot in the world. Shape (n, 3)."""
     x, y, z = place
     y, z = y * np.cos(roll) - z * np.sin(roll), y * np.sin(roll) + z * np.cos(roll)
     return np.stack([x * np.cos(pitch) + z * np.sin(pitch), y + 0.0 * x, z * np.cos(pitch) - x * np.sin(pitch)], axis=1)
 
 
 def cranks(pitch, roll) -> np.ndarray:
-    """Angles of both cranks, NaN where a rod does not reach. Shape (n, 2)."""
+    """Crank angles, NaN out of reach. (n, 2)."""
     angles = []
     for y, h in SIDES.values():
         heel = foot(pitch, roll, (-0.05, y, 0.0)) - [0.0, y, h]
@@ -110,7 +106,6 @@ def cranks(pitch, roll) -> np.ndarray:
 
 
 def beside(cells: np.ndarray) -> np.ndarray:
-    """Cells next to some along an axis."""
     wide = np.pad(cells, 1)
     return wide[2:, 1:-1] | wide[:-2, 1:-1] | wide[1:-1, 2:] | wide[1:-1, :-2]
 

@@ -1,5 +1,3 @@
-"""No number is silently wrong: estimates bound the errors, what is lost is flagged, what is singular is named."""
-
 from __future__ import annotations
 
 import json
@@ -26,7 +24,6 @@ ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
 @pytest.fixture(scope="module")
 def ladder():
-    """Runs at distances 1e-1 ... 1e-10 from the lost constraint of leg 1."""
     return [
         screwgauge.run(moving_at(before_upu(10.0**-k, 3, seed=k), seed=k), engines=ENGINES)
         for k in (1, 2, 3, 4, 5, 6, 8, 10)
@@ -72,7 +69,6 @@ def test_estimates_hold_near_a_base_lock():
 
 @pytest.mark.slow
 def test_estimates_hold_where_nothing_is_at_rest():
-    """The offset leg: its third rotation has to be solved for, and everything else with it."""
     scene = moving_at(np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2)), scene="3ups-upu-s-offset")
     results = screwgauge.run(scene, engines=["screw", "pinocchio", "truth"])
     for engine in ("screw", "pinocchio"):
@@ -87,7 +83,7 @@ def test_estimates_hold_where_nothing_is_at_rest():
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-3, 1e-8])
 def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
-    """Its tree has the wrist's angles, so that their lock is one of its forces too."""
+    """Its tree has the wrist's angles, whose lock affects a force."""
     scene = moving_at([[WRIST + distance, 0.0]])
     results = screwgauge.run(scene, engines=["screw", "pinocchio-full", "truth"])
     found, truth = results.solutions["pinocchio-full"], results.solutions["truth"]
@@ -140,7 +136,6 @@ def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
 
 @pytest.mark.parametrize("away", [1e-5, 1e-6])
 def test_next_to_a_singular_pose_what_engines_admit_is_not_decided(away):
-    """The reason of a row says so, and the verdict; away from it the same engines agree."""
     scene = moving_at([[0.1, 0.2], [0.1, BASE + away]])
     results = screwgauge.run(scene, engines=["screw", "pinocchio"])
     assert (results.outcome, results.exit_status, results.undecided) == ("undecided", 1, 1)
@@ -153,10 +148,8 @@ def test_next_to_a_singular_pose_what_engines_admit_is_not_decided(away):
 
 
 def altered(scene, errors) -> tuple[bool, float, float, str]:
-    """Whether screw and Pinocchio agree on accelerations if Pinocchio's are off; error, tolerance, reason of the pair.
-
-    Args:
-        errors: Of each sample, over the estimates of both or the tolerance, whichever is more.
+    """Whether screw and Pinocchio agree with an error in Pinocchio's accelerations. Args: errors: relative to the
+    estimates of both or the tolerance, whichever is more.
     """
     wanted = ("joint_acceleration",)
     solutions = {name: solve(scene, (name,), wanted)[0][name] for name in ("screw", "pinocchio")}
@@ -251,7 +244,6 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 
 def at_lock(scene) -> np.ndarray:
-    """The second pose moved to where the wrist's chart locks, to rounding."""
     lay = layout(scene.mechanism)
     cut = [joint.name for joint in lay.cuts].index("leg2.wrist")
     step, a = 1e-6, WRIST

@@ -1,5 +1,3 @@
-"""Coordinates that no actuator drives: each engine solves their accelerations and the forces on its own."""
-
 from __future__ import annotations
 
 import re
@@ -23,14 +21,12 @@ ASKED = frozenset({"joint_acceleration", "com_acceleration", "generalized_force"
 
 
 def files(mechanism, engine, folder):
-    """Model files of an engine in a folder."""
     if not ENGINES[engine].cut:
         return ModelFiles(folder / f"{mechanism.name}.toml")
     return model_files(mechanism.name, engine, folder)
 
 
 def without_actuators(name, write):
-    """A built-in mechanism, some of whose joints nothing drives, read from a file of its own."""
     text = mechanism_path(name).read_text(encoding="utf-8")
     for joint in TAKEN[name][0]:
         head = re.search(rf'^\[joints\."?{re.escape(joint)}"?\]$', text, re.MULTILINE)
@@ -40,7 +36,6 @@ def without_actuators(name, write):
 
 
 def motion(mechanism, idle, n=7):
-    """A motion of all coordinates about home, second derivatives of idle ones being of no account."""
     t, k = np.linspace(0.2, 0.7, n), len(mechanism.independent)
     w, a = 2.0 + np.arange(k), 0.1 / (1.0 + np.arange(k))
     y = mechanism.home[mechanism.independent_columns] + a * np.sin(w * t[:, None])
@@ -103,7 +98,6 @@ def test_what_nothing_drives_falls(engine, write, tmp_path):
 @pytest.mark.parametrize("engine", SOLVE)
 @pytest.mark.parametrize("name", TAKEN)
 def test_actuators_deliver_all_that_the_motion_needs(name, engine, write, tmp_path):
-    """Forces along the coordinates, as the solver has them of that motion, are those of the actuators alone."""
     mechanism = without_actuators(name, write)
     idle = [list(mechanism.independent).index(label) for label in TAKEN[name][1]]
     assert_delivered(mechanism, idle, engine, tmp_path)

@@ -1,5 +1,3 @@
-"""Freedoms that no actuator drives."""
-
 from __future__ import annotations
 
 import pickle
@@ -23,7 +21,6 @@ SCENE = "3ups-upu-s"
 
 
 def motion(idle: tuple[int, ...], *, off: float = 0.0) -> GivenMotion:
-    """The motion of a scene whose second coordinate is `off` in acceleration."""
     whole = sampled(SCENE, slice(0, 40, 10)).motion
     return replace(whole, ydd=whole.ydd + np.array([0.0, off]), idle=idle, drive=None)
 
@@ -60,7 +57,6 @@ time = { duration = 3, step = 0.05 }
 
 @pytest.fixture
 def cart(tmp_path) -> Callable[..., Scene]:
-    """A cart that is driven, with a pole that is not; changes of the scene's text."""
     (tmp_path / "cart.toml").write_text(CART)
 
     def scene(*changes: tuple[str, str]) -> Scene:
@@ -75,7 +71,7 @@ def cart(tmp_path) -> Callable[..., Scene]:
 
 
 def pole(t: Array, start: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
-    """Angle of the pole, two derivatives, and force on the cart, by Lagrange's equations of the cart-pole."""
+    """Lagrange's equations of the cart-pole."""
     m, l, g, inertia = 1.0, 0.7, 9.81, 2e-2 + 0.49
     push = lambda t: -3.6 * np.sin(3 * t)  # noqa: E731
 
@@ -161,7 +157,6 @@ def test_forces_of_a_motion_that_nothing_drives_are_refused_with_a_way_out(cart)
 
 
 def judged(scene: Scene, motion: GivenMotion, change: float = 0.0) -> set[str]:
-    """Residuals out of tolerance of what `screw` says of a motion, with a change of its accelerations."""
     wanted = ["joint_position", "joint_velocity", "joint_acceleration"]
     solution = screwgauge.run(scene, engines=["screw"], quantities=wanted).solutions["screw"]
     accelerations = solution.values["joint_acceleration"]
@@ -203,7 +198,7 @@ def test_programs_solve_idle_accelerations(cart, backend):
 
 
 def test_pole_that_a_joint_damps_and_a_spring_turns_is_followed_however_stiff(cart):
-    """A fall to rest within a hundred thousandth of a second, which explicit methods follow in steps as short."""
+    """It comes to rest within 1e-5 s."""
     damped = '\n[[springs]]\ncoordinate = "hinge"\nstiffness = 40.0\nrest = 0.3\ndamping = 5e4\n'
     scene = cart(
         ("idle.angle = { rate = 0 }\n", "idle.angle = { rate = 2 }\n"), ("step = 0.05 }", "step = 0.05 }" + damped)

@@ -1,5 +1,3 @@
-"""An ankle with rods between balls, whose spin is idle, beside its twin with rods on universal joints."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -78,8 +76,6 @@ MOVED = "motion.roll.harmonics = [[10, 0, 0.15]]\nmotion.pitch.harmonics = [[8, 
 
 @pytest.fixture
 def ankle(tmp_path) -> Callable[..., Any]:
-    """Runs an ankle of one kind of rods, which all engines agree on."""
-
     def results(kind: str, axial: float, motion: str = MOVED, engines: tuple[str, ...] = ENGINES) -> Any:
         spins = "".join(f'spin{k} = "rod{k}.top.q3"\n' for k in SIDES) if kind == "S" else ""
         legs = (LEG.format(k=k, y=y, kind=kind, axial=axial, axes=AXES[kind]) for k, y in SIDES.items())
@@ -94,7 +90,6 @@ def ankle(tmp_path) -> Callable[..., Any]:
 
 
 def apart(one: Any, other: Any, engine: str) -> float:
-    """Difference of the forces of motors, of the largest."""
     a, b = (each.values("actuator_force", engine) for each in (one, other))
     return float(np.abs(a - b).max() / np.abs(b).max())
 
@@ -107,7 +102,7 @@ def test_held_ankles_have_the_same_torques(ankle, axial):
 
 @pytest.mark.parametrize("axial", [1e-4, 1e-6, 0.0])
 def test_rods_that_do_not_spin_are_thin(ankle, axial):
-    """Momentum about the line of a rod between balls stays, zero: its inertia about that line does nothing."""
+    """Zero momentum about a rod's line makes its inertia there irrelevant."""
     balls, thin = ankle("S", axial), ankle("U", 0.0)
     assert all(apart(balls, thin, engine) < LINEAR for engine in ENGINES)
 
@@ -125,7 +120,6 @@ def test_rods_on_universal_joints_take_the_power_of_their_spin(ankle):
 
 
 def spin(results: Any, k: int) -> tuple[Array, Array]:
-    """Rate about the line of a rod and its derivative, the line by hand from the angles of motor and foot. (n,)."""
     names = [*results.components("joint_position")]
     q = results.values("joint_position", "screw")
     roll, pitch, crank = (q[:, names.index(name)] for name in ("foot.q1", "foot.q2", f"motor{k}"))

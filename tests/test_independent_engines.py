@@ -1,5 +1,3 @@
-"""Engines that share neither tree, cut nor formulas with the others agree with them, and keep to themselves."""
-
 from __future__ import annotations
 
 import ast

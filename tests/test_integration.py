@@ -1,5 +1,3 @@
-"""Time integration: it passes singular poses, keeps what it computed when it must stop, and refuses bad input."""
-
 from __future__ import annotations
 
 from functools import partial
@@ -66,7 +64,6 @@ def pendulum():
 
 @pytest.fixture(scope="module")
 def sprung(pendulum):
-    """Integrates a start of the pendulum on a spring."""
     applied = Applied(springs=(JointSpring("b", 20.0, damping=1.0),))
     return partial(integrate, pendulum, applied, np.array([0.0, 0.1, 0.35]), start=np.array([0.4, 0.3]))
 
@@ -87,7 +84,7 @@ def test_all_methods_give_the_same_motion(sprung, best, method):
 
 @pytest.mark.slow
 def test_forces_may_depend_on_time(pendulum):
-    """Without gravity the second joint alone is 1 kg at 1 m: its angle is the torque integrated twice."""
+    """1 kg at 1 m: its angle integrates the torque twice."""
     torque = Motor("b", Course(np.zeros(1), np.array([[9.0, 0.0, 5.0]])))
     held = integrate(
         pendulum,
@@ -102,7 +99,7 @@ def test_forces_may_depend_on_time(pendulum):
 
 @pytest.mark.slow
 def test_singular_poses_are_stepped_over_when_met():
-    """With a wide berth, condition 1000 or 0.006 rad, steps do meet them; no digit is lost by going around."""
+    """With a wide margin, condition 1000 or 0.006 rad, steps do meet them."""
     found = integrate(
         layout(load_mechanism("a02-fourbar-2")),
         Applied(gravity=np.array([0.0, -9.81, 0.0])),
@@ -119,7 +116,7 @@ def test_singular_poses_are_stepped_over_when_met():
 
 @pytest.mark.slow
 def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
-    """The piston cannot lead beyond dead centre, where its motion no longer determines that of the crank."""
+    """At dead centre the piston no longer determines the crank."""
     lay = layout(load_mechanism(write("dead-centre.toml", SLIDER_CRANK)))
     times = np.linspace(0.0, 2.0, 81)
     found = integrate(lay, Applied(gravity=np.zeros(3)), times, yd=np.array([1.0]), rtol=1e-8)

@@ -1,5 +1,3 @@
-"""What integration leaves: estimated honestly, admitted where engines are compared, and no cover for a false model."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -49,8 +47,6 @@ MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
 @pytest.fixture
 def fall(write):
-    """The scene of a light cart, by name, over ten seconds or less."""
-
     def make(name: str, duration: float = 10.0, step: float = 0.05) -> Scene:
         write("sibling.toml", SIBLING)
         mechanism = name if name == "cart-pole" else f"{name}.toml"
@@ -63,7 +59,7 @@ def fall(write):
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", CARTS)
 def test_a_light_cart_that_darts_aside_does_not_stop_an_engine(fall, name, engine, tmp_path):
-    """Steps shrink to a millionth of the longest, and lead on."""
+    """Steps shrink to a millionth of the longest."""
     scene = fall(name, step=5.0)
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
     found = ask(engine, model_files(name, engine, tmp_path), scene.problem(MOTION))
@@ -132,7 +128,6 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
     ],
 )
 def test_a_model_that_is_a_thousandth_off_still_differs(name, right, wrong, tmp_path):
-    """Though the error of integration counts: it is no cover."""
     scene = screwgauge.load_scene(name).at([0.0, 0.5, 1.0])
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
     own = tmp_path / f"{name}.xml"
@@ -146,7 +141,6 @@ def test_a_model_that_is_a_thousandth_off_still_differs(name, right, wrong, tmp_
 
 
 def several(scene: Scene, engine: str) -> tuple[Solution, list[Solution]]:
-    """A motion, and the same integrated with looser tolerances, observables among the values."""
     files = model_files(scene.mechanism.name, engine)
     wanted = ("joint_position", "joint_velocity", "observable") if scene.observables else ("joint_position",)
     found = {str(k): ask(engine, files, x.problem(MOTION)) for k, x in enumerate([scene, *loosened(scene)])}
@@ -155,7 +149,7 @@ def several(scene: Scene, engine: str) -> tuple[Solution, list[Solution]]:
 
 
 def honest(estimate: np.ndarray, error: np.ndarray) -> None:
-    """The estimate holds the error up to each sample, and is not a thousand times as large in the end."""
+    """Bounds the error, by less than a factor 1000."""
     error = np.maximum.accumulate(np.abs(error).max(axis=1))
     assert (estimate >= error - 1e-13).all(), (estimate / error).min()
     assert estimate[-1] < 1000.0 * error[-1] + 1e-11
@@ -188,9 +182,8 @@ def test_the_estimate_holds_the_true_error_of_established_problems(name, engine,
 
 @cache
 def exact(name: str, times: tuple[float, ...]) -> np.ndarray:
-    """Angle of the pole from the integral of energy; its motion repeats itself. Shape (n, 1).
-
-    With u^2 the angle below the horizontal, theta'^2 = 2 m g l cos(theta) / I(theta).
+    """Angle of the pole from the integral of energy; its motion repeats itself. Shape (n, 1). With u^2 the angle below
+    the horizontal, theta'^2 = 2 m g l cos(theta) / I(theta).
     """
     cart, pole, l = CARTS[name]
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -220,7 +213,7 @@ def exact(name: str, times: tuple[float, ...]) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
-    """Rounding decides there: speeds of 4 km/s, of which the pole's own are what is left over."""
+    """At speeds of 4 km/s rounding decides: the pole's own motion is a small difference."""
     scene = screwgauge.load_scene("cart-pole").at(np.linspace(0.0, 10.0, 21))
     right, looser = several(scene, engine)
     column = right.values["joint_position"].components.index("hinge")
@@ -232,7 +225,7 @@ def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
 
 @pytest.mark.slow
 def test_the_estimate_grows_with_a_chaotic_motion(write):
-    """A double pendulum that turns over: errors grow a hundred million times in twenty seconds."""
+    """Errors of a double pendulum grow by 1e8 in twenty seconds."""
     text = FALL.format(mechanism=DATA / "pendulum.toml", duration=20, step=0.25).replace("1e-12", "1e-9")
     scene = screwgauge.load_scene(write("chaos.toml", f"{text}start = {{ a = 2.5, b = 1 }}\n"))
     steps = replace(scene.start.integration, rtol=1e-13, atol=1e-13)
@@ -250,7 +243,6 @@ LATER = np.array([0.0, 1e-10, 5e-5])
 
 
 def motions(late: float, early: float = 0.0, error=LATER):
-    """The comparison of two motions of a pendulum whose integration leaves nothing at first and much later."""
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 1.0, 2.0])
     scene = replace(scene, tolerances={})
     angles = np.array([[-1.5], [0.5], [1.0]])
@@ -282,7 +274,6 @@ def test_an_unknown_error_of_integration_is_none():
 
 
 def test_a_reference_has_no_error_of_integration(monkeypatch):
-    """It stands beside the engines: what it says is exact."""
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 5.0, 10.0])
     steps = replace(scene.start.integration, rtol=1e-8, atol=1e-8)
     scene = replace(scene, tolerances={}, task=replace(scene.start, integration=steps))

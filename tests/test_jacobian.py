@@ -1,5 +1,3 @@
-"""The quantity `jacobian`: closed forms, the forces that its transpose gives, every engine, the judge."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -38,8 +36,6 @@ point = [0.1, -0.2, 0.3]
 
 @pytest.fixture
 def scene(write):
-    """Two samples of a built-in scene, with a named point on its last body."""
-
     def read(name: str):
         built = screwgauge.load_scene(name)
         lines = "\n".join(f"motion.{label} = {_inline(table)}" for label, table in built.text["motion"].items())
@@ -84,7 +80,6 @@ def test_a_slider_crank_has_the_rates_of_its_closed_form(scene):
 
 @pytest.mark.parametrize("name", ["five-bar", "stewart", "3ups-upu-s"])
 def test_its_transpose_holds_unit_forces_and_moments(scene, name):
-    """Redundant actuators by the smallest forces."""
     moved = scene(name).under(gravity=[0, 0, 0])
     found, body = rates(screwgauge.run(moved, ["screw"]), "screw"), moved.mechanism.bodies[-1].name
     still = moved.at([0.0])
@@ -101,7 +96,6 @@ def test_its_transpose_holds_unit_forces_and_moments(scene, name):
 
 
 def forces(scene) -> np.ndarray:
-    """Actuator forces at the first sample."""
     return np.asarray(screwgauge.run(scene, ["mujoco"], ["actuator_force"]).values("actuator_force", "mujoco")[0])
 
 

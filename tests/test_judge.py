@@ -1,5 +1,3 @@
-"""The judge finds a wrong formula by itself: one engine, no second opinion."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -22,12 +20,10 @@ def scene():
 
 @pytest.fixture(scope="module")
 def solution(scene) -> Solution:
-    """What the solver gives where nothing is wrong."""
     return screwgauge.run(scene, engines=["screw"]).solutions["screw"]
 
 
 def faults(scene) -> dict[str, str]:
-    """Residual out of tolerance -> its worst component, of the screw solver alone."""
     results = screwgauge.run(scene, engines=["screw"])
     assert results.exit_status == 1
     bad = results.judge[~results.judge["ok"]]
@@ -60,7 +56,7 @@ def test_dropped_gyroscopic_term(scene, monkeypatch):
 
 
 def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
-    """``v_C = w x r_C`` instead of ``v_O + w x r_C``: the centres of mass no longer move as the bodies do."""
+    """``v_C = w x r_C`` instead of ``v_O + w x r_C``."""
 
     right = Motion.com_acceleration.func
 
@@ -72,7 +68,7 @@ def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
 
 
 def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
-    """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
+    """From the joint to the centre of mass, as the subscripts of eq. (55) say."""
     right, platform = Accelerations.needs, scene.mechanism.body_index["platform"]
 
     def printed(self, g):
@@ -124,7 +120,7 @@ def test_what_is_not_a_number_fails(scene, solution):
 
 
 def test_a_single_sample_at_a_dead_centre_is_no_false_alarm():
-    """At t = 0 of the paper's motion the actuators' power is zero, its terms are not."""
+    """At t = 0 the actuators' power is zero, its terms are not."""
     assert screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0])).ok
 
 

@@ -1,5 +1,3 @@
-"""The judge rests on no convention of the engines: what all of them have wrong in common, it finds in each."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -47,14 +45,12 @@ def judged(scene, solution: Solution, **settings):
 
 
 def faults(scene, solution: Solution, *quantities: str) -> set[str]:
-    """Residuals out of tolerance of some of its quantities, as if nothing else had been asked for."""
     kept = replace(solution, values={name: solution.values[name] for name in quantities or GIVEN})
     rows = judged(scene, kept)
     return {*rows["residual"][~rows["ok"]]}
 
 
 def shifted(solution: Solution, quantity: str, component: str, share: float) -> Solution:
-    """One component changed by a share of the largest of its quantity."""
     values = solution.values[quantity]
     array = values.array.copy()
     array[:, values.components.index(component)] += share * np.abs(array).max()
@@ -117,7 +113,7 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_forces_that_are_not_the_smallest(engine, monkeypatch):
-    """A newton of preload: it balances, gives the right power, and is not what the rule says."""
+    """A newton of preload balances and does no work."""
     right = closed_forces.min_norm
 
     def preloaded(B, Q, idle=()):
@@ -187,7 +183,7 @@ def test_forces_of_no_tree_fail_and_it_says_why():
 
 
 def test_the_tree_of_another_cut_is_judged_as_it_is(write):
-    """Of two mechanisms alike but for a name, each is cut at the joint whose name comes last."""
+    """Names decide the cut: the last joint is cut."""
     bars = [Bar(0.3, 1.0, (0.1, 0.02, 0.03)), Bar(0.9, 2.0, (0.4, 0.0, 0.1)), Bar(0.7, 1.5, (0.3, -0.05, 0.0))]
     text = four_bar(bars, 0.8, 1.0)
     answers = {}

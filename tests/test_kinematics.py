@@ -1,5 +1,3 @@
-"""Positions, rates and accelerations of the screw solver."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -74,16 +72,14 @@ def test_accelerations_are_derivatives_of_rates(lay):
 
 
 def chain_velocities(S, V):
-    """Joint velocities of a serial chain from the twist of its end, eq. (15), and what is left over.
-
-    Shapes (n, 6, m), (n, 6) -> (n, m), (n,).
+    """Joint velocities of a serial chain from its end's twist, eq. (15), and the residual. Shapes (n, 6, m), (n, 6) ->
+    (n, m), (n,).
     """
     w = (np.linalg.pinv(S) @ V[..., None])[..., 0]
     return w, np.linalg.norm((S @ w[..., None])[..., 0] - V, axis=-1)
 
 
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
-    """The loops of the graph and the chains of the paper are the same statement."""
     now = at(lay, T)
     platform = lay.mechanism.body_index["platform"]
     for chain in serial_chains(lay.mechanism):
@@ -97,7 +93,7 @@ def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
 
 
 def test_a_twist_outside_the_range_of_a_chain_is_reported(paper):
-    """Eq. (60) as printed: its platform twist is not one that the UPU leg allows."""
+    """Eq. (60) as printed: the UPU leg does not allow its platform twist."""
     lay = layout(paper)
     t = np.linspace(0.1, 6.0, 50)
     y, yd, _ = motion(t)

@@ -1,5 +1,3 @@
-"""The kit that engines of others are made of gives what the solver has, for joints of all kinds and all that acts."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -67,7 +65,6 @@ def solved(scene, *quantities):
 
 
 def body_motions(scene):
-    """Joint coordinates, and twists and accelerations of the bodies as the witness has them."""
     values = solved(scene, "joint_position", "joint_velocity", "joint_acceleration")
     q, v, a = (values[name].array for name in ("joint_position", "joint_velocity", "joint_acceleration"))
     tree = mechanism_tree(scene.mechanism, spanning_tree(scene.mechanism))
@@ -107,7 +104,6 @@ def test_joint_coordinates_and_their_derivatives_are_read_from_bodies(scene):
 @pytest.mark.slow
 @pytest.mark.sampled(3)
 def test_an_engine_of_the_kit_agrees_with_the_solver_in_all_quantities(scene):
-    """Closing, accelerations, projection, reactions, Newton and Euler: by the engine that is kept as it was."""
     quantities = [name for name in kit.OF_MOTION if not name.startswith("tree_")]
     problem = scene.problem(quantities)
     found = FrozenModel(scene.mechanism, "").solve(problem).values
@@ -158,7 +154,7 @@ def test_loads_may_change_from_sample_to_sample(write):
 
 
 def test_what_acts_has_the_virtual_work_of_the_solver(write):
-    """Without inertia and weight what acts along y is the generalized force, but for its sign."""
+    """Without inertia and weight, forces along y are minus the generalized force."""
     scene = screwgauge.load_scene(write("sprung.toml", SPRINGS.format(rule="min_norm")))
     (q, *_), V, _ = body_motions(scene)
     acts, none = (
@@ -211,7 +207,6 @@ motion.b = {{ offset = {}, harmonics = [[3, 0, {}]] }}
 
 @pytest.mark.parametrize("distance", [1e-3, 5e-5])
 def test_next_to_a_singular_pose_no_engine_of_the_kit_is_faulted(write, distance):
-    """Its author hands in no tolerance: the kit estimates what rounding makes there, as of all other engines."""
     scene = screwgauge.load_scene(write("near.toml", NEAR.format(0.3568 - distance, 0.1 * distance)))
     with further_engines({"frozen": "support.frozen_engine:FROZEN"}):
         results = screwgauge.run(scene, engines=["screw", "pinocchio", "frozen"])
@@ -230,7 +225,6 @@ def test_where_nothing_is_singular_the_kit_admits_no_more_than_the_tolerance():
 
 
 def _other(name, **changes):
-    """A method of which one result is another one."""
     right = getattr(Bodies, name)
 
     def wrong(self, *arguments):

@@ -1,5 +1,3 @@
-"""The mechanisms that people know: all engines agree on them, and they move as closed forms say."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -33,7 +31,6 @@ def solved(name: str):
 
 
 def moved(name: str):
-    """Joint coordinates by name, and world positions of points of bodies, at all samples."""
     results, mechanism = solved(name), load_mechanism(name)
     q = results.values("joint_position")
     at = pose(layout(mechanism), q)
@@ -60,7 +57,6 @@ def test_slider_crank():
 
 
 def falling(name: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Joint coordinates of a simulation by name, and the world positions of its observables."""
     results = screwgauge.run(screwgauge.load_scene(name), engines=["screw"])
     q = results.values("joint_position")
     return dict(zip(results.components("joint_position"), q.T, strict=True)), results.values("observable")
@@ -108,7 +104,7 @@ def test_sarrus():
 
 
 def test_rccc():
-    """Angles by Rodrigues' formula on the directions alone, slides by one linear system."""
+    """Angles by Rodrigues' formula on directions, slides by one linear system."""
     q, _, _ = moved("rccc")
     axes = np.array([[0, 0, 1], [2 / 3, -1 / 3, 2 / 3], [2 / 7, 3 / 7, 6 / 7], [-4 / 9, 1 / 9, 8 / 9]])
     points = np.array([[0, 0, 0], [0.2, 0.3, 0.1], [0.5, 0.3, 0.3], [0.6, 0, 0.1]])
@@ -163,7 +159,7 @@ def test_3_rps_moves_sideways_as_it_tilts():
 
 
 def spheres(centres: np.ndarray, radii: np.ndarray, side: float) -> np.ndarray:
-    """Where three spheres meet, above (1) or below (-1) the plane of their centres. Shapes (3, 3), (3,)."""
+    """Intersection above (1) or below (-1). Shapes (3, 3), (3,)."""
     a, b, c = centres
     e = (b - a) / np.linalg.norm(b - a)
     f = c - a - e * (e @ (c - a))
@@ -215,7 +211,7 @@ def test_hooke_joints_in_z_cancel():
 
 
 def test_arm_of_seven_joints_holds_its_weight():
-    """Torques at rest by transforms of published Denavit-Hartenberg parameters: moments of the weights about axes."""
+    """Moments of the weights about axes, from published Denavit-Hartenberg parameters."""
     scene = screwgauge.load_scene("arm7")
     y = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.4, -0.6])
     zero = np.zeros((1, 7))
@@ -278,7 +274,7 @@ def test_planetary_gear():
 
 
 def elbows(left, right) -> np.ndarray:
-    """Angles of both elbows and the tip of the five-bar, where two circles meet. Shape (3, n)."""
+    """Intersections of two circles. Shape (3, n)."""
     first = -0.15 - 0.2 * np.sin(left), 0.2 * np.cos(left)
     second = 0.15 - 0.2 * np.sin(right), 0.2 * np.cos(right)
     x, y = second[0] - first[0], second[1] - first[1]
@@ -341,7 +337,7 @@ def test_screw_press():
 
 
 def test_ruse():
-    """The ball is at B + R_y(theta) R_z(-cross.rod) d, in a plane parallel to the table."""
+    """The ball is at B + R_y(theta) R_z(-cross.rod) d."""
     q, point, _ = moved("ruse")
     u, normal, home = q["crank"], np.array([0.0, -0.5, 0.75**0.5]), np.array([0.45, 0.1, 0.2])
     assert np.ptp(u) > 0.4

@@ -1,5 +1,3 @@
-"""The engine `lagrange` against energies, plain arrays and `screw`."""
-
 from __future__ import annotations
 
 import re
@@ -48,7 +46,7 @@ def test_it_admits_what_rounding_leaves_and_no_more():
 
 @pytest.mark.parametrize("distance", [1e-3, 1e-5])
 def test_next_to_a_singular_pose_it_knows_what_it_loses(distance):
-    """The platform gains a freedom at b = 0.356801; `screw`, which has it in closed form, keeps its digits."""
+    """The platform gains a freedom at b = 0.356801, where `screw` has a closed form."""
     scene, b = load_scene("3ups-upu-s").at([0.0, 1.0]), 0.356801 - distance
     y, yd = np.array([[0.0274, b - 0.01], [0.0274, b]]), np.array([[0.0, 0.01]] * 2)
     results = compared(replace(scene, task=GivenMotion(np.arange(2.0), y, yd, 0.0 * y)), ["joint_acceleration"])
@@ -60,7 +58,7 @@ def test_next_to_a_singular_pose_it_knows_what_it_loses(distance):
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "screw-press", "ruse", "geared-five-bar"])
 def test_virtual_work_is_the_derivative_of_energies(name):
-    """What bodies need is d/dt dT/dv - d(T - U)/dq, energies being differentiated forward over reverse."""
+    """Needs are d/dt dT/dv - d(T - U)/dq, by forward over reverse mode."""
     mechanism = load_mechanism(name)
     rng, n = np.random.default_rng(5), len(mechanism.coordinates)
     state = {"q": mechanism.home + rng.uniform(-0.3, 0.3, (4, n)), "v": rng.normal(size=(4, n))}
@@ -72,7 +70,6 @@ def test_virtual_work_is_the_derivative_of_energies(name):
 
 @pytest.mark.parametrize("name", ["slider-crank", "ruse", "screw-press", "rccc"])
 def test_folding_changes_nothing(name):
-    """The same over plain arrays: every operation of a trace that folds nothing is made by NumPy."""
     mechanism = load_mechanism(name)
     rng, load = np.random.default_rng(6), Load(mechanism.bodies[-1].name, np.ones(3), np.zeros(3), np.zeros(3))
     folded, plain = (Equations.of(mechanism, Applied(loads=(load,)), trace) for trace in (None, Unfolded(10**7)))
@@ -109,7 +106,7 @@ def test_both_rules_of_redundant_actuators():
 
 
 def test_few_samples_are_on_the_branch_of_many():
-    """Seven samples of four turns of a crank: what leads from each to the next is followed."""
+    """Seven samples of four turns of a crank."""
     scene = load_scene("double-cardan")
     some = np.linspace(scene.t[0], scene.t[-1], 7)
     few = compared(scene.at(some), ["joint_position"]).values("joint_position", "lagrange")

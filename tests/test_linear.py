@@ -1,5 +1,3 @@
-"""Stacks of matrices are inverted as one by one, whatever is among them: bad ones, jumps, none."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -12,7 +10,6 @@ ROUNDING = 64 * linear.EPS
 
 
 def along(n, m=6, step=1e-3, seed=0):
-    """Matrices that change little from each to the next."""
     rng = np.random.default_rng(seed)
     t = step * np.arange(n)[:, None, None]
     A, B, C = rng.normal(size=(3, m, m))
@@ -20,7 +17,6 @@ def along(n, m=6, step=1e-3, seed=0):
 
 
 def off(found, A):
-    """Error of inverses, by their size and condition."""
     right = np.linalg.pinv(A)
     size = np.linalg.norm(right, axis=(-2, -1))
     return (np.linalg.norm(found - right, axis=(-2, -1)) / size / linear.condition(A)).max()

@@ -1,5 +1,3 @@
-"""A joint of any kind closes a loop: a reading carries it, import solves and writes it, diagnosis compares it."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -30,7 +28,6 @@ IN_SDF = [case for case in CASES if case[1] not in "CE"]
 
 
 def deviation(name: str, imported: Imported, folder) -> float:
-    """Largest difference of forces of a mechanism and of what was imported, along motions about their homes."""
     mechanism, found = load_mechanism(name), imported.mechanism
     return worst(*(forces(each, each.home[each.independent_columns], folder) for each in (mechanism, found)))
 
@@ -63,7 +60,6 @@ def test_an_sdf_is_the_mechanism_that_it_was_made_of(name, last, tmp_path):
 
 @pytest.mark.parametrize(("name", "last"), [("slider-crank", "P"), ("3-upu", "U"), ("3-rps", "S")])
 def test_where_a_file_closes_its_loops_is_no_difference(name, last, tmp_path):
-    """Against an MJCF whose loops are cut elsewhere, and which counts coordinates alike."""
     mechanism, file = load_mechanism(name), tmp_path / "a.sdf"
     file.write_text(sdf_of(mechanism, last), encoding="utf-8")
     found = import_model(file, Options(wanted=wanted(mechanism))).mechanism

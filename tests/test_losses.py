@@ -1,5 +1,3 @@
-"""What an SDF or USD has lost of a machine that another file has whole is named first, whatever the pair of formats."""
-
 from __future__ import annotations
 
 import re
@@ -126,8 +124,6 @@ LACKS = {"sdf": ("armature",), "urdf": ("armature", "loop", "gravity", "up axis"
 
 
 def pair(forms: tuple[str, str], change: Change | None, tmp_path) -> Any:
-    """Diagnosis of the arm against itself in another format, changed."""
-
     def common(arm: Arm) -> None:
         if "urdf" in forms:
             del arm.joints["t"]

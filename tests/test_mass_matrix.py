@@ -1,5 +1,3 @@
-"""The mass matrix of a closed mechanism: closed forms, its other meanings, and who sees that it is wrong."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -37,7 +35,6 @@ def inertia(scene, engine: str):
 
 
 def forces(scene, engine: str, ydd):
-    """Generalised forces of the scene with other accelerations. Shape (n, k)."""
     motion = scene.motion
     problem = replace(scene.problem(["generalized_force"]), task=GivenMotion(motion.t, motion.y, motion.yd, ydd))
     return ask(engine, model_files(scene.mechanism.name, engine), problem).values["generalized_force"].array

@@ -1,5 +1,3 @@
-"""Bodies without mass, as crosses and carriers are written: in every engine, in both cuts, given and simulated."""
-
 from __future__ import annotations
 
 import re
@@ -275,7 +273,7 @@ polynomial = [0, -3]
 
 
 def point_mass_coupler() -> str:
-    """A four-bar whose coupler is a point mass at its hinge with the crank."""
+    """A point mass at the crank's end."""
     text = 'name = "four-bar"\nindependent.arm = "a"\n' + four_bar([Bar(0.3), Bar(0.6), Bar(0.4)], 0.5, 1.0)
     whole = Bar(0.6).written("coupler")
     assert whole in text

@@ -1,5 +1,3 @@
-"""Answers without buffers of the caller: their memory is lent again once they are gone, never before."""
-
 from __future__ import annotations
 
 import gc

@@ -1,5 +1,3 @@
-"""Section 2.2 of the paper: reciprocal screws, freedoms, redundancy."""
-
 from __future__ import annotations
 
 import numpy as np

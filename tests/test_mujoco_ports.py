@@ -1,5 +1,3 @@
-"""MJX and MuJoCo Warp say what MuJoCo says, each in the digits of its number type; tried where they are installed."""
-
 from __future__ import annotations
 
 import ast

@@ -1,5 +1,3 @@
-"""The solver keeps its digits near singular poses, for every size, mass and speed."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -66,14 +64,13 @@ def test_the_newton_euler_system_has_the_same_forces():
 
 
 def alone(scene, i: int) -> np.ndarray:
-    """True actuator forces at one sample: the poses are no motion, as the way between them may pass singular ones."""
     one = replace(scene, task=scene.motion.part(slice(i, i + 1)))
     return screwgauge.run(one, engines=["truth"], quantities=["actuator_force"]).values("actuator_force", "truth")
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e3])
 def test_size_does_not_matter(size):
-    """A mechanism s times as large, gravity s times as strong: all forces are s^4 times as large, moments s^5."""
+    """Gravity s times as strong: forces grow by s^4, moments by s^5."""
     scene = load_scene("3ups-upu-s")
     motion = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]]).motion
 
@@ -167,7 +164,7 @@ def test_a_singular_pose_is_named(y, what):
 
 
 def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide():
-    """2e8 N m in leg 1's wrist cancel in actuator forces of 700 N, and the rounding of its direction does not."""
+    """2e8 N m in leg 1's wrist cancel in actuator forces of 700 N."""
     for seed in (0, 1):
         scene = moving_at(before_upu(CLOSE, 4, seed), seed=seed)
         truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array

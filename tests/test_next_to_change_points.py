@@ -1,5 +1,3 @@
-"""Engines answer next to a pose where all bars are one line as far as rounding can tell its branches apart."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Components that redundant constraints leave open are shown apart, and nothing is said of their agreement."""
-
 from __future__ import annotations
 
 import csv
@@ -37,7 +35,6 @@ def written(results, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def open_(results):
-    """The rows of what is not unique."""
     return results.errors[results.errors["rule"] == "undetermined"]
 
 
@@ -63,7 +60,6 @@ def test_in_the_table_their_cells_are_empty(open_, written):
 
 
 def compared(results, engine, **changed):
-    """Errors and pairs after a change to components of one engine's reactions."""
     found = results.solutions[engine].values["reaction"]
     array = found.array.copy()
     for name, value in changed.items():

@@ -1,5 +1,3 @@
-"""A method named in float32 is compared in the digits of float32: right ones agree, a mistake of 1 % does not."""
-
 from __future__ import annotations
 
 import sys

@@ -1,5 +1,3 @@
-"""Angles that mean the same orientation are no difference, in whatever triple or turn an engine reads them."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -90,7 +88,7 @@ def test_at_a_lock_positions_agree_and_the_rates_are_named(scene, write):
 
 @pytest.mark.parametrize("lock", [np.pi / 2, -np.pi / 2])
 def test_angles_read_in_a_lock_give_the_orientation_back(lock):
-    """First and last angle are anything there, each on its own, but not both together."""
+    """Only the sum of the first and last angle is determined."""
     axes = np.eye(3)
     angles = np.random.default_rng(0).uniform(-3.0, 3.0, (50, 3))
     angles[:, 1] = lock
@@ -113,7 +111,6 @@ def paper_results():
 
 
 def rewritten(results, *changes):
-    """Rows of pairs after changes to some columns of pinocchio: quantity, coordinates, a function of (n, m)."""
     scene, (one, other) = results.scene, results.solutions.values()
     values = {**other.values}
     for quantity, names, change in changes:
@@ -151,7 +148,6 @@ def test_the_other_triple_with_its_own_rates_is_no_difference(paper_results):
 
 
 def test_forces_along_the_other_triple_are_no_difference_either(paper_results):
-    """Of a tree that has the joint, as full cuts have."""
     one = paper_results.solutions["screw"]
     force = Values(WRIST, ("N m",) * 3, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))
     swapped = one.values["joint_position"].array.copy()
@@ -190,7 +186,6 @@ def test_what_is_no_number_on_one_side_leaves_the_other_as_it_is(paper_results):
 @pytest.mark.parametrize("lock", [np.pi / 2, -np.pi / 2])
 @pytest.mark.parametrize("name", ["leg2.wrist", "s"])
 def test_in_a_lock_any_split_of_the_same_sum_is_no_difference(paper_results, name, lock):
-    """As far as a double comes to a right angle: the orientation says nothing more."""
     mechanism = paper_results.scene.mechanism
     joint = mechanism.joint(name)
 

@@ -1,5 +1,3 @@
-"""How many operations programs take: exact numbers, whatever the load of the machine."""
-
 from __future__ import annotations
 
 import pytest

@@ -1,5 +1,3 @@
-"""Neither the order in which a file lists things nor the size of a mechanism changes what is found."""
-
 from __future__ import annotations
 
 import tomllib
@@ -30,7 +28,6 @@ def few(scene: Scene, n: int = 3) -> Scene:
 
 
 def resized(scene: Scene, folder: Path, length: float, mass: float) -> Scene:
-    """The scene of angles without its loads, lengths and masses of its mechanism times factors."""
     tables = read_tables(scene.mechanism_file, mechanism_path)
 
     def times(values: Any, factor: float) -> Any:
@@ -83,7 +80,6 @@ def test_estimates_do_not_know_the_unit_of_mass(backend, tmp_path):
 
 
 def reordered(path: Path) -> None:
-    """A loops file that says the same in another order, its closures named from the other side."""
     said = tomllib.loads(path.read_text())
     for key in ("bodies", "tree", "closures"):
         said[key].reverse()
@@ -97,7 +93,6 @@ def reordered(path: Path) -> None:
 
 
 def turned(path: Path) -> None:
-    """An MJCF whose constraints name their sites the other way round."""
     root = ET.parse(path).getroot()
     for row in root.find("equality"):
         first, second = row.get("site1"), row.get("site2")

@@ -1,5 +1,3 @@
-"""A report touches only what a report wrote, and whatever breaks while it is made, its numbers are there."""
-
 from __future__ import annotations
 
 import hashlib
@@ -110,7 +108,6 @@ def test_a_list_of_files_that_leads_elsewhere_removes_nothing(name, out, tmp_pat
 
 @pytest.mark.parametrize("files_", [["notes.txt", "mine.csv"], {"notes.txt": [], "mine.csv": ["0" * 64]}])
 def test_a_list_that_somebody_else_wrote_removes_nothing(files_, out):
-    """A list from elsewhere once got the files deleted that it named."""
     out.mkdir()
     for name in ("notes.txt", "mine.csv"):
         (out / name).write_text("mine", encoding="utf-8")

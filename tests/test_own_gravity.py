@@ -1,5 +1,3 @@
-"""An MJCF of the user's own keeps the gravity that it says, whatever is made of the scene; the scene's is judged."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -22,7 +20,7 @@ OTHERS = [
 
 @pytest.fixture
 def under(tmp_path):
-    """A scene on whose MJCF another gravity acts than on all else, or the same."""
+    """Gravity of the MJCF may differ."""
 
     def make(name: str, gravity: str = ""):
         scene = screwgauge.load_scene(name).at([0.0, 0.01])

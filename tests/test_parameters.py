@@ -1,5 +1,3 @@
-"""Numbers of a machine by name: scenes with others, and programs in which they are inputs."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -30,7 +28,6 @@ def few(name, n=5):
 
 
 def scattered(variants, size, count, seed=0):
-    """Name -> values of some variants: places move by a size [m or rad], other numbers by that share."""
     rng = np.random.default_rng(seed)
     share = [
         size if name.startswith("joints.") else size * abs(x)
@@ -42,7 +39,6 @@ def scattered(variants, size, count, seed=0):
 
 
 def assert_own(scene, variants, given, rows=(0, 1), tolerance=OWN):
-    """Variants answer as programs of machines of their own do."""
     motion = scene.motion
     found = variants(motion.y, motion.yd, motion.ydd, parameters=given)
     assert (found.why == "").all()
@@ -105,7 +101,7 @@ def test_loops_that_cannot_close_are_refused():
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "delta", "five-bar"])
 def test_home_stays_on_its_assembly(name):
-    """A change at once and in a hundred steps leads to the same home."""
+    """In one change or in a hundred steps."""
     scene, rng = load_scene(name), np.random.default_rng(1)
     variants = screwgauge.compile(scene, ["joint_velocity"], parameters=PLACED[name], backend="numpy")
     nominal = dict(zip(variants.names, variants.nominal, strict=True))
@@ -146,7 +142,6 @@ def test_variants_have_reactions_motions_and_all_numbers():
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "five-bar"])
 def test_matter_alone_is_a_product(name):
-    """Loads at a centre of mass move with it."""
     scene = few(name)
     variants = screwgauge.compile(scene, ["actuator_force", "reaction"], parameters=["bodies.*"], backend="numpy")
     given = {key: x for key, x in scattered(variants, 1e-3, 4).items() if ".inertia." not in key}
@@ -165,7 +160,7 @@ def test_loads_springs_rotors_and_gravity_are_numbers():
 
 @pytest.mark.parametrize(("name", "size"), [("3ups-upu-s", 1e-2), ("stewart", 1e-2), ("delta", 4e-3)])
 def test_no_variant_is_in_another_assembly(name, size):
-    """Far from the scene: values are those of a path in forty small changes."""
+    """Reference: forty small changes."""
     scene = few(name, 3)
     variants = screwgauge.compile(scene, ["actuator_force"], parameters=PLACED[name], backend="numpy")
     given = scattered(variants, size, 64)
@@ -225,7 +220,7 @@ def test_names_of_inputs_are_checked(names):
     "name", ["five-bar", "sarrus", "bennett", "3ups-upu-s", "delta", "rccc", "stewart", "slider-crank", "3-rrr"]
 )
 def test_numbers_that_cost_mobility_are_known_before_any_variant(name):
-    """A rank of differences of the loops, which knows nothing of traced derivatives, says the same of each number."""
+    """Reference: the rank of the loops' differences."""
     scene = few(name)
     variants = screwgauge.compile(scene, ["joint_velocity"], parameters=["joints.*.parent.*"], backend="numpy")
     worst = gaps_open(scene, variants.names)
@@ -247,7 +242,7 @@ def test_a_planar_machine_may_be_shifted_and_tilted_as_a_whole():
 
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart"])
 def test_derivatives_are_those_of_the_whole_program(name):
-    """Complex steps through a program that closes the loops anew by many steps of Newton's method."""
+    """Reference: complex steps through many Newton steps."""
     scene = few(name)
     motion = scene.motion
     names = ["*.mass", "*.com.z", *PLACED[name]]

@@ -1,5 +1,3 @@
-"""Full turns: where no choice of pivots holds, several programs answer, each where its pivots are large."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -19,7 +17,6 @@ SAME = 1e-12
 
 
 def full_turn(name):
-    """One turn of the independent coordinate from rest to rest."""
     scene = load_scene(name)
     (home,) = scene.mechanism.home[scene.mechanism.independent_columns]
     t = np.linspace(0.0, 1.0, SAMPLES)
@@ -55,8 +52,6 @@ def test_pivots_are_chosen_for_most_of_the_samples_if_others_may_be_left():
 
 
 class Known:
-    """A program whose first output and gain are known."""
-
     checks = 1
 
     def __init__(self, value, gain):

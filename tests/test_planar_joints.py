@@ -1,5 +1,3 @@
-"""Planar joints between frames in general position: in every spanning tree, by every engine, at rest and in motion."""
-
 from __future__ import annotations
 
 from itertools import combinations
@@ -43,7 +41,6 @@ CASES = [("ruer", 1), ("ruer", 4), ("puer", 0), ("puer", 7), ("3-rre", 0), ("3-r
 
 
 def drawn(name: str, seed: int, folder: Path) -> Path:
-    """Writes a mechanism whose bodies, frames, axes and coordinates at home are random, and a scene of it."""
     chosen, joints = MECHANISMS[name]
     rng = np.random.default_rng([seed, len(name)])
     rows = [sides.split() for sides in joints.values()]
@@ -93,7 +90,6 @@ def attitude(rng: np.random.Generator) -> np.ndarray:
 
 
 def solid(rng: np.random.Generator) -> dict[str, object]:
-    """A body whose mass is spread like a random cloud."""
     cloud = 0.1 * rng.normal(size=(3, 6))
     J = np.trace(cloud @ cloud.T) * np.eye(3) - cloud @ cloud.T
     entries = {f"{'xyz'[i]}{'xyz'[j]}": float(J[i, j]) for i in range(3) for j in range(i, 3)}
@@ -101,7 +97,6 @@ def solid(rng: np.random.Generator) -> dict[str, object]:
 
 
 def trees(mechanism):
-    """All spanning trees, the joints of independent coordinates being kept where they can be."""
     names = [joint.name for joint in mechanism.joints]
     loops = len(names) - len(mechanism.bodies)
     found = {}
@@ -143,7 +138,7 @@ def test_every_spanning_tree_has_the_same_motion_and_forces(name, seed, tmp_path
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), CASES[::2])
 def test_engines_simulate_the_same_motion(name, seed, tmp_path):
-    """Springs and motors act along its coordinates, which are of the tree in some engines, and read in others."""
+    """Springs and motors act on tree coordinates of some engines."""
     scene = drawn(name, seed, tmp_path)
     mechanism = load_mechanism(tmp_path / "mechanism.toml")
     at_home = dict(zip(mechanism.coordinates, mechanism.home.tolist(), strict=True))

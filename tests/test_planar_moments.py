@@ -1,5 +1,3 @@
-"""One moment of inertia is enough for a body that turns about one direction: the others are completed, and said."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -22,7 +20,6 @@ MASSES = {"left": (0.4, 0.09, 2e-3), "right": (0.5, 0.11, 3e-3), "near": (0.3, 0
 
 
 def five_bar(moment: str, plane: str = "") -> str:
-    """Its description; body axes stand as the frames of `plane` say, and moments are about the normal `moment`."""
     bodies = "".join(
         f"[bodies.{name}]\nmass = {m}\ncom = [{c}, 0, 0]\ninertia = {moment.format(J=J, half=J / 3)}\n"
         for name, (m, c, J) in MASSES.items()
@@ -51,7 +48,7 @@ MOTION += (
 
 
 def torques(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Torques of both cranks by virtual work in the plane, with complex numbers. Shapes (2,) -> (2,)."""
+    """Virtual work in complex numbers. (2,) -> (2,)."""
     hips = np.array([0.0, BASE])
     elbows = hips + CRANK * np.exp(1j * q)
     gap = elbows[1] - elbows[0]
@@ -60,7 +57,7 @@ def torques(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
     rods, cranks = 1j * ROD * np.exp(1j * phi), 1j * CRANK * np.exp(1j * q)
 
     def rates(of_cranks: np.ndarray, left_over: complex = 0.0) -> np.ndarray:
-        """Rates w of the rods with ``rods . w = cranks . rates`` so that their ends stay together."""
+        """Solve ``rods . w = cranks . rates``."""
         gap_rate = of_cranks[1] - of_cranks[0] + left_over
         A = np.array([[rods[0].real, -rods[1].real], [rods[0].imag, -rods[1].imag]])
         return np.linalg.solve(A, [gap_rate.real, gap_rate.imag])
@@ -118,7 +115,6 @@ def test_what_is_completed_has_no_effect(moment, tmp_path):
 
 
 def arm(*joints: str, moment: str = "{ zz = 0.1 }") -> str:
-    """A chain of bodies, each with one moment."""
     text = 'name = "arm"\n[independent]\n' + "".join(
         f'q{i} = "j{i}"\n' for i, each in enumerate(joints) if "#" not in each
     )

@@ -1,5 +1,3 @@
-"""Mistakes planted in what engines share are seen by an engine of another formulation."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -26,7 +24,6 @@ def scene():
 
 @pytest.fixture(params=WITNESSES)
 def witness(request, monkeypatch):
-    """In this process, so that it has the mistakes of whatever it shares."""
     engine = get_engine(request.param)
     if not engine.installed:
         pytest.skip(f"{engine.package} is not installed")
@@ -35,7 +32,6 @@ def witness(request, monkeypatch):
 
 
 def differences(scene, one, other):
-    """Quantities in which two engines differ, each with the largest scaled error."""
     results = screwgauge.run(scene, engines=(one, other))
     assert not results.failures
     pairs = results.pairs[~results.pairs["ok"].astype(bool)]

@@ -1,5 +1,3 @@
-"""What an engine of another package imports: one module, quick to import, each of its names explained."""
-
 from __future__ import annotations
 
 import hashlib
@@ -49,6 +47,5 @@ def test_unknown_name_is_an_attribute_error():
 
 
 def test_the_frozen_engine_is_as_it_was():
-    """What was promised when it was written still holds it up: it passes the contract, see `test_engine_contract`."""
     text = Path(frozen_engine.__file__).read_bytes()
     assert hashlib.sha256(text).hexdigest() == "d19002753a1e86bdc29d5613f2d39b8aa8ca6769430b27c7c63e203b3f4b81c6"

@@ -1,5 +1,3 @@
-"""Sums of polynomials: every change of them keeps the value that it has to keep."""
-
 from __future__ import annotations
 
 import numpy as np

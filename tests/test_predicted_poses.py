@@ -10,7 +10,6 @@ EVERY, STEP = 16, 0.1
 
 
 def arm(y):
-    """Unknowns of a mechanism in closed form, and their velocity map."""
     z = np.hstack([np.sin(y), np.cos(2.0 * y), np.exp(0.3 * y)])
     return z, np.stack([np.cos(y), -2.0 * np.sin(2.0 * y), 0.3 * np.exp(0.3 * y)], axis=1)
 

@@ -1,5 +1,3 @@
-"""Andrews' squeezing mechanism (A03) against its solution known to 24 digits."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -29,7 +27,7 @@ def test_path_of_the_crank_pin(solved):
 
 
 def test_energy_is_the_motors_work(solved):
-    """Spring, no gravity: the energy changes by the motor's torque times its way, up to 0.5 J."""
+    """Without gravity; up to 0.5 J."""
     found, _ = solved
     energy, work, beta = found.trajectory.energy, found.trajectory.work, found.observable[:, 2]
     assert np.abs(work - 0.033 * (beta - beta[0])).max() < CLOSED
@@ -37,7 +35,7 @@ def test_energy_is_the_motors_work(solved):
 
 
 def test_first_multiplier_is_the_force_between_k2_and_k3(solved):
-    """World x of the force of K2 on K3 at E. The test set's published value is right to 7 digits only."""
+    """The test set's published value has 7 digits."""
     found, _ = solved
     whole = NewtonEuler(found.trajectory.rates)
     force = whole.response()[1][-1, whole.names.index("e2.fx")]
@@ -45,7 +43,7 @@ def test_first_multiplier_is_the_force_between_k2_and_k3(solved):
 
 
 def test_the_other_start_at_rest_is_followed_too(answer):
-    """That of the IFToMM library, beta = -0.062."""
+    """The IFToMM library's start, beta = -0.062."""
     found, known = answer("a03-andrews-iftomm", tolerance=1e-11)
     assert (
         np.abs(found.observable - known[["F.x", "F.y", "beta"]]).to_numpy().max()

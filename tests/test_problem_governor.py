@@ -1,5 +1,3 @@
-"""The stiff flyball governor (A05) against its solution known to 18 digits."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -12,7 +10,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.slow
 def test_governor_follows_the_known_motion(answer):
-    """Eigenvalues from -8117 to +-7.35i per second: an implicit method takes 80 steps a second, whenever."""
+    """Eigenvalues from -8117 to +-7.35i per second."""
     found, known = answer("a05-governor")
     s = found.observable[:, 0]
     assert np.abs(s - known["s"]).max() < FOLLOWED_TO_THE_END["a05-governor"]

@@ -1,5 +1,3 @@
-"""The established problems A01, A02 and A04 against their closed-form solutions."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -21,7 +19,7 @@ def test_pendulum_keeps_nine_digits_for_ten_seconds(answer):
 
 
 def test_two_four_bars_pass_their_singular_poses(answer):
-    """Ten of them in ten seconds; the published solutions drift by 1e-3 to 0.1 J."""
+    """Published solutions drift by 1e-3 to 0.1 J."""
     found, known = answer("a02-fourbar-2")
     assert change_of_energy(found) < 1.5e-6
     assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]

@@ -1,5 +1,3 @@
-"""What holds of every mechanism: forces turn with the world, grow with mass, do not know which way time runs."""
-
 from __future__ import annotations
 
 import tempfile
@@ -38,7 +36,6 @@ def asked(scene: Scene) -> dict[str, Solution]:
 
 
 def pair(scene: Scene, change: Callable[[Tables, Tables], None]) -> tuple[dict[str, Solution], ...]:
-    """Answers to a scene, and to it with its mechanism's and its own tables changed."""
     files = [file for file in (scene.mechanism_file, scene.file) if file]
     tables = [tomllib.loads(file.read_text(encoding="utf-8")) for file in files]
     change(*tables)
@@ -50,7 +47,6 @@ def pair(scene: Scene, change: Callable[[Tables, Tables], None]) -> tuple[dict[s
 
 
 def check(pairs: tuple[dict[str, Solution], ...], factors: dict[str, float]) -> None:
-    """The second answers are the first ones times a factor, up to what the engines themselves call rounding."""
     for engine, quantity in ((engine, quantity) for engine in ENGINES for quantity in (*JOINTS, *FORCES)):
         one, other = (answers[engine] for answers in pairs)
         values = one.values[quantity]

@@ -1,5 +1,3 @@
-"""Random mechanisms: the same seed gives the same files, families are what they are called, order means nothing."""
-
 from __future__ import annotations
 
 import tomllib
@@ -76,7 +74,6 @@ def test_a_motion_stays_away_from_singular_poses_where_the_smallest_about_home_w
 
 
 def answers(folder):
-    """The scene in a folder, run: whether it agrees, and every value by quantity, engine and component."""
     results = screwgauge.run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
     open_ = set(results.errors.loc[results.errors["rule"] == "undetermined", "component"])
     values = {}

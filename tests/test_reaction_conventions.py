@@ -1,5 +1,3 @@
-"""What a component of a reaction is called is what it is: directions and points of every kind of joint."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -68,7 +66,6 @@ def test_engines_and_judge_mean_the_same_by_a_name(kind, axes, expected):
 
 
 def reframed(mechanism, kinds: str):
-    """The same mechanism, the frames of some joints on both of their bodies turned and moved along together."""
     turn, shift = rotation(np.array([2.0, -1.0, 2.0]) / 3, np.array(0.9)), np.array([0.07, -0.04, 0.05])
 
     def moved(frame: Frame) -> Frame:
@@ -84,7 +81,6 @@ def reframed(mechanism, kinds: str):
 
 
 def solved(scene, mechanism, engine: str, folder):
-    """Everything that an engine answers for another mechanism in the motion of a scene; the judge agrees."""
     model, (name, _, cut) = ScrewModel(layout(mechanism)), engine.partition("-")
     if engine != "screw":
         write_models(mechanism, folder, gravity=scene.applied.g)
@@ -115,7 +111,6 @@ def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_
 
 @pytest.mark.slow
 def test_the_axial_rule_of_another_mechanism(scene, tmp_path):
-    """Its spherical joint is declared from the platform to the ground, where the line is fixed then."""
     usual = scene.mechanism.joint("s")
     other = replace(
         usual,

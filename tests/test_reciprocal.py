@@ -1,5 +1,3 @@
-"""How legs hold a body, against facts that are known in closed form: Ball, Hunt, and every table of joints."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -30,13 +28,12 @@ def of(name: str, body: str = ""):
 
 
 def kinds(system) -> list[float]:
-    """Pitches: 0 of a force or rotation, infinite of a couple or translation."""
+    """Pitch 0: force, rotation; infinite: couple, translation."""
     return [one.pitch for one in system]
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_elements_span_their_system(seed: int) -> None:
-    """Also where it is special: lines through a point, parallel ones, with translations."""
     random = np.random.default_rng(seed)
     e, r = random.normal(size=(2, 6, 3))
     e /= np.linalg.norm(e, axis=1, keepdims=True)
@@ -64,7 +61,7 @@ def test_a_pencil_of_forces_is_told_by_its_point() -> None:
 
 
 def test_two_skew_rotations_are_told_by_their_own_axes() -> None:
-    """Of the cylindroid that they span, no other screws lack pitch."""
+    """No other screw of their cylindroid has zero pitch."""
     axes = [(X, np.array([0.0, 0.0, -0.2])), ((X + 2 * Y) / np.sqrt(5.0), np.array([0.0, 0.0, 0.4]))]
     found = elements(np.linalg.qr(np.array([revolute(*one) for one in axes]).T)[0], np.zeros(3))
     assert kinds(found) == [0.0, 0.0]
@@ -89,7 +86,7 @@ def test_a_couple_and_a_force_across_it_are_both_told() -> None:
 
 
 def test_the_paper_s_platform_hangs_on_upu_ups_and_s() -> None:
-    """Section 2.2: the S joint takes three forces through O, the UPU leg one force, UPS legs none."""
+    """Section 2.2: S takes three forces through O, UPU one force, UPS none."""
     found = of("3ups-upu-s")
     does = {leg.name: (leg.kinds, system) for leg, system in zip(found.legs, found.wrenches, strict=True)}
     assert {name: kind for name, (kind, _) in does.items()} == {
@@ -129,7 +126,7 @@ def test_each_rps_leg_takes_a_force_through_its_ball_along_its_hinge() -> None:
 
 
 def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_them() -> None:
-    """A tilted 3-RPS: each rotation without pitch is about a line that each force meets, or is parallel to."""
+    """A tilted 3-RPS: rotation axes meet or parallel every force."""
     lay = layout(load_mechanism("3-rps"))
     (found,) = held(lay, posed(lay, 0.63, 0.7, 0.66))
     forces = [system[0] for system in found.wrenches]
@@ -139,7 +136,7 @@ def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_
 
 
 def test_a_planar_coupler_turns_about_the_pole_of_its_cranks() -> None:
-    """Where the lines of both cranks meet (Kennedy); planar legs too many repeat a force and two couples each."""
+    """Kennedy; redundant planar legs each repeat a force and two couples."""
     mechanism, found = load_mechanism("a03-andrews"), of("a03-andrews")
     at = pose(*at_home(mechanism))
     (turn,) = found.twists
@@ -152,7 +149,7 @@ def test_a_planar_coupler_turns_about_the_pole_of_its_cranks() -> None:
 
 
 def test_a_bennett_s_coupler_screws_and_each_of_its_legs_takes_two_forces_through_both_hinges() -> None:
-    """A leg of two skew hinges constrains by all forces that meet both, and by the couple across them."""
+    """Two skew hinges: forces that meet both, and the couple across."""
     found = of("bennett")
     (turn,) = found.twists
     assert 0.0 < turn.pitch < np.inf
@@ -203,8 +200,9 @@ def test_of_a_chain_the_hand_is_told() -> None:
 
 @pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_what_is_left_is_what_the_legs_allow_and_no_wrench_works_on_it(name: str) -> None:
-    """The whole mechanism moves its platform by no more than the legs leave together, and by the same where they are
-    all that there is."""
+    """The legs together leave the platform at least the whole mechanism's motions, and exactly these if there is
+    nothing else.
+    """
     found = of(name)
     wrenches = np.array([screw(one) for system in found.wrenches for one in system]).reshape(-1, 6)
     twists = np.array([screw(one) for one in found.twists])
@@ -216,7 +214,6 @@ def test_what_is_left_is_what_the_legs_allow_and_no_wrench_works_on_it(name: str
 
 
 def test_size_and_place_make_no_difference() -> None:
-    """The same machine in millimetres, kilometres away: points and pitches follow, kinds stay."""
     mechanism, moved = load_mechanism("bennett"), np.array([3.0, -2.0, 1.0])
 
     def elsewhere(body: str, frame: Frame) -> Frame:

@@ -1,5 +1,3 @@
-"""The report tells what a run found: verdict first, valid files, nothing half-written, no peak lost."""
-
 from __future__ import annotations
 
 import csv
@@ -46,7 +44,6 @@ Make = Callable[..., Results]
 
 @pytest.fixture(autouse=True)
 def _no_mechanism(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What engines say here fits no mechanism that could be drawn in motion."""
     drawn = Picture("mechanism", "A toy", "<svg ></svg>")
     monkeypatch.setattr("screwgauge.report.pages.run.stage", lambda *given: drawn)
 
@@ -138,8 +135,6 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
 
 @pytest.fixture
 def make() -> Make:
-    """Makes results of two engines that differ in one sample of ``leg2.q1`` by `change`."""
-
     def build(
         change: float = 0.0,
         *,
@@ -436,7 +431,6 @@ def test_figures_of_one_quantity_in_two_units_are_told_apart() -> None:
 
 
 def with_forces(results: Results) -> Results:
-    """The same with forces of actuators and joints, some of them without a unique value."""
     t, names = results.times, ("a.fx", "a.fy", "a.mz", "b.fx", "b.fz")
     actuators = Values(("drive",), ("N m",), np.sin(7.0 * t)[:, None])
     array = np.column_stack([3.0 + t, 4.0 + t, 1e-15 * t, -2.0 - t, 9.0 + t])

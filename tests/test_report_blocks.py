@@ -1,5 +1,3 @@
-"""Blocks say the same in Markdown, in HTML and on a terminal, whatever the texts contain."""
-
 from __future__ import annotations
 
 import re
@@ -119,7 +117,6 @@ HOSTILE = [
 
 
 def shown(tokens) -> Iterator[str]:
-    """Text of Markdown as a reader sees it, and the names of whatever is not plain text."""
     for token in tokens:
         yield from shown(token.children) if token.children else ()
         if token.type == "text":

@@ -1,5 +1,3 @@
-"""A report in a real browser: nothing asked of anybody, all drawn, moved, linked, read on a phone and printed whole."""
-
 from __future__ import annotations
 
 import csv
@@ -74,7 +72,6 @@ def test_the_first_screen_answers(opened: Opened) -> None:
 
 
 def seen(opened: Opened) -> str:
-    """What the canvas shows, drawn that very moment."""
     shown = opened.ask(
         """() => {
           const { viewer } = document.querySelector('.moving.stage').shown;
@@ -121,7 +118,6 @@ FIGURE = "figure:has(> svg[aria-label^='Relative angular displacements'])"
 
 
 def saved(opened: Opened, near: str, form: str) -> str:
-    """The file that a button near something leaves."""
     opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
     with opened.page.expect_download() as download:
         opened.page.locator(f"{near} button", has_text=form).first.click()
@@ -265,7 +261,6 @@ def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
 
 
 def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:
-    """The last test of the page: whatever was done to it before."""
     opened.check_quiet()
 
 

@@ -1,5 +1,3 @@
-"""Rotors, viscous damping and dry friction of joints: closed forms in every engine, in motion and at rest."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -45,7 +43,6 @@ time = {{ duration = 1, step = 0.05 }}
 
 
 def parallelogram(**more: str) -> str:
-    """A crank, a coupler and a rocker, of which the last hinge closes the loop; `more`: lines of joints."""
     hinges = (
         ("a", "ground", "crank", 1.1, 0.0),
         ("b", "crank", "coupler", -1.1, 0.3),
@@ -67,8 +64,6 @@ def parallelogram(**more: str) -> str:
 
 @pytest.fixture
 def torque(write):
-    """Torque of the crank in each engine, and the motion of its angle."""
-
     def ask(engines=ENGINES, **more: str):
         write("linkage.toml", parallelogram(**more))
         scene = screwgauge.load_scene(write("move.toml", MOTION.format("linkage.toml")))
@@ -80,7 +75,6 @@ def torque(write):
 
 
 def law(what: str, amounts: dict[str, float], motion) -> np.ndarray:
-    """What the crank's torque gains, by the rate of each hinge per rate of the crank."""
     along = {"rotor": motion.ydd[:, 0], "damping": motion.yd[:, 0], "friction": np.sign(motion.yd[:, 0])}[what]
     power = 1.0 if what == "friction" else 2.0
     return sum(amount * abs(TURNS[name]) ** power for name, amount in amounts.items()) * along

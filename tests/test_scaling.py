@@ -1,5 +1,3 @@
-"""What programs cost grows with the mechanism and no faster, and long chains of loops are left to no other solver."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -38,7 +36,7 @@ def test_eight_four_bars_are_answered_by_the_program_within_its_estimates(tmp_pa
 
 
 def test_the_gain_of_a_chain_is_that_of_its_loops(tmp_path):
-    """What closing errors of one loop after the other add up to grows with the root of their number."""
+    """Closing errors add up with the root of the number of loops."""
     gains = []
     for n in (4, 16):
         lay = layout(load_mechanism(chain(n, tmp_path)))

@@ -1,5 +1,3 @@
-"""Screws obey their algebra, whatever the mechanism."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -32,7 +30,7 @@ def test_lie_bracket_satisfies_jacobi_and_antisymmetry(rng):
 
 
 def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
-    """d/dt Ad(exp(V t)) S = [V, S] at t = 0, by a central difference."""
+    """d/dt Ad(exp(V t)) S = [V, S] at t = 0."""
     axis = np.array([0.0, 0.6, 0.8])
     V, e, r, h = (
         revolute(axis, rng.normal(size=3)),
@@ -57,7 +55,7 @@ def test_reciprocal_product_is_power_at_any_point(rng):
 
 
 def test_acceleration_of_a_chain_is_the_derivative_of_its_twist(rng):
-    """Eqs. (44) and (48): two revolute axes, the second carried by the first."""
+    """Eqs. (44) and (48), two revolute axes."""
     first, second = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.8, 0.0])
     arm, w, beta, h = rng.normal(size=3), rng.normal(size=2), rng.normal(size=2), 1e-5
 
@@ -80,7 +78,6 @@ def test_vee_undoes_skew(rng):
 
 
 def ball(axes):
-    """A joint of two or three axes that meet in a point."""
     coordinates, kind = tuple("abc"[: len(axes)]), {2: "U", 3: "S"}[len(axes)]
     return Joint("ball", kind, "ground", "body", axes, coordinates, np.zeros(len(axes)), np.zeros((len(axes), 2)))
 
@@ -96,7 +93,7 @@ def test_angles_undo_three_rotations(rng, handed):
 
 
 def test_two_angles_have_no_gimbal_lock(rng):
-    """Three numbers read about the third axis lose the first angle there: 1e-12 rad at 1e-4 from a right angle."""
+    """Near a right angle a third number would lose the first angle."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     angles = np.array([[0.7, 0.5 * np.pi], [-2.0, 0.5 * np.pi - 1e-6], [0.3, 2.9], [3.0, -1.7]])
     R = rotation(axes[0], angles[:, 0]) @ rotation(axes[1], angles[:, 1])

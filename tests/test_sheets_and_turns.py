@@ -48,12 +48,10 @@ class Way:
 
 
 def moved(scene: Scene, t: np.ndarray, y: np.ndarray, yd: np.ndarray, ydd: np.ndarray) -> Scene:
-    """A scene of another motion, at its samples only."""
     return replace(scene, task=GivenMotion(t, y, yd, ydd), drive=None, text={})
 
 
 def of(linkage: PlanarLinkage) -> Scene:
-    """Any scene of a linkage, at home."""
     home = {pin.name: pin.home for pin in linkage.pins}
     still = {name: {"offset": home[name]} for name in linkage.independent}
     with TemporaryDirectory() as folder:
@@ -61,7 +59,6 @@ def of(linkage: PlanarLinkage) -> Scene:
 
 
 def turning(scene: Scene, which: tuple[int, ...], turns: int = TURNS) -> Scene:
-    """Coordinates that turn at one turn per second from home on."""
     mechanism = scene.mechanism
     t = np.arange(turns * PER_TURN + 1) / PER_TURN
     y = np.tile(mechanism.home[mechanism.independent_columns], (len(t), 1))
@@ -75,7 +72,7 @@ def turning(scene: Scene, which: tuple[int, ...], turns: int = TURNS) -> Scene:
 def circle(
     scene: Scene, centre: np.ndarray, axes: tuple[int, int], start: float, turns: float, *, back: bool = False
 ) -> Scene:
-    """Around a point of two coordinates at `AROUND`, from an angle on, so many turns, and back if that is wanted."""
+    """Turns on a circle around `AROUND`."""
     t = np.linspace(0.0, 2.0 if back else 1.0, 61)
     whole = 2.0 * np.pi * turns
     angle = start + whole * (1.0 - np.cos(np.pi * t)) / 2.0
@@ -90,7 +87,7 @@ def circle(
 
 
 def cuspidal(sheet: int, turns: float, *, back: bool = False) -> Scene:
-    """Legs two and three of a 3-RPR around the lengths at which three assemblies meet."""
+    """Three assemblies meet at these lengths."""
     scene = of(three_rpr(*SHEETS[sheet]))
     mechanism = scene.mechanism
     centre = mechanism.home[mechanism.independent_columns] - [0.0, 0.0, AROUND]
@@ -98,7 +95,6 @@ def cuspidal(sheet: int, turns: float, *, back: bool = False) -> Scene:
 
 
 def beyond_reach() -> Scene:
-    """The lengths of the legs go from one assembly to where only others are."""
     scene = of(three_rpr(*SHEETS[0]))
     mechanism = scene.mechanism
     y = mechanism.home[mechanism.independent_columns] + np.linspace(0.0, -0.3, 31)[:, None] * [0.0, 1.0, 0.0]
@@ -152,7 +148,7 @@ def samples(name: str) -> tuple[np.ndarray, ...]:
 
 
 def away(a: np.ndarray, b: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Differences of joint coordinates, those of angles within half a turn. Shape (n, n_q)."""
+    """Differences, angles modulo half turns. (n, n_q)."""
     found = a - b
     found[:, angles] -= 2.0 * np.pi * np.round(found[:, angles] / (2.0 * np.pi))
     return found
@@ -191,7 +187,6 @@ def test_samples_with_times_are_that_motion(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in LONG if not isinstance(name, str) or not WAYS[name].order])
 def test_samples_without_order_are_answered_each_for_itself(name):
-    """Bodies and forces are those of the motion; angles of joints may be whole turns away."""
     order = np.random.default_rng(0).permutation(len(SCENES(name).t))
     solver = screwgauge.compile(SCENES(name), QUANTITIES, backend="numpy")
     found = solver(*(x[order] for x in samples(name)))
@@ -206,7 +201,6 @@ def test_samples_without_order_are_answered_each_for_itself(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, way in WAYS.items() if way.order])
 def test_samples_that_two_assemblies_or_none_could_have_are_named(name):
-    """Around a cusp both assemblies are reached from home without a singular pose."""
     order = np.random.default_rng(0).permutation(len(SCENES(name).t))
     t, *rows = (x[:2] for x in (SCENES(name).t, *samples(name)))
     solver = screwgauge.compile(moved(SCENES(name), t, *rows), QUANTITIES, backend="numpy")
@@ -215,7 +209,6 @@ def test_samples_that_two_assemblies_or_none_could_have_are_named(name):
 
 
 def test_a_motion_changes_nothing_about_samples_without_order():
-    """It may lead to another assembly over the same coordinates; this one is not looked at then."""
     name = "around a cusp"
     t, *rows = (x[:5] for x in (SCENES(name).t, *samples(name)))
     solver = screwgauge.compile(moved(SCENES(name), t, *rows), QUANTITIES, backend="numpy")

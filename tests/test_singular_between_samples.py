@@ -1,5 +1,3 @@
-"""A motion over a pose where branches meet is refused, however its samples lie; next to one it is answered."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -54,7 +52,6 @@ def test_the_gate_does_not_pass_it(name, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_each_engine_refuses_it_by_itself():
-    """Without what is looked at before any engine runs."""
     rows = climb(CASES["change-points"], 0.0, quick=True)
     assert {row.verdict for row in rows} == {SAID}, [(row.engine, row.told) for row in rows if row.verdict != SAID]
 

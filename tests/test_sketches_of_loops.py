@@ -1,5 +1,3 @@
-"""The sketch of a diagnosis shows loops as they are at home: closed."""
-
 from __future__ import annotations
 
 import re

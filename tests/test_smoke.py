@@ -1,5 +1,3 @@
-"""A smoke test sees mistakes that the usual engines cannot show: of truth, of files, of redundant actuators."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -124,7 +122,6 @@ def test_two_model_files_are_the_same_and_what_is_planted_in_one_is_seen():
 
 
 def turned(named: tuple[str, BodyReading]) -> tuple[str, BodyReading]:
-    """A link whose tensor is turned the other way."""
     name, link = named
     moments, axes = np.linalg.eigh(link.inertia)
     return name, replace(link, inertia=axes.T @ np.diag(moments) @ axes)

@@ -1,5 +1,3 @@
-"""Any spanning tree gives the same numbers: which joints close the loops is a matter of writing."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -21,9 +19,8 @@ FAMILIES += ("3-rrr-spherical", "6-pus", "rrsrr", "rssr", "underactuated")
 
 
 def check(at: State, most: int = MOST) -> int:
-    """That many trees give what the default one does; returns how often an independent coordinate was cut.
-
-    Reactions are theirs where actuators deliver what the motion takes; else bodies are out of balance.
+    """Compare random trees with the default one; return how often an independent coordinate was cut. Reactions are
+    compared where actuators supply the motion; else bodies are out of balance.
     """
     every, mechanism = trees(at.lay.mechanism), at.lay.mechanism
     driven = len(mechanism.actuators) >= len(mechanism.independent)
@@ -47,7 +44,6 @@ def _all(at: State, driven: bool):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in LARGER)])
 def test_every_tree_of_a_mechanism_under_all_kinds_of_forces_gives_the_same(name):
-    """Joints of the independent coordinates, those with springs and those with motors close loops, too."""
     mechanism = load_mechanism(name)
     assert check(swinging(mechanism, acting(mechanism), 2)) > 0
 

@@ -1,5 +1,3 @@
-"""Springs, dampers and motors act in scenes whose motion is given: all engines agree, and the judge is content."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -94,7 +92,6 @@ def test_judge_misses_what_is_left_out(scene, results, missing):
 
 
 def test_forward_dynamics_gives_the_accelerations_back(scene, results):
-    """Round trip through another route: forces of the run, accelerations of `equations.forward`."""
     lay, motion = layout(scene.mechanism), scene.motion
     f = results.values("actuator_force", "pinocchio")
     at = moved(lay, motion.y, motion.yd, applied=scene.applied, t=motion.t, actuators=f)
@@ -108,7 +105,6 @@ def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
 
 
 def test_truth_refuses_with_one_sentence(scene):
-    """It is known from the scene, and is its own row only."""
     results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
     assert results.failures["truth"].reason.startswith("truth takes no spring or motor, which the scene has")
     assert [*results.solutions] == ["screw"]

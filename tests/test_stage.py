@@ -1,5 +1,3 @@
-"""The mechanism in space: everything of the description is there, in its place, and small enough for a page."""
-
 from __future__ import annotations
 
 import json
@@ -36,7 +34,6 @@ def data_of(picture: Picture) -> dict[str, Any]:
 
 
 def placed(data: dict[str, Any], frame: int, body: int, point: Any) -> np.ndarray:
-    """Where the page puts a point of a body."""
     px, py, pz, w, x, y, z = data["poses"][frame][7 * body : 7 * body + 7]
     v, axis = np.array(point), np.array([x, y, z])
     return np.array([px, py, pz]) + v + 2.0 * np.cross(axis, np.cross(axis, v) + w * v)
@@ -135,7 +132,7 @@ def test_the_default_scene_is_small() -> None:
 
 
 def test_words_say_what_the_paper_begins_with() -> None:
-    """Section 2.2: freedoms, constraints of each chain, and what redundant actuation leaves open."""
+    """Section 2.2."""
     first, second, third, *_ = data_of(solved()[1])["words"]
     assert first.startswith(
         "Forces on platform that each leg constrains: leg1 (UPU): one force along y through (-0.4, 0, 0)"
@@ -281,7 +278,7 @@ def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
 
 
 def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:
-    """Of a box or a ball: its moments are m (b^2 + c^2) / 5."""
+    """Moments m (b^2 + c^2) / 5."""
     unit = length(layout(paper))
     for one in shapes(paper):
         if one.kind == "ellipsoid":
@@ -357,7 +354,6 @@ coordinates = [{2}]
 
 @pytest.mark.parametrize("bodies", [{"a": 0.0}, {"a": 0.1}, {"a": 0.0, "b": 0.0}, {"a": 0.0, "b": 0.2}])
 def test_bodies_that_nothing_holds_are_drawn(bodies: dict[str, float], write) -> None:
-    """A free joint has no mark, and here are no others."""
     names = {body: [f"{body}{i}" for i in range(6)] for body in bodies}
     text = 'name = "free"\n[independent]\n' + "".join(f'{q} = "{q}"\n' for each in names.values() for q in each)
     for body, x in bodies.items():

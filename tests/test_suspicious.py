@@ -1,5 +1,3 @@
-"""Geometry and masses that are seldom meant: each is named by a sentence, and what is meant is left alone."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -120,7 +118,6 @@ def test_mechanisms_that_are_right_are_not_suspicious(name: str) -> None:
 
 
 def test_frames_that_are_turned_make_no_difference(sentences, write) -> None:
-    """Axes are compared in the body, not by the numbers of the file."""
     file = write("arm.toml", ARM.format(**PLAIN))
     mechanism = read_mechanism(file, None)
     R = rotation(np.array([1.0, 0.0, 0.0]), np.array([0.002]))[0]

@@ -1,5 +1,3 @@
-"""The table of `reference/README.md`: every equation of the paper up to the dynamics has a function that names it."""
-
 from __future__ import annotations
 
 import ast
@@ -20,8 +18,6 @@ CITED = re.compile(rf"\beqs?\. ({NUMBER}(?:(?:, | and ){NUMBER})*)", re.IGNORECA
 
 
 class Row(NamedTuple):
-    """Equations, the one that its function names, and all functions, the first that of the row."""
-
     equations: range
     towards: int | None
     functions: list[tuple[str, str]]
@@ -50,7 +46,6 @@ def tree(path: str) -> ast.Module:
 
 
 def docstring(path: str, name: str) -> str:
-    """Of ``function``, ``Class`` or ``Class.method``."""
     at: ast.AST = tree(path)
     for part in name.split("."):
         (at,) = [
@@ -62,7 +57,6 @@ def docstring(path: str, name: str) -> str:
 
 
 def cited(text: str) -> set[int]:
-    """Numbers of the equations that a docstring names."""
     return {number for found in CITED.findall(text) for each in re.findall(NUMBER, found) for number in span(each)}
 
 
@@ -87,7 +81,6 @@ def test_a_step_leads_to_a_row_of_its_own(row):
 
 
 def test_rows_say_where_the_paper_errs():
-    """Equations of the list of errata that have a row."""
     wrong = {4, 9, 14, 22, 23, 24, 25, 27, 32, 36, *range(38, 44), 49, 51, 53, 54, 55, 56, 58}
     assert {number for row in rows() if "*Erratum*" in row.words for number in row.equations} == wrong
 

@@ -1,5 +1,3 @@
-"""Figures that the paper prints, and a computation of 57 digits, as tables beside the engines."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -29,7 +27,7 @@ def test_initial_angles_and_lengths_of_tables_1_and_2_are_right(results):
 
 
 def test_equation_60_is_no_motion_of_the_mechanism(results):
-    """It lacks what the second axis turns with the first: b' sin a of 0.04 rad/s."""
+    """It lacks the term b' sin a, 0.04 rad/s."""
     pairs = of(results, "equation-60")
     assert not pairs["ok"].any()
     velocity = pairs.loc[("body_angular_velocity", "rad/s")]

@@ -1,5 +1,3 @@
-"""Tensors that miss the triangle inequality are taken where `allow` says so, by every engine as they are written."""
-
 from __future__ import annotations
 
 import json
@@ -65,7 +63,7 @@ URDF = f'<robot name="arm">{"".join(PARTS)}</robot>'
 
 
 def torques(y: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Torques of both joints, from Euler's equations of both bodies written out. Shapes (2,) -> (2,)."""
+    """Euler's equations written out. Shapes (2,) -> (2,)."""
     z, g = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 9.81])
     c, s = np.cos(y), np.sin(y)
     Ra = np.array([[c[0], -s[0], 0], [s[0], c[0], 0], [0, 0, 1]])
@@ -85,7 +83,6 @@ def torques(y: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def check(results: screwgauge.Results) -> None:
-    """All engines agree with Euler's equations, and the warning has body and excess."""
     assert results.ok
     motion = results.scene.motion
     expected = np.array([torques(*state) for state in zip(motion.y, motion.yd, motion.ydd, strict=True)])

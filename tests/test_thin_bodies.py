@@ -1,5 +1,3 @@
-"""Points, rods, plates and nearly singular tensors: MuJoCo takes the MJCF of all of them, and has what they have."""
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -73,13 +71,13 @@ def test_mujoco_has_the_tensor_that_the_description_has(moments, turn, size) -> 
 
 
 def test_a_moment_that_no_mjcf_can_say_and_that_counts_is_not_replaced() -> None:
-    """In (0, 1e-15) kg m^2 and no rounding of the others: MuJoCo counts in kg m^2, whatever the size."""
+    """MuJoCo compares with 1e-15 kg m^2, whatever the mechanism's size."""
     with pytest.raises(ValueError, match="mass and inertia"):
         compiled(body((0.3, 0.4, 0.5), TURNS["askew"], 1e-15))
 
 
 def test_a_tensor_that_no_body_has_is_written_as_one_that_can_be_and_said(arm: Callable[..., Path]) -> None:
-    """Descriptions may break A + B >= C and positive moments by 1e-12 of the trace; MuJoCo by nothing."""
+    """Descriptions may miss A + B >= C by 1e-12 of the trace, MuJoCo by nothing."""
     mechanism = load_mechanism(arm("bob = { mass = 1, com = [0, 0, 1], inertia = { xx = 1, yy = 1, zz = -1e-12 } }"))
     (_, sentence) = left_out(mechanism)
     assert sentence.startswith("MJCF: a principal moment of bob is 1e-12 kg m^2 off the description, as MuJoCo takes")
@@ -95,7 +93,6 @@ time = { duration = 0.4, step = 0.1 }
 
 @pytest.fixture
 def arm(write) -> Callable[..., Path]:
-    """A double pendulum; its second body is given."""
     text = """
 name = "arm"
 independent = {{ one = "one", two = "two" }}
@@ -150,7 +147,6 @@ def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
 
 @pytest.mark.slow
 def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
-    """Rods along their slides, which no axis of a frame is."""
     tables = mechanism_tables("stewart")
     for name, one in tables["bodies"].items():
         if name != "platform":
@@ -173,7 +169,6 @@ def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
 
 
 def test_a_fix_gives_an_mjcf_a_thin_rod(arm, write, tmp_path) -> None:
-    """Of the URDF, where the rod's own line is 0 and no axis of its frame."""
     rod = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 6.4e-3, yy = 3.6e-3, zz = 1e-2, xy = -4.8e-3 } }"
     thick = "bob = { mass = 1, com = [0.3, 0.4, 0], inertia = { xx = 2e-2, yy = 2e-2, zz = 2e-2, xy = -4.8e-3 } }"
     for name, bob in (("a", rod), ("b", thick)):

@@ -1,5 +1,3 @@
-"""`screwgauge.compile`: buffers, loads, threads, the cache on disk, and what is refused."""
-
 from __future__ import annotations
 
 import importlib.util
@@ -108,7 +106,7 @@ def test_what_is_no_number_is_refused_by_its_row(scene, solver, which):
 
 
 def test_a_pose_of_an_open_tree_that_is_no_number_is_refused():
-    """There is no loop whose residual would tell."""
+    """No loop residual reveals it."""
     arm = screwgauge.load_scene("arm7")
     y, yd, ydd = motion(arm)
     solver = screwgauge.compile(arm, ["actuator_force"], backend="numpy")
@@ -148,7 +146,6 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
 
 
 def test_motors_that_change_over_time_ask_for_the_times(scene):
-    """Samples in any order have none."""
     waving = scene.under(motors=(Motor("leg1.q3", Course(np.zeros(1), np.array([[5.0, 1.0, 2.0]]))),))
     solver = screwgauge.compile(waving, FORCES, backend="numpy")
     with pytest.raises(screwgauge.ScrewgaugeError, match=r"a motor changes over time.*give t"):

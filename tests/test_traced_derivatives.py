@@ -1,5 +1,3 @@
-"""Derivatives of traced numbers: forward and reverse mode agree with complex steps, and fold as all numbers do."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -11,7 +9,6 @@ STEP = 1e-30
 
 
 def expression(x, y, z):
-    """Every operation that has a derivative, some numbers used twice."""
     a = apply("sin", x * y) / (2.0 + z * z) - apply("sqrt", y + 3.0)
     b = apply("cos", a - z) * a
     return [a, b, -(b / x) + a * a + 0.5 * z, 1.0 / (b + 4.0)]
@@ -32,7 +29,7 @@ def values(inputs, outputs):
 
 
 def steps(k):
-    """Derivatives of all by the k-th input, by complex steps."""
+    """Complex steps of input k."""
     moved = AT.astype(complex)
     moved[:, k] += 1j * STEP
     return np.stack(expression(*moved.T), axis=1).imag / STEP
@@ -55,7 +52,7 @@ def test_reverse_mode_is_the_weighted_sum_of_complex_steps(traced):
 
 
 def test_derivatives_have_derivatives(traced):
-    """The second derivative along a line is the same by forward over forward and by reverse over forward."""
+    """By forward over forward, and by reverse over forward mode."""
     inputs, outputs = traced
     rate = tangents(outputs, dict.fromkeys(inputs, 1.0))
     twice = values(inputs, tangents(rate, dict.fromkeys(inputs, 1.0)))
@@ -81,7 +78,6 @@ def test_what_does_not_depend_on_a_number_costs_nothing(traced):
 
 
 def test_numbers_made_of_known_ones_follow_them(traced):
-    """A rate may be given of a number that is made of others: these stand still, it does not."""
     (x, y, _), _ = traced
     product = x * y
     assert tangents([product, 2.0 * product, x], {product: 1.0}) == [1.0, 2.0, 0.0]

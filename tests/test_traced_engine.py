@@ -1,5 +1,3 @@
-"""Traced programs answer as the array solver and the truth do, or leave the sample to the array solver and say so."""
-
 from __future__ import annotations
 
 import importlib.util
@@ -37,7 +35,6 @@ def solved(scene, backend, **settings):
 
 
 def worst(mine, other):
-    """Largest difference over the largest magnitude of the unit, beyond what either says of its own rounding."""
     found = {}
     for name, values in other.values.items():
         assert mine.values[name].components == values.components
@@ -104,7 +101,7 @@ def test_random_mechanisms(scene):
 
 @cache
 def on_both_sides(backend):
-    """Random states below and beyond b = 0.357 rad."""
+    """Random states around b = 0.357 rad."""
     rng = np.random.default_rng(0)
     y, yd, ydd = rng.uniform(-0.9, 0.9, (800, 2)), rng.normal(size=(800, 2)), rng.normal(size=(800, 2))
     motion = GivenMotion(np.arange(800.0), y, yd, ydd)
@@ -114,7 +111,7 @@ def on_both_sides(backend):
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
-    """Beyond it expressions that agree at home differ by kilonewtons."""
+    """Expressions that agree at home differ by kilonewtons beyond."""
     mine, other = on_both_sides(backend), on_both_sides("array")
     assert by_program(mine) > 500
     for name, values in other.values.items():
@@ -130,7 +127,6 @@ def test_random_states_on_both_sides_of_the_leg_singularity(backend):
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_home_at_rest_has_numbers(backend):
-    """Pivots that are zero there would give none."""
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0])
     found = solved(scene, backend)
     assert by_program(found) == 1
@@ -227,7 +223,6 @@ def test_there_is_no_other_backend():
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ball_whose_middle_angle_is_beyond_a_right_angle_is_read_so(backend):
-    """Of two triples of angles that mean the same, programs know the one whose middle angle is within a right angle."""
     scene = screwgauge.load_scene("3-rps")
     mechanism, home = scene.mechanism, np.array([0.2, 2.0, -0.3])
     balls = {joint.name: joint for joint in layout(mechanism).cuts}

@@ -1,5 +1,3 @@
-"""Traced forward dynamics are those of the arrays, and simulations by them those of the array solver."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -28,7 +26,6 @@ def backends():
 
 
 def everything(lay):
-    """All kinds of forces on a mechanism."""
     mechanism, n = lay.mechanism, len(lay.mechanism.bodies)
     first, last = mechanism.bodies[0].name, mechanism.bodies[n - 1].name
     tree = mechanism.coordinates[mechanism.independent_columns[0]]
@@ -97,8 +94,9 @@ def test_simulations_are_those_of_the_array_solver(name, until, backend):
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
-    """Parallelograms are one pendulum, phi'' = kappa sin phi. A step of Newton's method from a pose that is closed to
-    rounding moves it by rounding times the condition, and its accelerations by that twice: 2e-3 where 3e-6 is right."""
+    """Parallelograms are one pendulum, phi'' = kappa sin phi. A Newton step from a closed pose moves it by rounding
+    times the condition, and its accelerations by that twice: 2e-3 instead of 3e-6.
+    """
     scene = screwgauge.load_scene("a02-fourbar-2")
     lay, kappa = layout(scene.mechanism), 9.81 * (1.5 + 2.0) / (1.0 + 2.0)
     distance = 1e-4 * np.linspace(1.0, 1.2, 6)

@@ -1,5 +1,3 @@
-"""Sines, cosines and angles of the machine code keep their digits."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""What a trace folds, shares and leaves out, and what it must not."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -41,7 +39,7 @@ def test_equal_expressions_are_one(trace):
 
 
 def test_what_merely_agrees_in_value_stays_apart(trace):
-    """On these samples |x| = x: right on one side of zero, wrong on the other."""
+    """|x| = x at these samples only."""
     x = trace.input(np.abs(SAMPLES))
     size = apply("sqrt", x * x)
     assert np.array_equal(size.value, x.value)
@@ -64,7 +62,6 @@ def test_a_turn_about_an_axis_of_its_frame_costs_two_numbers(trace):
 
 
 def test_pivots_keep_their_size_at_every_sample(trace):
-    """An entry that is zero at home is no pivot, however large it is elsewhere."""
     home_is_zero = trace.input(np.array([0.0, 0.5, 2.0]))
     fair = trace.input(np.array([0.4, 0.3, 0.5]))
     A = {(0, 0): home_is_zero, (1, 0): fair, (0, 1): fair, (1, 1): home_is_zero}

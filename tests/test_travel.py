@@ -1,5 +1,3 @@
-"""Problems and methods are data: they travel to another process, where the answers are the same to the last bit."""
-
 from __future__ import annotations
 
 import multiprocessing
@@ -19,7 +17,6 @@ from support.stress import CASES
 
 
 def difference(one: object, other: object, at: str = "") -> str:
-    """Where two things differ first, empty if they hold the same fields, items and bits; functions are of modules."""
     if type(one) is not type(other):
         return f"{at}: {type(one)} and {type(other)}"
     if isinstance(one, np.ndarray):
@@ -70,7 +67,6 @@ def test_every_contestant_of_a_bench_of_simulations_travels(method, quick):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
-    """At both ends of its quick ladder."""
     check_travels(CASES[name])
     case = pickle.loads(pickle.dumps(CASES[name]))
     assert case.name == name
@@ -95,7 +91,6 @@ def test_what_does_not_travel_is_noticed():
 
 @pytest.fixture(scope="module")
 def asked() -> dict[str, tuple]:
-    """Methods with what they are asked: a given motion, a simulation by scipy's methods and one by steps."""
     given = screwgauge.load_scene("3ups-upu-s-fast").at([0.1, 0.35])
     falling = screwgauge.load_scene("a02-fourbar-2").at([0.0, 0.05, 0.2])
     steps = {"pinocchio": {"dt": 1e-3}, "mujoco": {"dt": 1e-3, "solimp": 0.9999, "passes": 5}}
@@ -112,7 +107,6 @@ def asked() -> dict[str, tuple]:
 
 @pytest.fixture(scope="module")
 def elsewhere(asked) -> dict[str, Solution]:
-    """Answers of a process that was started afresh."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         return dict(zip(asked, pool.starmap(put, asked.values()), strict=True))
 

@@ -1,5 +1,3 @@
-"""A finished truth is found again by its content; a damaged or stale file is computed anew, and said so."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The truth of mechanisms with redundant loops, exact or rounded, and of those that nothing drives."""
-
 from __future__ import annotations
 
 import math
@@ -35,7 +33,6 @@ def scene(write):
 
 
 def decimals(text, digits):
-    """Expressions of a description as decimals of so many digits."""
     names = {name: getattr(math, name) for name in ("pi", "sin", "cos", "sqrt", "atan")}
 
     def rounded(match):
@@ -45,8 +42,6 @@ def decimals(text, digits):
 
 
 def turned(text):
-    """A description whose bodies have frames turned anyhow, written as a matrix of doubles."""
-
     rng = np.random.default_rng(5)
     axes = rng.normal(size=(4, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
@@ -114,7 +109,7 @@ def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
 
 
 def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_open(write):
-    """A hundred meters from the origin decimals of 16 digits are coarse for a flat parallelogram."""
+    """100 m from the origin, 16 digits are coarse for a flat parallelogram."""
     angle, R = 3e-4, rotation(np.array([1.0, 2.0, 2.0]) / 3.0, np.array(2.0))
     table = four_bar(0.3, 0.5, 0.3, 0.5, angle, side=-1.0).table("flat")
     for joint in table["joints"].values():
@@ -141,8 +136,6 @@ def test_only_long_decimals_are_widened():
 
 
 def scaled(text, size):
-    """A description of four hinges with all lengths times a size, its moments of inertia with its square."""
-
     def vector(match):
         entries = [entry.strip(' "') for entry in match[2].split(",")]
         return f"{match[1]}{[f'{size}*({entry})' for entry in entries]}"

@@ -1,5 +1,3 @@
-"""The balls of the truth hold what they must: text read exactly, more digits inside, refusals where unproved."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -19,7 +17,6 @@ from support.truth import Certifier, Linkage, NotCertified, Sampler, drive, exac
 
 
 def balls(scene, bits):
-    """All quantities of the first sample."""
     mechanism = load_mechanism(scene.mechanism_file)
     start = positions(layout(mechanism), scene.motion.y, scene.t)[0].tolist()
     with ctx.workprec(bits):

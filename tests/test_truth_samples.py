@@ -1,5 +1,3 @@
-"""On long scenes the truth solves a chosen set of samples; comparison, judge and plots use those."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""The truth agrees with known numbers and with the solver, and its radii are as small as promised."""
-
 from __future__ import annotations
 
 import numpy as np

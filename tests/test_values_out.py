@@ -1,5 +1,3 @@
-"""Values leave a run as tables that spreadsheets, pandas and a scene read, to the last bit."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Loads over time, from columns of a CSV and in axes of their body: closed forms, and every engine."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -47,7 +45,6 @@ COMPONENTS = (
 
 
 def with_engine(name: str):
-    """A context in which the engine can be asked."""
     if name != "frozen" and not get_engine(name).installed:
         pytest.skip(f"{name} is not installed")
     return further_engines({"frozen": "support.frozen_engine:FROZEN"})
@@ -55,8 +52,6 @@ def with_engine(name: str):
 
 @pytest.fixture
 def pivot(write):
-    """What a load half a metre from the pivot of a bar adds to its torque in each engine, and the motion."""
-
     def ask(load: str, engines=(*ENGINES, "truth")):
         write("bar.toml", BAR)
         scene = screwgauge.load_scene(write("turn.toml", TURN + load))
@@ -113,7 +108,6 @@ def test_every_engine_agrees(write, mechanism, axes, name):
 
 
 def loaded(mechanism: str, axes: str, write):
-    """Five samples of a built-in scene under a load that changes over time."""
     scene = screwgauge.load_scene(mechanism)
     body = scene.mechanism.bodies[-1].name
     lines = scene.file.read_text(encoding="utf-8")
@@ -134,7 +128,6 @@ def test_random_mechanisms_agree_under_loads_that_vary(family):
 
 
 def varying(rng, bodies, axes):
-    """A load of random courses, as a scene file has it."""
     courses = [
         {"offset": a, "polynomial": [0.0, b], "harmonics": [[1.0 + 4.0 * c * c, a, b]]}
         for a, b, c in rng.normal(size=(6, 3))
@@ -203,7 +196,6 @@ def test_a_compiled_solver_takes_times_or_loads(write):
 
 
 def test_a_load_over_time_has_no_number_without_its_time(write):
-    """An engine that reads the vectors alone is not silently wrong."""
     (load,) = loaded("slider-crank", "world", write).applied.loads[-1:]
     assert np.isnan(load.force).all()
     assert np.isfinite(load.at(0.5).force).all()

@@ -1,5 +1,3 @@
-"""A state that has grown beyond all poses is refused in words, not by a failure of linear algebra."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The scene grants tolerance; who is judged grants none: what an engine admits above 1e-8 is never agreement."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -35,7 +33,7 @@ CLAIMS = {
 
 
 def off(factor, scaled=0.0, absolute=0.0, **more):
-    """Our own solver's numbers times a factor, with what is said of their errors."""
+    """Our numbers times a factor."""
 
     def solve(problem):
         right = ask("screw", model_files("slider-crank", "screw"), problem)
@@ -112,8 +110,6 @@ FAIR = ("slider-crank", "screw-press", "double-cardan", "sarrus", "bennett", "st
 
 
 def rounded(name, size, planted=0.0, where=0):
-    """Our own answer without what it admits, every force off by rounding, one of them by more."""
-
     def solve(problem):
         right = ask("screw", model_files(name, "screw"), problem)
         values = dict(right.values)

@@ -1,5 +1,3 @@
-"""What is zero is zero within the rounding of its summands, and nothing hides behind that."""
-
 from __future__ import annotations
 
 import re
@@ -29,7 +27,6 @@ def said(results) -> list[str]:
 
 
 def check_clear(results) -> None:
-    """All agree, the judge has no complaint, and the guard calls nothing lost."""
     assert results.ok, said(results)
     assert [(row.engine, row.quantity) for row in results.guard if not row.ok] == []
 
@@ -47,7 +44,6 @@ def test_a_slider_crank_with_its_mass_on_the_line_of_its_slide(write):
 
 
 def test_a_slider_crank_at_its_dead_centre(write):
-    """The slide stands still, and the rod turns at a constant rate."""
     text = slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.0)
     check_clear(screwgauge.run(moving(write, text, [0.0], 10.0)))
 
@@ -55,7 +51,7 @@ def test_a_slider_crank_at_its_dead_centre(write):
 @pytest.mark.slow
 @pytest.mark.parametrize("crank", [0.695, 0.6992, 0.69935])
 def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, crank):
-    """Moments of a planar mechanism, at condition numbers around 50: no difference, and hardly any tolerance."""
+    """Moments of a planar mechanism, at condition numbers around 50."""
     text = slider_crank([Bar(crank), Bar(0.7), Bar(0.0)], 1.5)
     results = screwgauge.run(moving(write, text, [1.5, np.pi / 2], 1.0))
     check_clear(results)
@@ -65,7 +61,6 @@ def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, cr
 
 
 def test_an_error_is_measured_by_no_less_than_a_millionth_of_the_natural_scale():
-    """As differences are: noise in what is zero has no digit, and needs none."""
     trust = Trust(np.full(2, 60.0), np.full(2, 20.0), np.ones(2), load=np.full(2, 1e-4))
     noise = np.array([[1e-19], [0.0]])
     part = Part({"reaction": noise}, trust, np.zeros(0, dtype=np.intp), {"reaction": np.zeros((0, 1))})
@@ -98,7 +93,6 @@ def test_planar_mechanisms_at_random_agree(write, seed):
 
 @pytest.mark.slow
 def test_a_share_of_any_force_is_noticed(write):
-    """A component off by `NOTICED` of the largest, in every quantity and unit that does not vanish."""
     seen = 0
     for seed in range(12):
         scene = at_random(write, seed)
@@ -121,7 +115,6 @@ def test_a_share_of_any_force_is_noticed(write):
 
 
 def disturbed(solution: Solution, quantity: str, unit: str):
-    """The solution with one component of the last sample wrong, and the largest magnitude of its unit."""
     values = solution.values[quantity]
     columns = [i for i, has in enumerate(values.units) if has == unit]
     size = float(np.abs(values.array[:, columns]).max())
@@ -135,8 +128,6 @@ def disturbed(solution: Solution, quantity: str, unit: str):
 @pytest.mark.slow
 @pytest.mark.parametrize("body", range(3))
 def test_a_mass_off_by_a_billionth_is_noticed(write, body):
-    """By comparison and by the judge, which knows the right mass."""
-
     def text(share: float) -> str:
         masses = [1.0, 2.0, 0.5]
         masses[body] *= 1.0 + share
@@ -153,7 +144,7 @@ def test_a_mass_off_by_a_billionth_is_noticed(write, body):
 
 
 def test_a_small_force_among_large_ones_is_seen(write):
-    """A millionth of a newton, where weights are ten."""
+    """A micronewton among weights of ten newtons."""
     scene = moving(write, slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.6), [0.6], 1.0)
     right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
     assert all(size < 1e-12 for error in right.errors.values() for size in error.absolute.values())
