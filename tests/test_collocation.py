@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study.cases.stiff import collocate, tableau
+from screwgauge.study.bench.stiff import collocate, tableau
 
 
 def test_weights_integrate_polynomials() -> None:

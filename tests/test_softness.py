@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.study.cases.loops import PASSES, SETTINGS, held, in_tree
+from screwgauge.study.bench.loops import PASSES, SETTINGS, held, in_tree
 from support.engines import Method, model_files
 from support.geometry import EPS, Array
 from support.questions import Question, findings

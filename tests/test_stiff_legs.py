@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
+from screwgauge.study.bench.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
 from support.engines import Method
 from support.mechanism import load_mechanism
 from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from screwgauge import load_scene
-from screwgauge.study.cases import question as questions
+from screwgauge.study.bench import question as questions
 from support.command import printed_by
 from support.engines import solve
 from support.mechanism import load_mechanism, mechanism_path
@@ -51,7 +51,7 @@ def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
 @pytest.mark.slow
 def test_cases_are_listed_without_loading_an_engine() -> None:
     code = (
-        "import sys; from screwgauge.study.stress import CASES; "
+        "import sys; from screwgauge.study.bench.stress import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
     assert printed_by(code).strip() == "[]"

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study import stress as study
+from screwgauge.study.bench import stress as study
 from support.acting import Applied
 from support.command import main
 from support.engines import Cost, Error, Method, ModelFiles, Problem, Progress, Solution, Values, quiet

@@ -214,7 +214,7 @@ def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages.stress import PAGE as page
-    from screwgauge.study.stress import stress
+    from screwgauge.study.bench.stress import stress
 
     texts = _names(options.severity)
     severities = None if texts is None else [number(text, "--severity") for text in texts]

@@ -12,7 +12,7 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Banner, Block, Items, Marked, Table
 from screwgauge.report.text import terminal
 from screwgauge.scene.read import load_scene, scene_names
-from screwgauge.study.stress import CASES
+from screwgauge.study.bench.stress import CASES
 
 
 def mechanisms() -> dict[str, str]:

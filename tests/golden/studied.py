@@ -13,7 +13,7 @@ from golden.facts import Fact, text
 
 import screwgauge
 from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.stress import CASES, stress
+from screwgauge.study.bench.stress import CASES, stress
 
 #: Digits beyond these are rounding, and so is one more or less; three next to poses that amplify rounding, where they
 #: may make the difference between two verdicts.

@@ -7,7 +7,7 @@ from pathlib import Path
 from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, choose, contestants, simulators
 from screwgauge.study.bench.forward_run import FULL, contest, simulated
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
-from screwgauge.study.bench.questions import motion, simulation
+from screwgauge.study.bench.given import motion, simulation
 from screwgauge.study.bench.run import QUICK, Bench, Plan, address_of, bench, fits
 from screwgauge.study.bench.tables import (
     ABSOLUTE,

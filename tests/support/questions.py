@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.study.cases.question import (
+from screwgauge.study.bench.question import (
     ENGINES,
     POSES,
     SCENE,
@@ -16,4 +16,4 @@ from screwgauge.study.cases.question import (
     still,
     tree_coordinates,
 )
-from screwgauge.study.cases.singular import BASE_LOCK, SINGULAR_B, WRIST_LOCKS
+from screwgauge.study.bench.singular import BASE_LOCK, SINGULAR_B, WRIST_LOCKS

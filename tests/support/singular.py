@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.study.cases.singular import (
+from screwgauge.study.bench.singular import (
     REFUSED,
     Passing,
     known,

@@ -13,9 +13,9 @@ from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Look, Spec, by_camp
 from screwgauge.report.layout import Report
 from screwgauge.report.record import judged, short
-from screwgauge.study.cases.question import DEGRADED, GOOD, OK, REFUSED, SILENT, VERDICTS, Finding
+from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, VERDICTS, Finding
+from screwgauge.study.bench.stress import Stress, StressCase
 from screwgauge.study.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
-from screwgauge.study.stress import Stress, StressCase
 
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}

@@ -1,1 +1,1 @@
-"""Benches: error against run time of contestants, on a given motion (`run`) or in a simulation (`forward_run`)."""
+"""Benches (`run`, `forward_run`) and stress: methods put to questions of `cases.toml`, measured and put into tables."""

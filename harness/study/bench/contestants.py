@@ -1,6 +1,6 @@
 """Contestants of a bench, which pair a method with a question, and which of them take part.
 
-Those of given motions and the engines' own steppers are data, see ``contestants.toml``.
+Those of given motions and the engines' own steppers are data, see ``cases.toml``.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from screwgauge.reference.errors import check_choice
 from screwgauge.reference.expressions import number
 from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.solution import Solution
-from screwgauge.study.bench import questions
-from screwgauge.study.bench.questions import Question, Trial
+from screwgauge.study.bench import given
+from screwgauge.study.bench.given import Question, Trial
 from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
 NOTHING = "none"
 
@@ -103,7 +103,7 @@ class Contestant:
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 _COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
-_SIMULATOR = partial(Contestant, question=questions.simulation, quantities=("observable",), covers=_COVERS)
+_SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable",), covers=_COVERS)
 #: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
@@ -138,7 +138,7 @@ def contestants(*, quick: bool) -> list[Contestant]:
 
 
 def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
-    """The contestants of an entry of ``contestants.toml``, whose head explains the entries."""
+    """The contestants of an entry of ``cases.toml``, whose head explains the entries."""
     axes = [
         [value if isinstance(value, dict) else {name: value} for value in values]
         for name, values in entry.get("over", {}).items()
@@ -160,10 +160,10 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
     fields = {name: filled(values[name]) for name in _AS_IT_IS if name in values}
     arguments = filled(values["question"])
-    question = getattr(questions, arguments.pop("ask"))
+    question = getattr(given, arguments.pop("ask"))
     parameter = None
     if varied := values.get("parameter"):
-        parameter = varied[0], number(filled(varied[1]), "contestants.toml")
+        parameter = varied[0], number(filled(varied[1]), "cases.toml")
     if "named" in values and (parameter is None or parameter[1] not in values["named"]):
         fields["label"] = ""
     settings, variant = (filled(values.get(key, {})) for key in ("settings", "variant"))
@@ -182,22 +182,22 @@ def leaving_out() -> Iterator[Contestant]:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
-        yield trial(EVERYTHING, question=questions.less, quantities=GIVEN)
+        yield trial(EVERYTHING, question=given.less, quantities=GIVEN)
         wanted: tuple[str, ...] = ()
         for step, names in WANTED.items():
             wanted += names
-            yield trial(step, question=partial(questions.less, computed=wanted), quantities=wanted, series="asked for")
+            yield trial(step, question=partial(given.less, computed=wanted), quantities=wanted, series="asked for")
         setting, alone = "actuator forces alone", ("actuator_force",)
-        yield trial(setting, question=partial(questions.less, computed=alone), quantities=alone, series="asked for")
+        yield trial(setting, question=partial(given.less, computed=alone), quantities=alone, series="asked for")
         for absent in ("gravity", "load"):  # forces change without them; motion must not
-            yield trial(absent, question=partial(questions.less, absent=absent), quantities=MOTION, series="absent")
+            yield trial(absent, question=partial(given.less, absent=absent), quantities=MOTION, series="absent")
         # parts of the model file that mechanics does not need; URDF has only limits
-        for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, questions.ALL_PARTS)}[engine]:
+        for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, given.ALL_PARTS)}[engine]:
             setting = "visuals" if part == "geoms" else part
-            yield trial(setting, question=partial(questions.less, part=part), quantities=GIVEN, series="in the model")
+            yield trial(setting, question=partial(given.less, part=part), quantities=GIVEN, series="in the model")
         if engine != "screw":  # joint forces of another tree are other forces
             same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
-            yield any_engine("full cut instead of minimal", cut, questions.less, same, series="cut")
+            yield any_engine("full cut instead of minimal", cut, given.less, same, series="cut")
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
@@ -239,7 +239,7 @@ def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
             family, ladder = f"screw-{method}" if screw else engine, list[Contestant]()
             for rtol in rungs:
                 setting, label = f"{method}, rtol = atol = {rtol:.0e}", f"{rtol:.0e}".replace("e-0", "e-")
-                question = partial(questions.simulation, method=method, rtol=rtol)
+                question = partial(given.simulation, method=method, rtol=rtol)
                 ladder.append(_SIMULATOR(family, family, setting, Method(engine), question=question, label=label))
             yield ladder
 

@@ -29,7 +29,7 @@ from screwgauge.solution import Solution
 from screwgauge.study.address import address
 from screwgauge.study.bench import timing
 from screwgauge.study.bench.contestants import LEAVING_OUT, NOTHING, Contestant, choose
-from screwgauge.study.bench.questions import Trial
+from screwgauge.study.bench.given import Trial
 from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, SlopeFit, leaving_out_table
 from screwgauge.study.bench.tables import fits as slope_fits
 from screwgauge.study.comparison import provenance

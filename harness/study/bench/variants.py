@@ -76,7 +76,7 @@ def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: 
         dtype: Precision from the first operation to the last.
         settings: Of that variant, see its function.
     """
-    check_choice("variant", [name], VARIANTS, "contestants.toml")
+    check_choice("variant", [name], VARIANTS, "cases.toml")
     if dtype != "float64":
         lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
     return Variant(lay, partial(VARIANTS[name], **settings))

@@ -25,11 +25,11 @@ from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
+from screwgauge.study.bench.question import SCENE, CaseMethod, Question, compare, exactly, moving, still
 from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
-from screwgauge.study.cases.question import SCENE, CaseMethod, Question, compare, exactly, moving, still
+from screwgauge.study.bench.stress import Ask
 from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times
-from screwgauge.study.stress import Ask
 
 #: Moments of the platform as a plate and of a leg half as a rod [kg m^2], about those of the paper.
 PLATE, ROD = 0.46, 1.16e-2

@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.question import (
+from screwgauge.study.bench.question import (
     ACCELERATION,
     SCENE,
     SCREW,

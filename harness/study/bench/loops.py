@@ -28,7 +28,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import mobility
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.question import (
+from screwgauge.study.bench.question import (
     ACCELERATION,
     ENGINES,
     SCENE,

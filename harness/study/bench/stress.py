@@ -1,6 +1,6 @@
-"""Stress: the cases of ``cases/cases.toml``, ladders of one severity each, and their rungs, run as tasks.
+"""Stress: the cases of ``cases.toml``, ladders of one severity each, and their rungs, run as tasks.
 
-What is put to engines on a rung is in ``cases``; no case is imported before it is asked.
+No module that asks a question is imported before its case is run.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from screwgauge.judging.residual import frame
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.study.address import address
-from screwgauge.study.cases.question import SILENT, Finding, Question, findings
+from screwgauge.study.bench.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
@@ -103,7 +103,7 @@ def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
 
 def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
     """The questions of a rung, by the function that an entry of the file names."""
-    ask: Ask = getattr(import_module(f"screwgauge.study.cases.{module}"), name)
+    ask: Ask = getattr(import_module(f"screwgauge.study.bench.{module}"), name)
     return ask(severity, quick, folder)
 
 
@@ -111,7 +111,7 @@ def _rungs(given: Sequence[float] | dict[str, Any]) -> tuple[float, ...]:
     return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
 
 
-_FILE = Path(__file__).with_name("cases") / "cases.toml"
+_FILE = Path(__file__).with_name("cases.toml")
 #: Name -> case, in the order in which they are run.
 CASES = {entry["name"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
 

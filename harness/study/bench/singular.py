@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Error, Solution, Stopwatch, Values
-from screwgauge.study.cases.question import (
+from screwgauge.study.bench.question import (
     ENGINES,
     QUANTITIES,
     SCENE,
