@@ -34,7 +34,7 @@ def found(scene):
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(run_module, "QUICK", PLAN)
+    monkeypatch.setattr(run_module.timing, "QUICK", PLAN)
 
 
 @pytest.mark.slow

@@ -16,8 +16,7 @@ import pytest
 from screwgauge import commands
 from screwgauge.commands.execution import ENDED
 from screwgauge.report.console import QUIET, Progress
-from screwgauge.study.bench import forward_run
-from screwgauge.study.bench import run as bench_run
+from screwgauge.study.bench import forward_run, timing
 from support.command import main
 from support.scene import FOLDER
 
@@ -134,7 +133,7 @@ def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
 def test_a_limit_must_be_positive_for_every_bench(command) -> None:
     for scene in ("3ups-upu-s", "a01-pendulum"):
         assert "a limit of -1 s" in command("bench", scene, "--limit", "-1", status=2).err
-    assert forward_run.FULL.budget < bench_run.FULL.budget
+    assert forward_run.FULL.budget < timing.FULL.budget
 
 
 @pytest.mark.parametrize("words", [*ENDED, "bench --quick --random=5", "run 3ups-upu-s --errata --no-such-option"])

@@ -15,6 +15,7 @@ from screwgauge import ScrewgaugeError
 from screwgauge.study.bench import forward_run as module
 from support.bench import (
     ABSOLUTE,
+    BESIDE,
     COLUMNS,
     CUT,
     FAILED,
@@ -24,8 +25,8 @@ from support.bench import (
     TABLE,
     Contestant,
     absolute_table,
+    bench,
     bench_table,
-    contest,
     simulated,
     simulation,
     simulators,
@@ -46,7 +47,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def found(scene):
-    return contest(scene, plan=PLAN, contestants=["screw"])
+    return bench(scene, plan=PLAN, contestants=["screw"])
 
 
 def test_tighter_tolerances_make_smaller_errors(found):
@@ -65,7 +66,7 @@ def test_tighter_tolerances_make_smaller_errors(found):
 
 def test_a_model_file_of_ones_own_is_refused(scene, tmp_path):
     with pytest.raises(ScrewgaugeError, match="the bench measures methods on models made"):
-        contest(replace(scene, models={"pinocchio": tmp_path / "own.urdf"}), plan=PLAN, contestants=["screw"])
+        bench(replace(scene, models={"pinocchio": tmp_path / "own.urdf"}), plan=PLAN, contestants=["screw"])
 
 
 def test_files_and_columns(found, tmp_path):
@@ -100,13 +101,13 @@ def test_diagram_shows_what_others_have_published(found):
 
 
 def test_what_takes_too_long_is_stopped(scene):
-    (first, *_) = contest(scene, plan=replace(PLAN, each=1e-9), contestants=["screw-BDF"]).rows
+    (first, *_) = bench(scene, plan=replace(PLAN, each=1e-9), contestants=["screw-BDF"]).rows
     assert first.status == CUT
     assert first.reason.startswith("stopped after 1e-09 s")
 
 
 def test_nothing_begins_when_the_budget_is_spent(scene):
-    found = contest(scene, plan=replace(PLAN, budget=1e-9), contestants=["screw-BDF"])
+    found = bench(scene, plan=replace(PLAN, budget=1e-9), contestants=["screw-BDF"])
     assert not found.complete
     assert {row.reason for row in found.rows} == {"the budget was spent before its turn"}
     assert make_plots(found) == []
@@ -135,12 +136,12 @@ def test_failures_and_early_ends_are_rows_with_their_reasons(scene, monkeypatch)
 
     def some(method, duration, *, quick):
         return [
-            Contestant(name, name, "a setting", Method(name), simulation, ("observable",), "")
+            Contestant(name, name, "a setting", Method(name), simulation, ("observable", "energy"), "")
             for name in ("refuses", "stops")
         ]
 
     monkeypatch.setattr(module, "simulators", some)
-    refused, lost, stopped, _ = contest(scene, plan=PLAN).rows
+    refused, lost, stopped, _ = bench(scene, plan=PLAN).rows
     assert (refused.status, refused.reason) == (FAILED, "ValueError: no body without inertia")
     assert (stopped.status, stopped.reason) == (FAILED, "no step leads on")
     assert stopped.error < 5e-11  # what it computed is scored
@@ -165,16 +166,16 @@ def test_implicit_ladders_end_where_they_would_take_too_many_steps():
 
 
 def test_without_a_reference_the_tightest_screw_is_one(scene):
-    found = contest(replace(scene, known=None), plan=PLAN, contestants=["screw-Radau"])
+    found = bench(replace(scene, known=None), plan=PLAN, contestants=["screw-Radau"])
     assert found.reference == "screw with DOP853, rtol = atol = 1e-12"
     assert found.rows[0].error < 1e-2
 
 
 def test_bad_input_is_said(scene):
     with pytest.raises(ScrewgaugeError, match=r"there is no observable to measure errors of"):
-        contest(replace(scene, observables=(), known=None), plan=PLAN)
+        bench(replace(scene, observables=(), known=None), plan=PLAN)
     with pytest.raises(ScrewgaugeError, match=r"unknown contestant 'screw-RK45'"):
-        contest(scene, plan=PLAN, contestants=["screw-RK45"])
+        bench(scene, plan=PLAN, contestants=["screw-RK45"])
 
 
 def test_command_line(monkeypatch, tmp_path, command):
@@ -187,14 +188,14 @@ def test_command_line(monkeypatch, tmp_path, command):
 
 def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
     plan = replace(FULL, share=0.2, rounds=1, quick=True)
-    found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
+    found = bench(scene, plan=plan, contestants=["pinocchio-Euler"])
     (one,) = found.fits
     assert one.ok, one.slope
 
 
 @pytest.mark.slow
 def test_families_in_processes_of_their_own_have_the_same_errors(found, scene, isolated):
-    there = contest(scene, plan=PLAN, contestants=["screw"], execute=Processes(2))
+    there = bench(scene, plan=PLAN, contestants=["screw"], execute=Processes(2))
     here = {(row.contestant.setting, row.quantity): row.error for row in found.rows}
     assert {(row.contestant.setting, row.quantity): row.error for row in there.rows} == here
-    assert there.notes[-1] == module.BESIDE
+    assert there.notes[-1] == BESIDE

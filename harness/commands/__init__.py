@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -187,26 +186,17 @@ def bench(options: argparse.Namespace) -> int:
     """Error against run time of a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
-    from screwgauge.study.bench import forward_run
-    from screwgauge.study.bench import run as given_run
+    from screwgauge.study.bench.run import bench, plan_of
 
     imported(options.scene)
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
-    study = forward_run if scene.simulated else given_run
-    plan = study.QUICK if options.quick else study.FULL
-    if options.limit is not None:
-        plan = replace(plan, budget=given_run.check_budget(options.limit))
-    more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
+    plan = plan_of(scene, quick=options.quick, limit=options.limit)
+    more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants), "place": out}
     if options.jobs is not None or options.cluster is not None:
         more["execute"] = executor(options)
-    if scene.simulated:
-        contest = forward_run.contest
-        carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
-        return 0
-    more["place"] = out
-    work = partial(given_run.bench, scene, **more)
-    carry_out(PAGE, out, lambda progress: work(progress=progress), again=True, force=options.force)
+    page, again = (SIMULATION, False) if scene.simulated else (PAGE, True)
+    carry_out(page, out, lambda progress: bench(scene, progress=progress, **more), again=again, force=options.force)
     return 0
 
 

@@ -12,8 +12,9 @@ from golden.answers import Row
 from golden.facts import Fact, text
 
 import screwgauge
-from screwgauge.study.bench.run import Plan, bench
+from screwgauge.study.bench.run import bench
 from screwgauge.study.bench.stress import CASES, stress
+from screwgauge.study.bench.timing import Plan
 
 #: Digits beyond these are rounding, and so is one more or less; three next to poses that amplify rounding, where they
 #: may make the difference between two verdicts.

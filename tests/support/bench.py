@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, choose, contestants, simulators
-from screwgauge.study.bench.forward_run import FULL, contest, simulated
+from screwgauge.study.bench.forward_run import FULL, simulated
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.given import motion, simulation
-from screwgauge.study.bench.run import QUICK, Bench, Plan, address_of, bench, fits
+from screwgauge.study.bench.run import BESIDE, Bench, address_of, bench, fits
 from screwgauge.study.bench.tables import (
     ABSOLUTE,
     COLUMNS,
@@ -24,7 +24,7 @@ from screwgauge.study.bench.tables import (
     slopes_table,
 )
 from screwgauge.study.bench.tables import fits as fit_slopes
-from screwgauge.study.bench.timing import Protocol, enough, measure, once
+from screwgauge.study.bench.timing import QUICK, Plan, Protocol, enough, measure, once
 from screwgauge.study.store import Journal
 from screwgauge.truth import cache
 

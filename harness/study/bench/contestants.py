@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import product, zip_longest
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +103,7 @@ class Contestant:
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 _COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
-_SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable",), covers=_COVERS)
+_SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable", "energy"), covers=_COVERS)
 #: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
@@ -217,14 +217,13 @@ def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contest
 
 
 def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]:
-    """Who takes part in the bench of a simulation, the coarse settings of all families first.
+    """Return the contestants of the bench of a simulation, family by family, coarse settings first.
 
     Args:
         method: That of the scene.
         duration: Of the motion [s].
     """
-    families = *_climbing(method, quick), *_stepping(duration, quick)
-    return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
+    return [*chain(*_climbing(method, quick), *_stepping(duration, quick))]
 
 
 def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:

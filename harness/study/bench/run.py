@@ -1,4 +1,4 @@
-"""Runs a bench of a given motion: the error of each contestant, then times in rounds; a journal keeps every row."""
+"""Runs benches: the error of each contestant, then times in rounds; simulations are measured by `forward_run`."""
 
 from __future__ import annotations
 
@@ -25,48 +25,25 @@ from screwgauge.processes import one_thread
 from screwgauge.quantities import FLOAT32
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
+from screwgauge.solution import Cost, Solution
 from screwgauge.study.address import address
-from screwgauge.study.bench import timing
+from screwgauge.study.bench import forward_run, timing
 from screwgauge.study.bench.contestants import LEAVING_OUT, NOTHING, Contestant, choose
 from screwgauge.study.bench.given import Trial
 from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, SlopeFit, leaving_out_table
 from screwgauge.study.bench.tables import fits as slope_fits
+from screwgauge.study.bench.timing import Plan
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import check_whole, failure
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, pose_scene
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.store import Journal, is_record
 
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """How much is measured.
-
-    Attributes:
-        samples: Times compared, at most.
-        rounds: Measurements of a contestant, at most.
-        budget: Seconds after which nothing further begins; in a simulation, nothing goes on either.
-        quick: Settings that take longest are left out.
-        each: Seconds after which a contestant of a simulation is stopped.
-        share: Share of a simulation that is integrated.
-    """
-
-    samples: int
-    rounds: int
-    budget: float
-    quick: bool
-    each: float = np.inf
-    share: float = 1.0
-
-
 Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and -> its times [s]."""
 
-FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
 #: Note on times that were measured at the same time.
 BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
-QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -100,47 +77,40 @@ class Bench:
         return CUT not in {*self.leaving_out["status"], *(row.status for row in self.rows)}
 
 
-def check_budget(seconds: float) -> float:
-    """The budget that a user gives [s].
+def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) -> Plan:
+    """Return how much is measured of a scene.
+
+    Args:
+        limit: The budget that a user gives [s].
 
     Raises:
-        DescriptionError: It is no positive number of seconds.
+        DescriptionError: The limit is no positive number of seconds.
     """
-    if not 0.0 < seconds < np.inf:
-        raise DescriptionError(f"a limit of {seconds:g} s", "--limit", "give a positive number of seconds")
-    return seconds
-
-
-def check_generated(scene: Scene) -> None:
-    """Refuses model files and numbers of the user's own: a bench measures methods.
-
-    Raises:
-        DescriptionError: The scene names some.
-    """
-    for entry, names in (("models", scene.models), ("tables", scene.tables)):
-        if names:
-            raise DescriptionError(
-                "the bench measures methods on models made from the description and reads none of your own",
-                f"{scene.file or scene.name}, {entry}",
-                f"remove [{entry}], or compare {', '.join(names)} by `screwgauge run`",
-            )
+    room = forward_run if scene.simulated else timing
+    plan = room.QUICK if quick else room.FULL
+    if limit is None:
+        return plan
+    if not 0.0 < limit < np.inf:
+        raise DescriptionError(f"a limit of {limit:g} s", "--limit", "give a positive number of seconds")
+    return replace(plan, budget=limit)
 
 
 def bench(
     scene: Scene,
     *,
-    plan: Plan = FULL,
+    plan: Plan | None = None,
     contestants: Iterable[str] | None = None,
     place: Path | None = None,
     progress: Report = silent,
     clock: Callable[[], int] = perf_counter_ns,
     execute: Executor | None = None,
 ) -> Bench:
-    """Measures errors and run times of contestants on a scene.
+    """Measure errors and run times of contestants on a scene, of a simulation energy, too.
 
     Args:
-        contestants: Families, contestants, ``leaving-out``; all by default.
-        place: Folder of the report, of which finished pieces are kept until all are there; by default none are.
+        plan: See `plan_of`.
+        contestants: Families, contestants, ``leaving-out``, engines of a simulation; all by default.
+        place: Folder of the report. Finished pieces of a given motion are kept for it until all are there.
         progress: Called as work goes on.
         clock: Nanoseconds; another one in tests.
         execute: Where contestants are measured, each with all of its settings; by default in this process, where the
@@ -149,26 +119,28 @@ def bench(
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
-    check_generated(scene)
-    chosen, record = choose(contestants, quick=plan.quick), {**environment(), "one_thread": one_thread()}
-    if scene.applied.springs or scene.applied.motors:
-        raise DescriptionError(
-            "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
-        )
-    if any(load.courses or load.axes == "body" for load in scene.applied.loads):
-        what = "the bench of a given motion knows loads that are constant in world axes only"
-        raise DescriptionError(what, scene.name, "remove the others, or add [forward]")
-    chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
+    check_given(scene)
+    plan = plan or plan_of(scene)
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
-    kept = Journal(place, address_of(scene, plan), fits)
+    record = {**environment(), "one_thread": one_thread()}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
-        progress("reference", 0.0)
-        posed = pose_scene(scene, Path(folder), samples=plan.samples)
-        if execute is None:
-            _Measurements(posed, kept, protocol, progress).all(chosen)
+        if scene.simulated:
+            scene, notes = forward_run.shortened(scene, plan)
+            chosen, kept = forward_run.choose(scene, contestants, quick=plan.quick), Journal(None, "")
+            progress("reference", 0.0)
+            posed = forward_run.simulated(scene, Path(folder))
         else:
-            _elsewhere(posed, kept, protocol, chosen, execute, progress)
-        judged = provenance(posed.scene, models_of(chosen, posed))
+            chosen, kept = choose(contestants, quick=plan.quick), Journal(place, address_of(scene, plan), fits)
+            chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
+            progress("reference", 0.0)
+            posed = pose_scene(scene, Path(folder), samples=plan.samples)
+            notes = posed.reference.note, kept.note
+        if execute is None:
+            _measure(posed, plan, chosen, kept, protocol, progress)
+        else:
+            _elsewhere(posed, plan, chosen, kept, protocol, partial(run_tasks, execute=execute, progress=progress))
+            notes = *notes, BESIDE
+        judged = provenance(posed.scene, {one.method.engine: posed.files(one.method.engine).model for one in chosen})
     narrow = any(contestant.kind is FLOAT32 for contestant in chosen)
     rows = [row for contestant in chosen for row in _rows(contestant, kept)]
     less = [row for row in rows if row.contestant.family == LEAVING_OUT]
@@ -177,10 +149,11 @@ def bench(
         scene=posed.scene,
         plan=plan,
         rows=rows,
-        fits=slope_fits(rows),
+        # whether a simulation has three points between saturation and rounding is a matter of the scene
+        fits=[fit for fit in slope_fits(rows) if not scene.simulated or np.isfinite(fit.slope)],
         leaving_out=leaving_out_table(less),
         reference=posed.reference.engine,
-        notes=tuple(filter(None, (posed.reference.note, kept.note, "" if execute is None else BESIDE))),
+        notes=tuple(filter(None, notes)),
         environment=record,
         provenance=judged,
         rounding=_rounding(posed) if narrow else {},
@@ -190,6 +163,30 @@ def bench(
     return outcome
 
 
+def check_given(scene: Scene) -> None:
+    """Refuse what a bench does not take: it measures methods, and of a given motion under few forces.
+
+    Raises:
+        DescriptionError: The scene has model files or numbers of the user's own, springs, motors or loads that vary.
+    """
+    for entry, names in (("models", scene.models), ("tables", scene.tables)):
+        if names:
+            raise DescriptionError(
+                "the bench measures methods on models made from the description and reads none of your own",
+                f"{scene.file or scene.name}, {entry}",
+                f"remove [{entry}], or compare {', '.join(names)} by `screwgauge run`",
+            )
+    if scene.simulated:
+        return
+    if scene.applied.springs or scene.applied.motors:
+        raise DescriptionError(
+            "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
+        )
+    if any(load.courses or load.axes == "body" for load in scene.applied.loads):
+        what = "the bench of a given motion knows loads that are constant in world axes only"
+        raise DescriptionError(what, scene.name, "remove the others, or add [forward]")
+
+
 def _rounding(posed: PreparedScene) -> dict[str, float]:
     """Quantity -> largest error by float32 over its scale, of the worst unit."""
     errors = rounding_errors(posed.scene.mechanism, posed.problem(*QUANTITIES), FLOAT32)
@@ -197,46 +194,59 @@ def _rounding(posed: PreparedScene) -> dict[str, float]:
     return {name: max(size / scales[name][unit] for unit, size in one.absolute.items()) for name, one in errors.items()}
 
 
-def _elsewhere(
+def _measure(
     posed: PreparedScene,
+    plan: Plan,
+    chosen: Sequence[Contestant],
     kept: Journal,
     protocol: timing.Protocol,
-    chosen: Sequence[Contestant],
-    execute: Executor,
-    progress: Report,
+    progress: Report = silent,
 ) -> None:
-    """Measures contestants as tasks of an executor, and keeps new results and times."""
-    end = time() + (protocol.deadline - protocol.clock()) * 1e-9
+    """Measure contestants here."""
+    if posed.scene.simulated:
+        forward_run.measure(posed, plan, chosen, kept, protocol, progress)
+    else:
+        _Measurements(posed, kept, protocol, progress).all(chosen)
+
+
+def _elsewhere(
+    posed: PreparedScene,
+    plan: Plan,
+    chosen: Sequence[Contestant],
+    kept: Journal,
+    protocol: timing.Protocol,
+    run: Callable[..., object],
+) -> None:
+    """Measure contestants as tasks, and keep new results and times."""
+    end = time() + protocol.left
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     tasks = []
     for name, group in groups.items():
-        known = {c.key: (kept.results.get(c.key), kept.times.get(c.key, [])) for c in group}
-        work = partial(_measured, posed, group, known, protocol.rounds, end)
-        tasks.append(Task(name, work, files=posed.written()))
+        known = {one.key: (kept.results.get(one.key), kept.times.get(one.key, [])) for one in group}
+        tasks.append(Task(name, partial(_measured, posed, plan, group, known, end), files=posed.written()))
 
     def lost(name: str, reason: str) -> Measurements:
-        return {c.key: {"status": FAILED, "reason": reason} for c in groups[name]}, {}
+        return {one.key: {"status": FAILED, "reason": reason} for one in groups[name]}, {}
 
     def keep(name: str, measured: Measurements) -> None:
-        for key, result in measured[0].items():
-            if key not in kept.results:
-                kept.keep(key, result)
+        for key in measured[0].keys() - kept.results.keys():
+            kept.keep(key, measured[0][key])
         for key, times in measured[1].items():
             for seconds in times[len(kept.times.get(key, [])) :]:
                 kept.time(key, seconds)
 
-    run_tasks(tasks, execute, lost=lost, keep=keep, progress=progress)
+    run(tasks, lost=lost, keep=keep)
 
 
 def _measured(
     posed: PreparedScene,
+    plan: Plan,
     group: Sequence[Contestant],
     known: Mapping[str, tuple[dict[str, Any] | None, list[float]]],
-    rounds: int,
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Results and times of the settings of a contestant, including those that are known.
+    """Return results and times of the settings of a contestant, including those that are known.
 
     Args:
         end: When nothing further begins [s since 1970].
@@ -244,15 +254,8 @@ def _measured(
     kept = Journal(None, "")
     kept.results = {key: result for key, (result, _) in known.items() if result is not None}
     kept.times = {key: [*times] for key, (_, times) in known.items() if times}
-    deadline = perf_counter_ns() + (end - time()) * 1e9
-    _Measurements(posed, kept, timing.Protocol(rounds, deadline), silent).all(group)
+    _measure(posed, plan, group, kept, timing.Protocol(plan.rounds, perf_counter_ns() + (end - time()) * 1e9))
     return kept.results, kept.times
-
-
-def models_of(contestants: Iterable[Contestant], posed: PreparedScene) -> dict[str, Path]:
-    """Engine -> the model file that it reads."""
-    engines = dict.fromkeys(contestant.method.engine for contestant in contestants)
-    return {name: posed.files(name).model for name in engines}
 
 
 def _present(group: list[Contestant]) -> list[Contestant]:
@@ -341,15 +344,15 @@ def fits(result: Mapping[str, Any]) -> bool:
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
-    """The rows of one contestant, measured, failed or cut short."""
+    """Yield the rows of one contestant, measured, failed or cut short."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
-    seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
+    seconds, cost = tuple(kept.times.get(contestant.key, ())), result.get("cost")
     for quantity in contestant.quantities:
         status, reason = result["status"], result.get("reason", "")
-        largest, rms, lost = result.get("scores", {}).get(quantity, (float("nan"), float("nan"), ""))
+        largest, rms, lost = result.get("scores", {}).get(quantity, (np.nan, np.nan, ""))
         if lost:
             status, reason = FAILED, lost
-        elif status == OK and not seconds:
+        elif status == OK and not seconds and cost is None:
             status, reason = CUT, "the budget was spent before it could be timed"
         yield BenchRow(
             quantity,
@@ -358,8 +361,10 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
             reason=reason,
             contestant=contestant,
             status=status,
-            n_sample=n,
+            n_sample=int(result.get("n_sample", 0)),
             seconds=seconds,
+            largest=result.get("largest", {}).get(quantity, {}),
+            cost=cost or Cost(np.nan),
         )
 
 

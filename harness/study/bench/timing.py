@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from time import perf_counter_ns
 from typing import Any
 
@@ -13,6 +14,31 @@ from typing import Any
 WARM_BELOW = 0.05
 #: From these durations [s] on, so many rounds are enough: what lasts longer is disturbed less.
 ENOUGH = ((5.0, 1), (0.5, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Extent of a bench.
+
+    Attributes:
+        samples: Times compared, at most.
+        rounds: Measurements of a contestant, at most.
+        budget: Seconds after which nothing further begins; in a simulation, nothing goes on either.
+        quick: Settings that take longest are left out.
+        each: Seconds after which a contestant of a simulation is stopped.
+        share: Share of a simulation that is integrated.
+    """
+
+    samples: int
+    rounds: int
+    budget: float
+    quick: bool
+    each: float = inf
+    share: float = 1.0
+
+
+FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
+QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +56,13 @@ class Protocol:
     clock: Callable[[], int] = perf_counter_ns
 
     @property
+    def left(self) -> float:
+        """Time until the deadline [s]."""
+        return (self.deadline - self.clock()) * 1e-9
+
+    @property
     def over(self) -> bool:
-        return self.clock() >= self.deadline
+        return self.left <= 0.0
 
 
 def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
