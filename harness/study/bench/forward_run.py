@@ -162,7 +162,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
         return {"status": CUT, "reason": reason}
     trial, costs = contestant.ask(posed), list[Cost]()
     (problem,), most = trial.problems, min(plan.each, left)
-    while len(costs) < plan.rounds and all(cost.wall_s < SHORT for cost in costs[:1]):
+    while True:
         try:
             with np.errstate(all="ignore"):
                 answer = ask(contestant.method, trial.files, problem, within(most))
@@ -173,6 +173,8 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
         if answer.n_solved < 2:
             return {"status": FAILED, "reason": f"stopped before the first sample: {answer.stopped}"}
         costs.append(answer.cost or Cost(NAN))
+        if len(costs) >= plan.rounds or not costs[0].wall_s < SHORT:
+            break
     wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
     return {**_scored(posed, problem, answer), "cost": replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s)}
 

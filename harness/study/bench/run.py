@@ -86,8 +86,8 @@ def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) ->
     Raises:
         DescriptionError: The limit is no positive number of seconds.
     """
-    room = forward_run if scene.simulated else timing
-    plan = room.QUICK if quick else room.FULL
+    full, short = (forward_run.FULL, forward_run.QUICK) if scene.simulated else (timing.FULL, timing.QUICK)
+    plan = short if quick else full
     if limit is None:
         return plan
     if not 0.0 < limit < np.inf:
