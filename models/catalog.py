@@ -1,4 +1,4 @@
-"""Built-in mechanisms by name, descriptions from files, and the description of N four-bars in a row (A02) for any N."""
+"""Finds built-in mechanisms and descriptions by name or path, and writes that of N four-bars in a row (A02)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def mechanism_names() -> list[str]:
 def mechanism_path(
     name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = (), *, floating: bool = False
 ) -> Path:
-    """Path of the description of a built-in mechanism, or of what a name means in a folder; a model file is imported.
+    """Return the path of the description that a name means: built in, in a folder, or imported from a model file.
 
     Args:
         where: What to blame.
@@ -55,7 +55,7 @@ def mechanism_path(
 
 
 def _allowing(path: Path, allow: Sequence[str]) -> Path:
-    """A description that allows what another one does not, in a folder that goes away with the process."""
+    """Return a description in a temporary folder that also allows what another description does not."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:
         return path
@@ -94,7 +94,7 @@ _built_in = cache(_read)
 
 
 def description_files(path: Path) -> list[Path]:
-    """A description that can be read, and those that it extends."""
+    """List a description and those that it extends."""
     files = [path]
     while "extends" in (tables := read_toml(files[-1])):
         files.append(mechanism_path(tables["extends"], files[-1].parent, str(files[-1])))
@@ -102,14 +102,14 @@ def description_files(path: Path) -> list[Path]:
 
 
 def description_source(path: Path) -> Path:
-    """The description that others have written, where a scene extends it, as by contacts."""
+    """Return the user's own description, where a scene extends it, for example by contacts."""
     from screwgauge.models.importing.model import is_scratch
 
     return next(file for file in description_files(path) if not (is_scratch(file) and "extends" in read_toml(file)))
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:
-    """The tables of a description as text, with what it extends: numbers that nothing has rounded yet.
+    """Return the tables of a description and those that it extends, with numbers as text, not yet rounded.
 
     Raises:
         ScrewgaugeError: It does not exist or cannot be read.
@@ -119,7 +119,7 @@ def mechanism_tables(name: str | Path) -> dict[str, Any]:
 
 
 def four_bars(n: int, *, driven: bool = False) -> str:
-    """The text (TOML) of N four-bars in a row: pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal ones.
+    """Write N four-bars in a row (TOML): pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal ones.
 
     The crank's angle counts from upright about z, so that the motion starts with a rate of -1 rad/s.
 

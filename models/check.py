@@ -45,7 +45,7 @@ INERTIA_TOLERANCE = 5e-14
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """One comparison. `difference` is scaled as `tolerance` is; NaN where names are compared."""
+    """A compared property. `difference` is scaled like `tolerance`; NaN where names are compared."""
 
     file: str
     reading: str
@@ -60,7 +60,7 @@ class CheckRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelComparison:
-    """The rows of one file and reading, in the making."""
+    """Rows of one file and reading, collected one by one."""
 
     file: str
     reading: str
@@ -77,7 +77,7 @@ class ModelComparison:
         self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
     def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """A row for the names of things of a kind. Returns those that both have: name and both values."""
+        """Add a row for the names of a kind of things; return name and both values of those that both have."""
         self.names("", f"{what} names", sorted(expected), sorted(actual))
         return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
@@ -92,7 +92,7 @@ def _short(values: Array) -> str:
 
 
 def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
-    """Rows for everything in the reading."""
+    """Add rows for all properties of a reading."""
     length = length_scale(mechanism)
     actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
     bodies = out.both("body", expected.bodies, actual.bodies)
@@ -157,7 +157,7 @@ def _compare_bodies(
 
 
 def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
-    """Rows for everything in a loops file."""
+    """Add rows for all properties of a loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
         out.names("", what, getattr(expected, what), getattr(actual, what))
@@ -215,7 +215,7 @@ SUFFIXES = {"loops": ".loops.toml", "yourdfpy": ".urdf", "pinocchio": ".urdf", "
 
 
 def installed_readers() -> tuple[str, ...]:
-    """Readers whose library is installed."""
+    """List the readers whose library is installed."""
     return tuple(name for name in SUFFIXES if name == "loops" or find_spec(name))
 
 
@@ -267,7 +267,7 @@ def check_file(
 
 
 def check_table(rows: Sequence[CheckRow]) -> str:
-    """One line for each file, reading and property, the worst item named; then every row that is not ok."""
+    """Return a line for each file, reading and property with its worst item, then all rows that are not ok."""
     groups: dict[tuple[str, str, str], list[CheckRow]] = {}
     for row in rows:
         groups.setdefault((row.file, row.reading, row.what), []).append(row)
@@ -290,7 +290,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """The reading of a model file that agrees exactly with the description, limits left out."""
+    """Return the reading of a model file that matches the description exactly, without limits."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}
@@ -319,7 +319,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
 def _as_merged(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
-    """Links as bodies, those of fixed joints as parts of others; what is fixed to ground; closures of the bodies."""
+    """Merge links of fixed joints into bodies; return bodies, links fixed to ground, and closures between bodies."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
     assembly = assemble(
@@ -336,14 +336,14 @@ def _as_merged(
 
 
 def limited(reading: Reading, mechanism: Mechanism) -> Reading:
-    """An expected reading with the limits of the description."""
+    """Add the limits of the description to an expected reading."""
     limits = dict(zip(mechanism.coordinates, map(tuple, mechanism.limits.tolist()), strict=True))
     joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
     return replace(reading, joints=joints)
 
 
 def home_poses(tree: Tree) -> dict[str, Array]:
-    """World pose of the ground, of every body and of every copy at the home coordinates. Shape (4, 4) each."""
+    """Return the world poses of the ground, all bodies and all copies at the home coordinates. Shape (4, 4) each."""
     poses = {GROUND: np.eye(4)}
     for link in tree.links:
         T = joint_transform(link.joint, link.joint.home)
@@ -352,7 +352,7 @@ def home_poses(tree: Tree) -> dict[str, Array]:
 
 
 def joint_transform(joint: Joint, q: Array) -> Array:
-    """``T(parent, child) = parent_frame  X(q)  child_frame^-1``. Shape (4, 4)."""
+    """Return ``T(parent, child) = parent_frame  X(q)  child_frame^-1``. Shape (4, 4)."""
     T = _matrix(joint.parent_frame)
     for value, (turns, axis) in zip(q, joint.freedoms, strict=True):
         T = T @ _step(float(value), turns, axis)
@@ -370,7 +370,7 @@ def _step(value: float, turns: bool, axis: Array) -> Array:
 
 
 def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
-    """A joint's freedoms, as its outer body moves against the inner one."""
+    """Return the freedoms of a joint, as its outer body moves against the inner one."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
     T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}

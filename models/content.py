@@ -1,4 +1,4 @@
-"""Content of model files that a description lacks, by the tables ``content.toml`` and ``elements.toml``.
+"""Content of model files that a description lacks, classified by ``content.toml`` and ``elements.toml``.
 
 The first lists the kinds that act on motion or forces and how a comparison of two models treats each; the second
 lists each element and attribute of the formats.
@@ -32,7 +32,7 @@ _NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """An entry of the table.
+    """A kind of content in ``content.toml``.
 
     Attributes:
         fate: What becomes of it; `content.toml` explains each.
@@ -79,24 +79,24 @@ class Content:
 
     @property
     def sentence(self) -> str:
-        """Label: kind and owner."""
+        """Kind and owner as text."""
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
-        """Content with other names for what it acts on. `names`: room -> name -> other name."""
+        """Rename the things that content acts on. `names`: room -> name -> other name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))
 
 
 @cache
 def table() -> Mapping[str, Any]:
-    """The table, as read."""
+    """Return the parsed ``content.toml``."""
     return tomllib.loads(Path(__file__).with_name("content.toml").read_text(encoding="utf-8"))
 
 
 @cache
 def kinds() -> Mapping[str, Kind]:
-    """All kinds by name."""
+    """Return all kinds by name."""
     entries_by_name = {}
     for name, entry in table()["kinds"].items():
         entries = {**entry, "xml": tuple(entry.get("xml", ())), "arrays": tuple(entry.get("arrays", "").split())}
@@ -111,13 +111,13 @@ def kind_of(element: str) -> str:
 
 
 def force_limits(joint: str, most: float) -> Content:
-    """The largest force or torque of a joint, as MuJoCo keeps it [N or N m]."""
+    """Return the largest force or torque of a joint as content, as MuJoCo keeps it [N or N m]."""
     values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
     return Content("force limits", "limit effort", f" of joint {joint}", (("joints", joint, 1.0),), values)
 
 
 def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
-    """One phrase for all content of one name, in the order of the file."""
+    """Merge content of the same name into a phrase, in the order of the file."""
     owners: dict[str, list[str]] = {}
     for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
@@ -125,7 +125,7 @@ def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
 
 
 def _whose(owners: list[str]) -> str:
-    """`` of joint a, b, c and 9 more``, from `` of joint a``, `` of joint b`` ..."""
+    """Return `` of joint a, b, c and 9 more`` from `` of joint a``, `` of joint b`` ..."""
     owners = list(dict.fromkeys(owners))
     kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
@@ -143,7 +143,7 @@ _OF_READINGS = ("lost", "held")
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """Something that no description has.
+    """An element or attribute that descriptions do not have.
 
     Attributes:
         kind: One of `SAID`.
@@ -161,12 +161,12 @@ class Extra:
 
 @cache
 def element_tables() -> Mapping[str, Any]:
-    """The table, as read."""
+    """Return the parsed ``elements.toml``."""
     return tomllib.loads(Path(__file__).with_name("elements.toml").read_text(encoding="utf-8"))
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """Extras of a file that can be read, without those of no effect (damping 0, limits of the description).
+    """List the extras of a readable file, without those of no effect (damping 0, limits of the description).
 
     Args:
         form: ``urdf`` or ``mjcf``.
@@ -182,7 +182,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
-    """Content of a file that a library's reading does not hold.
+    """List the content of a file that a library's reading does not hold.
 
     Args:
         root: Of the file.
@@ -195,7 +195,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
 
 def unread_rows(library: str) -> list[str]:
-    """Properties of a loops file, as the model check calls them, that engines on a library do not read."""
+    """List the properties of a loops file, as the model check calls them, that engines on a library ignore."""
     rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
     return rows
 
@@ -212,7 +212,7 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 
 def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Coordinate -> attribute -> what the description has of it, as the writers write it."""
+    """Return coordinate -> attribute -> value of the description, as the writers write it."""
     values = {}
     for joint in mechanism.joints:
         numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
@@ -241,7 +241,7 @@ class _ElementWalk:
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
-        """Everything in a file; its elements may be nested deeper than Python's call stack."""
+        """Yield all extras of a file, whose elements may be nested deeper than Python's call stack."""
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):
             bare = {}  # as classes may give it more
@@ -275,7 +275,7 @@ class _ElementWalk:
             waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
 
     def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
-        """Values that absent attributes stand for."""
+        """Return the values that absent attributes stand for."""
         values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
         return values
 
@@ -286,13 +286,13 @@ class _ElementWalk:
         return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
-        """Attributes that the table has of a kind; None if it does not have the element."""
+        """Return the attributes that the table has of a kind; None if it does not have the element."""
         entries = self.table.get(kind, {})
         names = entries.get(f"{parent}/{tag}", entries.get(tag))
         return None if names is None else names.split()
 
     def _is_nothing(self, element: ET.Element) -> bool:
-        """Whether the file's flags or its own attributes make the element one without mechanics."""
+        """True if the file's flags or the element's own attributes leave it without mechanics."""
         has = {**self.flags, **element.attrib}
         cases, text = self.table.get("unless", {}).get(element.tag, ()), (element.text or "").strip()
         if text and self._has_no_effect(element.tag, text, ""):
@@ -300,18 +300,18 @@ class _ElementWalk:
         return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
-        """Whether a value is the neutral one, or that of the description."""
+        """True for a neutral value, and for that of the description."""
         idle = self.table["neutral"].get(attribute), self.own.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
 
 
 def _plain(name: str) -> str:
-    """A name without its namespace."""
+    """Remove the namespace from a name."""
     return name.rpartition("}")[2]
 
 
 def _numbers(text: str) -> list[float] | str:
-    """Numbers of a value, without the zeros at its end, or the value itself."""
+    """Return the numbers of a value without zeros at its end, or the value itself."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:

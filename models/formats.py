@@ -1,4 +1,4 @@
-"""Text of numbers, vectors, placements and TOML tables as the file formats have them; no whole file is written here."""
+"""Formats numbers, vectors, placements and TOML tables as text, and parses numbers of model files."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), 
 
 
 def number_text(value: float) -> str:
-    """The shortest text that reads back as the same float64; at most 17 digits."""
+    """Return the shortest text that reads back as the same float64; at most 17 digits."""
     text = repr(float(value) + 0.0)  # + 0.0 makes -0 a plain zero
     return text.removesuffix(".0")
 
 
 def vector_text(values: ArrayLike) -> str:
-    """Numbers with blanks between them, as XML attributes want them."""
+    """Return numbers separated by blanks, as in XML attributes."""
     return " ".join(number_text(value) for value in np.ravel(values))
 
 
 def tensor_text(I: Array) -> str:
-    """An inertia tensor as the ``fullinertia`` of MJCF. Shape (3, 3)."""
+    """Return an inertia tensor as the ``fullinertia`` of MJCF. Shape (3, 3)."""
     return vector_text([I[place] for place in TENSOR.values()])
 
 
 def tensor(entries: Iterable[float]) -> Array:
-    """An inertia tensor of entries in the order of `TENSOR`. Shape (3, 3)."""
+    """Return the inertia tensor of entries in the order of `TENSOR`. Shape (3, 3)."""
     I = np.zeros((3, 3))
     for (i, j), entry in zip(TENSOR.values(), entries, strict=True):
         I[i, j] = I[j, i] = entry
@@ -49,7 +49,7 @@ def tensor(entries: Iterable[float]) -> Array:
 
 
 def rpy(R: Array) -> Array:
-    """Angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as URDF has them. Shape (3, 3) -> (3,).
+    """Return the angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as in URDF. Shape (3, 3) -> (3,).
 
     Pitch and roll are read after yaw is taken off, so that the three together give `R` even where yaw and
     roll turn about nearly the same axis.
@@ -62,7 +62,7 @@ def rpy(R: Array) -> Array:
 
 
 def quaternion(R: Array) -> Array:
-    """Unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (..., 3, 3) -> (..., 4).
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (..., 3, 3) -> (..., 4).
 
     The row with the largest component is used, so that nothing cancels.
     """
@@ -80,7 +80,7 @@ def quaternion(R: Array) -> Array:
 
 
 def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: bool = False) -> Array:
-    """So many numbers of a model file. Shape (n,).
+    """Parse n numbers of a model file. Shape (n,).
 
     Args:
         words: Texts or numbers.
@@ -103,7 +103,7 @@ def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: boo
 
 
 def adjoint(T: Array) -> Array:
-    """Adjoint matrix of a placement, for twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
+    """Return the adjoint matrix of a placement, for twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
     R, out = T[:3, :3], np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = R
     out[3:, :3] = skew(T[:3, 3]) @ R
@@ -114,7 +114,7 @@ Table = tuple[str, Mapping[str, Any]]
 
 
 def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], last: Sequence[Table] = ()) -> str:
-    """The first lines, then tables, each under its title: what is independent, the parts, couplings and the last."""
+    """Return the first lines, then tables: independent coordinates, the parts, couplings, the last tables."""
     tables: list[Table] = [("[independent]", mechanism.independent)]
     if mechanism.axial:
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
@@ -129,19 +129,19 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], l
 
 
 def _law(function: PolynomialSum) -> dict[str, Any]:
-    """A function of coordinates as a table of ``[couplings]`` has it."""
+    """Return a function of coordinates as in a table of ``[couplings]``."""
     if len(function.terms) > 1:
         return {"terms": function.polynomials}
     return {**({"of": function.lead} if function.terms else {}), "polynomial": function.polynomial}
 
 
 def lines(entries: Mapping[str, Any]) -> list[str]:
-    """``key = value``, one line each."""
+    """Return a line ``key = value`` for each entry."""
     return [f"{key(name)} = {value_text(value)}" for name, value in entries.items()]
 
 
 def value_text(value: Any) -> str:
-    """Text, numbers in full, frames, arrays and tables."""
+    """Return a text, number, frame, array or table as TOML, numbers in full."""
     match value:
         case bool():
             return str(value).lower()
@@ -157,12 +157,12 @@ def value_text(value: Any) -> str:
 
 
 def key(name: str) -> str:
-    """A name as a key."""
+    """Return a name as a TOML key."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else value_text(name)
 
 
 def body_entries(body: Body) -> dict[str, Any]:
-    """Entries of a body of a description, without what is zero."""
+    """Return the entries of a body of a description, without zeros."""
     if not body.mass:
         return {"mass": 0.0}
     tensor = {name: body.inertia[place] for name, place in TENSOR.items() if body.inertia[place]}
@@ -170,7 +170,7 @@ def body_entries(body: Body) -> dict[str, Any]:
 
 
 def joint_entries(joint: Joint) -> dict[str, Any]:
-    """Entries of a joint of a description, without what it has by default."""
+    """Return the entries of a joint of a description, without defaults."""
     names = ("kind", "parent", "child", *(() if joint.fixed else ("axes",)))
     entries: dict[str, Any] = {name: getattr(joint, name) for name in names}
     if joint.coordinates != (joint.name,):

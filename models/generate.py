@@ -21,14 +21,14 @@ from screwgauge.reference.rotations import Array
 
 
 def stem(name: str, cut: str) -> str:
-    """``NAME`` for the minimal cut, ``NAME-full`` for the full one."""
+    """Return ``NAME`` for the minimal cut, ``NAME-full`` for the full one."""
     return name if cut == "minimal" else f"{name}-{cut}"
 
 
 def model_texts(
     mechanism: Mechanism, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> dict[str, str]:
-    """File name -> text of every model file.
+    """Return file name -> text for every model file.
 
     Args:
         gravity: World axes [m/s^2], written to the MJCF. Shape (3,).

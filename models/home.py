@@ -1,4 +1,4 @@
-"""The home pose of a description: its loops close there as it is written, or home is solved for."""
+"""The home pose of a description, at which its loops close; solves for it where they do not."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 
 
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
-    """The mechanism as it is if it closes at home, else with a home that was solved for, and a remark that says so.
+    """Return the mechanism itself if it closes at home, else with a solved home and a remark.
 
     Independent coordinates stay as they are, unless no regular pose within limits closes there; the others move as
     little as may be.
@@ -120,7 +120,7 @@ FAR, SHORTEST = 0.1, 1.0 / 64.0
 
 
 def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Mechanism:
-    """A mechanism with other numbers, its home on the assembly of the present one, independent coordinates as they are.
+    """Return a mechanism with other numbers at home on the same assembly, its independent coordinates kept.
 
     Args:
         mechanism: Closes at home.
@@ -152,7 +152,7 @@ def _is_regular(mechanism: Mechanism) -> bool:
 
 
 def _solved(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with the best of the poses that close its loops as its home."""
+    """Return the mechanism at the best of the poses that close its loops."""
     free = Loops(plant(limited(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
@@ -175,7 +175,7 @@ def _solved(mechanism: Mechanism) -> Mechanism:
 
 
 def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
-    """Poses that close all loops, the best first, and that which comes nearest to closing them.
+    """Find poses that close all loops, the best first, and the pose that comes nearest to closing them.
 
     Args:
         held: The loops with the independent coordinates held, whose condition counts.
@@ -203,13 +203,13 @@ def _is_fine(pose: Home) -> bool:
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
-    """What makes one of several poses the home: nearness, and a good condition where all coordinates are free."""
+    """Return a sort key for poses: nearness, and a good condition where all coordinates are free."""
     *regular, condition, distance = pose.key()
     return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
 
 
 def _near_turns(loops: Loops, q: Array) -> Array:
-    """Coordinates without the whole turns of hinges that lead away from home; those of coupled ones stay."""
+    """Return the coordinates without whole turns of uncoupled hinges away from home."""
     coupled = {name for one in loops.reading.couplings.values() for name in one.named}
     q = q.copy()
     for name, place in loops.tree.places.items():
@@ -221,14 +221,14 @@ def _near_turns(loops: Loops, q: Array) -> Array:
 
 
 def _places(loops: Loops, q: Array) -> Array:
-    """Orientations of all bodies, and their origins over the length of the mechanism. Shape (12 n_body,)."""
+    """Return the orientations of all bodies, and their origins over the length of the mechanism. Shape (12 n_body,)."""
     rest = np.zeros((1, len(loops.size)))
     bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
     return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Coordinates of a mechanism by those of its reading; what is held, or on no loop, is as it was. Shape (n_q,)."""
+    """Return the coordinates of a mechanism from those of its reading; fixed and loop-free ones stay. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -236,13 +236,13 @@ def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def _placed(mechanism: Mechanism, q: Array) -> Mechanism:
-    """The mechanism with its home at joint coordinates, shape (n_q,)."""
+    """Return the mechanism with its home at joint coordinates, shape (n_q,)."""
     joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints))
 
 
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
-    """Home of a mechanism that nearly closes, closed to rounding by the coordinates that have moved. Shape (n_q,)."""
+    """Close the home of a nearly closed mechanism to rounding by the coordinates that have moved. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
     closed = system.correct(home, home[mechanism.independent_columns])
     home = home if closed is None else np.where(moved, closed[0], home)
@@ -250,7 +250,7 @@ def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
 
 
 def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
-    """Sentence on how far home has moved, and on other poses that close all loops."""
+    """Return a sentence on the distance that home moved, and on other poses that close all loops."""
     size, names = loop_equations(layout(mechanism)).sizes, mechanism.coordinates
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))

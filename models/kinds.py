@@ -1,4 +1,4 @@
-"""Kinds of links by their freedoms: letters, and where hinges meet."""
+"""Classifies links by their freedoms: letters, and the points where hinges meet."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CLOSE, SAME = 1e-6, 1e-9
 
 
 def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | None]:
-    """Kind of a link of these freedoms, as in `Link.kind`, and where the axes of a U, S or F meet."""
+    """Return the kind of a link, see `Link.kind`, and the point where the axes of a U, S or F meet."""
     kinds = [each.kind for each in elements]
     if kinds == ["ball"]:
         return "S", elements[0].centre
@@ -33,13 +33,13 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
 
 
 def letters_of(elements: Sequence[Element]) -> str:
-    """Letters of freedoms in the order from whichever side comes first in the alphabet."""
+    """Return the letters of freedoms, read from the side that comes first in the alphabet."""
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
     return min(letters, letters[::-1])
 
 
 def _meeting(hinges: Sequence[Element], length: float) -> Array | None:
-    """The point in which hinges of independent directions meet; None if they do not. Shape (3,)."""
+    """Return the point where hinges of independent directions meet; None if they do not. Shape (3,)."""
     axes = np.array([each.direction for each in hinges])
     if np.linalg.matrix_rank(axes, tol=CLOSE) < len(axes):
         return None

@@ -1,4 +1,4 @@
-"""Trees of readings: how they move, random states of them, and readings displaced."""
+"""Spanning trees of readings: motion, random states, and displacement of readings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree, a link for each joint in their order; at home a link that hinges or slides is upright.
+    """A reading as a tree, a link for each joint in their order; at home hinges and slides have world axes.
 
     Attributes:
         reading: It.
@@ -51,7 +51,7 @@ class ReadingTree(SpanningTree):
 
 
 def plant(reading: Reading) -> ReadingTree:
-    """The tree of a reading."""
+    """Build the spanning tree of a reading."""
     number = {name: i for i, name in enumerate(reading.joints, 1)}
     places, freedoms = slices(reading.joints, COORDINATES), reading.freedoms
     columns = {name: (places[name].start, freedoms[name].start) for name in reading.joints}
@@ -99,25 +99,25 @@ def plant(reading: Reading) -> ReadingTree:
 
 
 def _carried(joint: JointReading, pose: Array) -> Array:
-    """What a joint carries, at home: axes of the world at a hinge or slide, of the body at a ball or its origin."""
+    """Return the frame carried at home: world axes for a hinge or slide, else body axes, at the joint or the body."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
 
 
 def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
-    """A pose of the world as a frame of a link whose pose is known."""
+    """Return a world pose as a frame of a link with a known pose."""
     R = pose[:3, :3].T
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
 
 
 def downwards(reading: Reading) -> Array:
-    """Gravity of a reading, zero where it has none [m/s^2]. Shape (3,)."""
+    """Return the gravity of a reading, zero if it has none [m/s^2]. Shape (3,)."""
     return np.zeros(3) if reading.gravity is None else reading.gravity
 
 
 def size(reading: Reading) -> float:
-    """A length of the machine: the largest distance from the middle of its joints and bodies [m]."""
+    """Return a length of the machine: the largest distance from the middle of its joints and bodies [m]."""
     points = [joint.centre for joint in reading.joints.values()]
     points += [body.centre for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
@@ -125,7 +125,7 @@ def size(reading: Reading) -> float:
 
 
 def length_of(reading: Reading) -> float:
-    """Largest distance between places that the reading names at home [m], 1 if there is none."""
+    """Return the largest distance between points of the reading at home [m], 1 if there is none."""
     points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
@@ -133,7 +133,7 @@ def length_of(reading: Reading) -> float:
 
 
 def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
-    """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
+    """Draw n random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
     random = np.random.default_rng(seed)
     columns = [np.zeros((n, 0))]
     for joint in reading.joints.values():
@@ -150,7 +150,7 @@ def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
 
 
 def home(reading: Reading) -> TreeStates:
-    """One state: at rest at home."""
+    """Return the state at rest at home."""
     rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
     wide = reading.freedom
@@ -158,7 +158,7 @@ def home(reading: Reading) -> TreeStates:
 
 
 def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
-    """So many random states near home, where loops close that do not close anywhere.
+    """Draw n random states near home, for loops that do not close everywhere.
 
     Args:
         units: What counts as 1 of each velocity. Shape (n_freedom,).
@@ -169,13 +169,13 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
 
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:
-    """Largest entry of each closure's gap at home [m, or rad of a welded turn]."""
+    """Return the largest entry of each closure's gap at home [m, or rad of a welded turn]."""
     gaps = closure_gaps(tree, move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
 
 def moved(joint: JointReading, T: Array) -> JointReading:
-    """A joint displaced in the world.
+    """Displace a joint in the world.
 
     Args:
         T: Displacement. Shape (4, 4).
@@ -188,7 +188,7 @@ def moved(joint: JointReading, T: Array) -> JointReading:
 def rehomed(
     reading: Reading, q: Mapping[str, float] | Mapping[str, Array]
 ) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
-    """A reading with its home at other coordinates.
+    """Move the home of a reading to other coordinates.
 
     Args:
         q: Joint -> its coordinates, see `Tree`; the others stay.
@@ -216,7 +216,7 @@ def rehomed(
 
 
 def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
-    """Displacement from one pose to another; none at all of what has not moved."""
+    """Return the displacement from one pose to another; the exact identity if they are equal."""
     if np.array_equal(R, new_R) and np.array_equal(p, new_p):
         return np.eye(4)
     turn = new_R @ R.T
@@ -224,7 +224,7 @@ def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
 
 
 def not_modelled(reading: Reading) -> tuple[str, ...]:
-    """What a reading says that is not in the dynamics of its tree; one phrase each."""
+    """List the forces of a reading that the dynamics of its tree omit."""
     density, viscosity = reading.medium
     fluid = (f"the medium (density {density:g} kg/m^3, viscosity {viscosity:g} Pa s)",)
     return fluid if density or viscosity else ()

@@ -1,4 +1,4 @@
-"""A mechanism cut open: the tree and its closures, from which URDF, MJCF and loops file are written."""
+"""Cuts a mechanism into a tree and its closures, from which URDF, MJCF and loops files are written."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CUTS = ("minimal", "full")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """One elementary joint.
+    """An elementary joint.
 
     Attributes:
         axis: In the joint frame. Shape (3,).
@@ -60,22 +60,22 @@ class Link:
 
     @property
     def moves(self) -> tuple[Freedom, ...]:
-        """Its freedoms in a model file, where a fixed joint has none."""
+        """Its freedoms in a model file; none of a fixed joint."""
         return () if self.joint.fixed else self.freedoms
 
     @property
     def near_frame(self) -> Frame:
-        """The joint's frame in `near`."""
+        """Frame of the joint in `near`."""
         return self.joint.child_frame if self.reverse else self.joint.parent_frame
 
     @property
     def far_frame(self) -> Frame:
-        """The joint's frame in this link."""
+        """Frame of the joint in this link."""
         return self.joint.parent_frame if self.reverse else self.joint.child_frame
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """The joint's freedoms as walked from ground; coordinates keep their names and values."""
+        """Freedoms of the joint from ground outwards; coordinates keep their names and values."""
         joint, sign = self.joint, -1.0 if self.reverse else 1.0
         resists = joint.rotor, joint.damping, joint.friction
         numbers = joint.coordinates, joint.freedoms, joint.home, joint.limits, *resists
@@ -88,7 +88,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """The constraint that closes a loop.
+    """A constraint that closes a loop.
 
     Attributes:
         joint: The joint of the description that closes the loop.
@@ -109,7 +109,7 @@ class Closure:
 
     @property
     def pairs(self) -> list[tuple[str, Frame, Frame]]:
-        """Frames of parent and child that a weld makes one, else of which the origins coincide; two are numbered."""
+        """Frames of parent and child that coincide (weld) or whose origins do; two pairs of points are numbered."""
         if self.type == "weld":
             return [("", self.parent_frame, self.child_frame)]
         points = [*zip(self.parent_points, self.child_points, strict=True)]
@@ -125,7 +125,7 @@ class Closure:
             yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
 
     def facing(self, joint: Joint) -> Closure:
-        """The closure with its parent on the joint's parent side; of a weld, on that of the original."""
+        """Return the closure with its parent on the joint's parent side; a weld with the original there."""
         copy = f"@{self.joint}"
         if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):
             return self
@@ -153,7 +153,7 @@ class Tree:
 
 
 def lay_out(mechanism: Mechanism, cut: str) -> Tree:
-    """Cuts the loops of a mechanism open.
+    """Cut the loops of a mechanism.
 
     Args:
         cut: One of `CUTS`.
@@ -179,7 +179,7 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
 
 
 def open_tree(lay: Layout) -> tuple[Array, list[int]]:
-    """The tree of the minimal model files, where a body and its copies have equal shares of its mass.
+    """Return the tree of the minimal model files, in which a body and its copies share its mass equally.
 
     Returns:
         Mean over a body and its copies of +1 or -1 where a coordinate lies on the way to it, shape (n_body, n_q), and
@@ -196,7 +196,7 @@ def open_tree(lay: Layout) -> tuple[Array, list[int]]:
 
 
 def length_scale(mechanism: Mechanism) -> float:
-    """The largest distance that the description names [m]; 1 if it names none."""
+    """Return the largest distance that the description names [m]; 1 if it names none."""
     lengths = [1e-300]
     for joint in mechanism.joints:
         lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
@@ -205,7 +205,7 @@ def length_scale(mechanism: Mechanism) -> float:
 
 
 def _copied(joint: Joint) -> Edge:
-    """The way to a copy of the far body of a cut joint; ground cannot be copied, so there it is the near one."""
+    """Return the edge to the copy of the far body of a cut joint; of the near body, if the far one is ground."""
     return Edge(joint, GROUND if joint.child == GROUND else joint.parent)
 
 
@@ -222,7 +222,7 @@ def _weld(link: Link) -> Closure:
 
 
 def _points(joint: Joint, half: float) -> Closure:
-    """Points of both bodies that a cut joint keeps together: of a hinge as far from its middle as `half` [m]."""
+    """Return the closure by points of a cut joint: two points of a hinge, each `half` [m] from its middle."""
     kind, arms = "point", np.zeros((1, 3))
     if POINTS[joint.kind] == 2:
         kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])
@@ -232,7 +232,7 @@ def _points(joint: Joint, half: float) -> Closure:
 
 
 def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
-    """Chain after chain from ground, side branches in the order of the description."""
+    """Yield links chain by chain from ground, side branches in the order of the description."""
     order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
     onward: dict[str, list[Link]] = {}
     for link in sorted(links, key=lambda link: -order[link.joint.name]):
@@ -253,7 +253,7 @@ def _check_names(links: list[Link], mechanism: Mechanism) -> None:
 
 
 def _check_couplings(mechanism: Mechanism, closures: tuple[Closure, ...]) -> None:
-    """Couplings and closures stand side by side in an MJCF, two points of a hinge with numbers."""
+    """Refuse couplings named like closures: an MJCF lists both together, and numbers the two points of a hinge."""
     taken = {f"{closure.joint}{number}" for closure in closures for number in ("", ".1", ".2")}
     for coupling in mechanism.couplings:
         if coupling.name in taken:

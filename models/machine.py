@@ -1,4 +1,4 @@
-"""The normal form of a reading: its rigid bodies and the links between them, at a pose that closes its loops.
+"""The normal form of a reading: rigid bodies and the links between them, at a pose that closes its loops.
 
 Bodies that welds, or three points, make one are one; points that two bodies have in common are a ball (one) or a hinge
 (two); carriers without mass are part of the link that leads through them. Where the loops were cut is gone.
@@ -29,7 +29,7 @@ NO_MASS, NO_INERTIA = 1e-12, 1e-14
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """A freedom of a link: a joint of the reading, or what its closures leave between two bodies.
+    """A freedom of a link: a joint of the reading, or a freedom that its closures leave between two bodies.
 
     Attributes:
         kind: ``hinge``, ``slide``, ``ball`` or ``free``.
@@ -57,11 +57,11 @@ class Element:
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
     def reversed(self) -> Element:
-        """The element seen from its other side."""
+        """Return the element seen from its other side."""
         return replace(self, screw=-self.screw, turned=not self.turned)
 
     def placed(self, T: Array) -> Element:
-        """The element displaced in the world. T: shape (4, 4)."""
+        """Displace the element in the world. T: shape (4, 4)."""
         R, p = T[:3, :3], T[:3, 3]
         way = R @ self.screw[:3]
         return replace(self, screw=np.append(way, R @ self.screw[3:] + np.cross(p, way)), centre=R @ self.centre + p)
@@ -69,7 +69,7 @@ class Element:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """What keeps two bodies together.
+    """A connection between two bodies, with its freedoms.
 
     Attributes:
         near, far: Bodies of the machine.
@@ -97,44 +97,44 @@ class Link:
 
     @property
     def letters(self) -> str:
-        """Letters of its freedoms, whichever body it is seen from."""
+        """Letters of its freedoms, the same from either body."""
         return letters_of(self.elements)
 
     @property
     def articulated(self) -> bool:
-        """Whether joints are all that it consists of."""
+        """True if the link consists of joints only."""
         return all(each.joint for each in self.elements)
 
     def reversed(self) -> Link:
-        """The link seen from its other body."""
+        """Return the link seen from its other body."""
         link = self if self.step is None else self.placed(self.step)
         elements = tuple(each.reversed() for each in link.elements[::-1])
         back = None if self.step is None else np.asarray(np.linalg.inv(self.step))
         return replace(link, near=self.far, far=self.near, elements=elements, step=back)
 
     def placed(self, T: Array) -> Link:
-        """The link displaced in the world, `step` as it is. T: shape (4, 4)."""
+        """Displace the link in the world, keeping `step`. T: shape (4, 4)."""
         centre = None if self.centre is None else T[:3, :3] @ self.centre + T[:3, 3]
         return replace(self, elements=tuple(each.placed(T) for each in self.elements), centre=centre)
 
     def on(self, other: Link) -> Link:
-        """This link and another one that goes on from its far body, as one."""
+        """Join this link and one that continues from its far body."""
         steps = [each for each in (other.step, self.step) if each is not None]
         behind = other if self.step is None else other.placed(np.asarray(np.linalg.inv(self.step)))
         step = np.asarray(np.linalg.multi_dot([*steps, np.eye(4)])) if steps else None
         return Link(self.near, other.far, self.elements + behind.elements, "", step=step)
 
     def of(self, body: str) -> Link:
-        """The link seen from one of its bodies."""
+        """Return the link seen from one of its bodies."""
         return self if body == self.near else self.reversed()
 
     def renamed(self, name: str, other: str) -> Link:
-        """The link with another name of a body of it."""
+        """Rename one of its bodies."""
         near, far = (other if end == name else end for end in (self.near, self.far))
         return replace(self, near=near, far=far)
 
     def joins(self, body: str) -> bool:
-        """Whether it holds a body."""
+        """True if the link connects the body."""
         return body in (self.near, self.far)
 
 
@@ -156,18 +156,18 @@ class Body:
 
     @cached_property
     def matter(self) -> Matter:
-        """Its matter in the world."""
+        """Mass properties in the world."""
         return displaced(self.local, self.pose)
 
     @property
     def solid(self) -> bool:
-        """Whether it has mass or inertia worth the name."""
+        """True if its mass or inertia is not negligible."""
         return self.matter.mass > NO_MASS or float(np.abs(self.matter.inertia).max()) > NO_INERTIA
 
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A reading as a graph.
+    """A reading as a graph of bodies and links.
 
     Attributes:
         reading: At the pose that the graph shows.
@@ -193,16 +193,16 @@ class Machine:
         return around
 
     def at(self, body: str) -> list[Link]:
-        """Links of a body, seen from it."""
+        """Return the links of a body, seen from it."""
         return self._around.get(body, [])
 
     def part_of(self, member: str) -> str:
-        """The body that one of the reading is part of."""
+        """Return the body that contains a body of the reading."""
         return next((name for name, body in self.bodies.items() if member in body.members), GROUND)
 
 
 def machine_of(reading: Reading) -> Machine:
-    """The normal form, at a pose that closes the loops if there is one near."""
+    """Return the normal form, at a pose that closes the loops if one is near."""
     machine = uncontracted(at_closed_pose(reading))
     machine = contracted(machine, [name for name, body in machine.bodies.items() if not body.solid])
     idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
@@ -210,7 +210,7 @@ def machine_of(reading: Reading) -> Machine:
 
 
 def _is_held(machine: Machine, free: Link) -> bool:
-    """Whether other links hold the two bodies of a free one together."""
+    """True if other links also connect the two bodies of a free one."""
     reached, queue = {free.near}, [free.near]
     for body in queue:
         ends = {end for each in machine.at(body) if {*each.names} != {*free.names} for end in (each.near, each.far)}
@@ -220,7 +220,7 @@ def _is_held(machine: Machine, free: Link) -> bool:
 
 
 def fused(machine: Machine, link: Link) -> Machine:
-    """A machine with the two bodies of a link as one, and without links between these."""
+    """Merge the two bodies of a link, and drop the links between them."""
     near, far = sorted((link.near, link.far), key=lambda name: name != GROUND)
     one, two = machine.bodies[near], machine.bodies[far]
     body = Body(
@@ -235,7 +235,7 @@ def fused(machine: Machine, link: Link) -> Machine:
 
 
 def at_closed_pose(reading: Reading) -> Reading:
-    """A reading with its home at the nearest pose that closes its loops; itself where it is closed, or none is near."""
+    """Move the home of a reading to the nearest pose that closes its loops; keep it if none is near."""
     tree = plant(reading)
     if max(residual_at_home(tree).values(), default=0.0) <= CLOSED * length_of(reading) and not reading.couplings:
         return reading
@@ -248,7 +248,7 @@ def at_closed_pose(reading: Reading) -> Reading:
 
 
 def uncontracted(reading: Reading) -> Machine:
-    """Bodies and links at the home of a reading, bodies without mass among them; links have no kind yet."""
+    """Return the bodies and links at the home of a reading, with massless bodies and without kinds of links."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
@@ -270,7 +270,7 @@ def uncontracted(reading: Reading) -> Machine:
 def _owners(
     bodies: Sequence[str], rigid: Iterable[tuple[str, str, Array | None]]
 ) -> tuple[dict[str, str], dict[str, Array], list[tuple[str, str]]]:
-    """Body -> the one that it is part of; -> its displacement there, where loops are open, (4, 4); who joins whom.
+    """Return body -> the body that contains it; body -> its displacement there if loops are open, (4, 4); the merges.
 
     Args:
         rigid: Pairs of bodies that are one, each with the displacement of the second one that makes them so.
@@ -292,7 +292,7 @@ def _owners(
 
 
 def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str, Array | None]], list[Link]]:
-    """Pairs of bodies that closures make one, and links by a point, or two of an axis, that others have in common.
+    """Return pairs of bodies that closures merge, and links by a common point or two common points of an axis.
 
     Returns:
         Of each pair the displacement that closes it, of the second body, shape (4, 4), None where it is closed; links.
@@ -325,7 +325,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
 
 
 def _pin(points: Array, closures: tuple[str, ...]) -> Element:
-    """A ball of one point, or a hinge of two."""
+    """Return a ball at one point, or a hinge through two."""
     centre = points.mean(axis=0)
     if len(points) == 1:
         return Element("ball", np.zeros(6), centre, "", closures)
@@ -335,7 +335,7 @@ def _pin(points: Array, closures: tuple[str, ...]) -> Element:
 
 
 def _between(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
-    """A link of bodies of the reading as one of those that they are part of, which stand elsewhere by `shift`."""
+    """Convert a link between bodies of the reading to one between merged bodies, displaced by `shift`."""
     near, far = shift[link.near], shift[link.far]
     found = replace(link, near=owner[link.near], far=owner[link.far])
     if near is far and link.step is None:
@@ -364,7 +364,7 @@ def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array]
 
 
 def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
-    """A machine with the two links of each carrier as one, if a joint can have so many freedoms; links by kind.
+    """Merge the two links of each massless body, if a joint can have so many freedoms, and set the kinds of links.
 
     Args:
         carriers: Bodies without mass; those that have other than two links stay.

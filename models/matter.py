@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart."""
+"""Mass, centre of mass and inertia of rigid bodies: displaced, combined, divided."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matter:
-    """Something rigid, in some frame.
+    """Mass properties of a rigid body, in some frame.
 
     Attributes:
         mass: [kg].
@@ -28,14 +28,14 @@ class Matter:
 
     @property
     def possible(self) -> bool:
-        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
+        """True if the mass is positive and no moment of inertia negative."""
         return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
             np.abs(self.inertia).max()
         )
 
     @property
     def solid(self) -> bool:
-        """Whether it has any mass or inertia."""
+        """True if it has mass or inertia."""
         return bool(self.mass or self.inertia.any())
 
 
@@ -103,7 +103,7 @@ def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
 
 
 def displaced(matter: Matter, T: Array) -> Matter:
-    """Mass properties in another frame, or displaced in their own.
+    """Return mass properties in another frame, or displaced in their own.
 
     Args:
         T: From the frame of `matter` to the other. Shape (4, 4).
@@ -113,13 +113,13 @@ def displaced(matter: Matter, T: Array) -> Matter:
 
 
 def same(first: Matter, second: Matter) -> bool:
-    """Whether two are the same to the last bit."""
+    """True if two bodies are equal to the last bit."""
     pairs = ((first.com, second.com), (first.inertia, second.inertia))
     return first.mass == second.mass and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def combined(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
-    """Two as one; with `sign` -1 the first without the second.
+    """Combine two bodies; with `sign` -1 remove the second from the first.
 
     Where nothing but a dipole is left, its mass is zero and the centre of mass stays where the first has it.
     """
@@ -155,7 +155,7 @@ def steiner(r: Array) -> Array:
 
 
 def changed(matter: Matter, before: Matter, after: Matter) -> Matter:
-    """A part of a body, changed by what the whole changes from `before` to `after`; all in one frame."""
+    """Apply the change of a body from `before` to `after` to one of its parts; all in one frame."""
     # (part - before) + after, in the ten parameters, in which bodies add: (m, m c, inertia about the origin)
     old, new = _parameters(before), _parameters(after)
     mass, first, second = (x + (b - a) for x, a, b in zip(_parameters(matter), old, new, strict=True))
@@ -171,7 +171,7 @@ def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
 
 
 def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
-    """The part of a body that has to change least for the body to change, and what it is then.
+    """Return the part of a body whose change is smallest for a change of the body, and the changed part.
 
     Args:
         parts: By number, in the frame of the body; the first is chosen from equals.
@@ -199,7 +199,7 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
 
 
 def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[int, Matter]:
-    """All parts of a body changed alike so that the body changes: scaled and shifted, the rest of inertia in one."""
+    """Change all parts of a body together: scale and shift them, and add the rest of the inertia to one."""
     ratio, step = after.mass / before.mass, after.com - before.com
     found = {i: Matter(ratio * part.mass, part.com + step, ratio * part.inertia) for i, part in parts.items()}
     heaviest = max(found, key=lambda i: found[i].mass)
@@ -209,26 +209,26 @@ def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[i
 
 
 def shared(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
-    """All parts of a body as shares of what it is to be, as their masses are, about one centre of mass."""
+    """Divide a body among its parts in the ratio of their masses, about a common centre of mass."""
     whole = sum(part.mass for part in parts.values())
     shares = {i: part.mass / whole for i, part in parts.items()}
     return {i: Matter(share * after.mass, after.com, share * after.inertia) for i, share in shares.items()}
 
 
 def _much(before: Matter, after: Matter) -> bool:
-    """Whether a body becomes smaller by far."""
+    """True if a body becomes much smaller."""
     moments = (float(np.abs(m.inertia + m.mass * steiner(m.com)).max()) for m in (before, after))
     return next(moments) > 10.0 * next(moments) or before.mass > 10.0 * after.mass
 
 
 def _size(matter: Matter) -> float:
-    """A length: as far as the mass reaches from the origin [m]."""
+    """Return a length: the distance of the mass from the origin [m]."""
     reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass > 0.0 else 0.0
     return float(np.abs(matter.com).max() + reach)
 
 
 def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> dict[str, float]:
-    """Changes of mass, centre of mass and inertia, each of the scale of the whole.
+    """Return the changes of mass, centre of mass and inertia, each relative to the scale of the whole.
 
     Args:
         mass: That of the whole, if it is more than these [kg].

@@ -1,4 +1,4 @@
-"""MJCF of a mechanism: composite joints as several joints of one body, loops and couplings as equality constraints.
+"""Writes a mechanism as MJCF: composite joints as several joints of a body, loops and couplings as equalities.
 
 Mass properties are written as MuJoCo takes them: a tensor in full, or principal moments and axes where it refuses
 that. MuJoCo refuses a moving body with less than `LEAST` of mass or of any principal moment, moments with A + B < C
@@ -37,7 +37,7 @@ SHOWN = 6
 
 
 def inertial(body: Body) -> dict[str, str]:
-    """The attributes of an ``<inertial>``."""
+    """Return the attributes of an ``<inertial>``."""
     attributes = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
     if not body.mass:
         return {**attributes, "diaginertia": vector_text([LEAST] * 3)}
@@ -45,7 +45,7 @@ def inertial(body: Body) -> dict[str, str]:
 
 
 def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
-    """A tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
+    """Return a tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
 
     Args:
         allowed: One that MuJoCo refuses is written as the next that it takes, see `mass_properties`.
@@ -61,7 +61,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
 
 
 def principal(I: Array) -> tuple[Array, Array | None]:
-    """Principal moments of a tensor, shape (3,), and the quaternion of their axes, none for those of the body."""
+    """Return the principal moments of a tensor, shape (3,), and the quaternion of their axes; None for body axes."""
     if not np.any(I - np.diag(np.diag(I))):
         return np.diag(I).copy(), None
     moments, axes = np.linalg.eigh(I)
@@ -70,7 +70,7 @@ def principal(I: Array) -> tuple[Array, Array | None]:
 
 
 def _taken(moments: Array) -> Array:
-    """Moments that MuJoCo takes in place of these. Shape (3,)."""
+    """Return the nearest moments that MuJoCo accepts. Shape (3,)."""
     taken = np.where(_none(moments), LEAST, np.where(moments == LEAST, np.nextafter(LEAST, 1.0), moments))
     low, mid, high = np.argsort(taken)
     taken[high] = min(taken[high], taken[low] + taken[mid])  # more only by rounding, or `Body` had refused it
@@ -78,12 +78,12 @@ def _taken(moments: Array) -> Array:
 
 
 def _none(moments: Array) -> Array:
-    """Which moments `LEAST` stands for. Shape (3,)."""
+    """True for moments that `LEAST` stands for. Shape (3,)."""
     return np.asarray((moments < LEAST) & (moments <= NEGLIGIBLE * float(moments.max())))
 
 
 def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
-    """Masses, shape (n,), and principal moments, (n, 3), of a loaded model, zero where `LEAST` stands for that."""
+    """Return masses, (n,), and principal moments, (n, 3), of a loaded model, with zero in place of `LEAST`."""
     moments = np.where(moments <= LEAST, 0.0, moments)
     return np.where((mass <= LEAST) & ~moments.any(axis=1), 0.0, mass), moments
 
@@ -93,7 +93,7 @@ MOMENTS = "screwgauge.moments."
 
 
 def mass_properties(model: Any) -> tuple[Array, Array]:
-    """Masses, shape (n,), and principal moments, (n, 3), as the file of a loaded model means them, see `MOMENTS`."""
+    """Return masses, (n,), and principal moments, (n, 3), that the file of a loaded model means, see `MOMENTS`."""
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     names = {model.body(i).name: i for i in range(model.nbody)}
     for k in range(model.nnumeric):
@@ -105,12 +105,12 @@ def mass_properties(model: Any) -> tuple[Array, Array]:
 
 
 def _refused(body: Body) -> bool:
-    """Whether MuJoCo refuses the tensor of a body."""
+    """True if MuJoCo refuses the tensor of a body."""
     return bool(body.mass and triangle_excess(body.inertia))
 
 
 def stood_in(names: Sequence[str]) -> Iterator[str]:
-    """Sentences: moments of bodies stand for zero and are set to it after loading."""
+    """Yield a sentence on moments that stand for zero, and are set to zero after loading."""
     if names:
         yield (
             f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
@@ -119,7 +119,7 @@ def stood_in(names: Sequence[str]) -> Iterator[str]:
 
 
 def stand_ins(mechanism: Mechanism) -> Iterator[str]:
-    """Sentences on the moments of inertia that MJCF cannot express, and on what it has instead."""
+    """Yield sentences on the moments of inertia that MJCF cannot express, and on their substitutes."""
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
     for sentence in stood_in([name for name, its in moments.items() if _none(its).any()]):
         yield f"MJCF: {sentence}"
@@ -155,7 +155,7 @@ def write_mjcf(
     gravity: Sequence[float] | Array = (0.0, 0.0, -9.81),
     include: Set[str] = frozenset(),
 ) -> str:
-    """A cut mechanism as MJCF, closures included.
+    """Return a cut mechanism as MJCF, closures included.
 
     Args:
         cut: ``minimal`` or ``full``.
@@ -218,7 +218,7 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 
 
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
-    """Nested bodies, ground the fixed one that carries them all.
+    """Nest the bodies; ground is a fixed body that carries all others.
 
     Pinocchio reads only the first body below worldbody, and only bodies with an inertial: so ground is one,
     of no mass.
@@ -251,7 +251,7 @@ def _place(element: ET.Element, frame: Frame) -> None:
 
 
 def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
-    """One of the joints of a body, which MuJoCo applies in turn: each is carried by those before it.
+    """Add a joint of a body; MuJoCo applies joints in turn, each carried by those before it.
 
     near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, in the body frame.
     """
@@ -288,7 +288,7 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
 
 
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
-    """Sentences on what the mechanism has and no MJCF can say."""
+    """Return sentences on properties of the mechanism that MJCF cannot express."""
     lacks = ((one.name, why_not(one)) for one in mechanism.couplings)
     couplings = (f"MJCF lacks coupling '{name}': {lack}" for name, lack in lacks if lack)
     cut = {one.joint for one in lay_out(mechanism, "minimal").closures if one.type != "weld"}
@@ -299,7 +299,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_not(coupling: Coupling) -> str:
-    """Why no MJCF can say a coupling; empty where it can."""
+    """Return the reason that MJCF cannot express a coupling; empty if it can."""
     function = coupling.function
     if len(function.terms) > 1:
         return "" if function.linear else "MuJoCo has no powers in equalities of several joints"
@@ -307,7 +307,7 @@ def why_not(coupling: Coupling) -> str:
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
-    """Couplings as equalities of joints, those of several as equalities of fixed tendons.
+    """Add couplings as equalities of joints, or of fixed tendons for several joints.
 
     Coordinates are zero at MuJoCo's qpos0 as they are in the description, and so are lengths of tendons.
     """

@@ -1,4 +1,4 @@
-"""Shapes by which a mechanism is drawn, and those that an MJCF can carry: geoms, contacts, sensors."""
+"""Shapes for drawing a mechanism, and those of an MJCF: geoms, contacts, sensors."""
 
 from __future__ import annotations
 
@@ -69,12 +69,12 @@ def cut_joints(mechanism: Mechanism) -> frozenset[str]:
 
 
 def hardware(mechanism: Mechanism) -> list[Joint]:
-    """Joints without those that only give a pose coordinates."""
+    """List the joints, except those that only give a pose coordinates."""
     return [joint for joint in mechanism.joints if joint.name not in pose_joints(mechanism)]
 
 
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:
-    """Body -> where its joints are."""
+    """Return body -> the points of its joints."""
     ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in hardware(mechanism):
         standing = GROUND in (joint.parent, joint.child)
@@ -84,7 +84,7 @@ def ends(mechanism: Mechanism) -> dict[str, list[End]]:
 
 
 def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
-    """A body as lines between its joints: a rod, or a plate; in its frame [m]."""
+    """Return a body as lines between its joints, a rod or a plate, in its frame [m]."""
     apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
     points = [end.point for end in apart.values()]
     if len(points) < 2:  # up to its centre of mass; as far beyond, if it slides there
@@ -103,12 +103,12 @@ def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
 
 
 def colour_of(i: int) -> str:
-    """Colour of the body of index `i`."""
+    """Return the colour of the body of index `i`."""
     return STANDING if i == 0 else COLOURS[(i - 1) % len(COLOURS)]
 
 
 def shapes(mechanism: Mechanism) -> list[Shape]:
-    """Shapes of a mechanism."""
+    """Return the shapes of a mechanism."""
     unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
     drawn: list[Shape] = []
     for body in mechanism.bodies:
@@ -124,7 +124,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
 
 
 def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
-    """Springs and dampers: a coil between two points, a ring about the axis of a joint that turns."""
+    """Return shapes of springs and dampers: a coil between two points, a ring about the axis of a hinge."""
     unit, index, drawn = length(layout(mechanism)), mechanism.body_index, list[Shape]()
     owner = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
     for one in given:
@@ -149,7 +149,7 @@ def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
 
 
 def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> Iterator[Shape]:
-    """What holds the end of a spring: ground, or a rod to the nearest joint of the body."""
+    """Yield the support of a spring's end: ground, or a rod to the nearest joint of the body."""
     i, points = mechanism.body_index[body], [end.point for end in ends(mechanism)[body]]
     if body == GROUND:
         yield Shape("springs", "foot", i, point / unit, point / unit, JOINT, STANDING)
@@ -159,7 +159,7 @@ def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> I
 
 
 def placed(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
-    """Shapes, its own and more, in the world at home."""
+    """Return the shapes of a mechanism, and more, in the world at home."""
     lay = layout(mechanism)
     at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in (*shapes(mechanism), *more):
@@ -170,7 +170,7 @@ def placed(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
 
 
 def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """Where another mechanism differs at home, in the world: its joints with the bodies that they hold, its axes.
+    """Return shapes of the parts that differ at home, in the world: joints with their bodies, axes.
 
     A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
     along an axis, which of two bodies is the parent, and names do not count. Lengths count in lengths of the first.
@@ -204,7 +204,7 @@ def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] 
 
 
 def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
-    """Joints with the projection onto the motions that they allow at home, and their screws [1, `unit`]."""
+    """Return each joint with the projection onto its motions at home, and its screws [1, `unit`]."""
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
@@ -238,7 +238,7 @@ def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Itera
 
 
 def mark(joint: Joint) -> tuple[str, Array]:
-    """Body that carries the mark of a joint, and where it is in the frame of that body [m]. Shape (3,).
+    """Return the body that carries the mark of a joint, and the place in its frame [m]. Shape (3,).
 
     A guide on ground has its block on the body that slides; between two moving bodies it is half way along at home.
     """
@@ -250,7 +250,7 @@ def mark(joint: Joint) -> tuple[str, Array]:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Axes of a joint, each in the body that carries it, marked where it is driven or cut."""
+    """Yield the axes of a joint, each in the body that carries it; driven and cut joints are marked."""
     colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
     first, at = parent if body == joint.parent else child, place / unit
     if joint.fixed:
@@ -280,14 +280,14 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
 
 
 def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
-    """The mark of ground at a joint that stands there."""
+    """Yield the symbol of ground at a joint on ground."""
     for p in (frame.p / unit for body, frame in joint.sides if body == GROUND):
         yield Shape("joints", "foot", 0, p, p, 2.0 * JOINT, STANDING, joint.name)
 
 
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
-    """Direction to who looks: face-on where all is in a plane, else from the front, so that joints hide none."""
+    """Return the direction to the viewer: face-on for a planar mechanism, else from the front, hiding no joint."""
     points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
     places = [place for _, place, _ in joint_marks(mechanism)]  # none where all bodies are free
     points = np.unique(np.concatenate([points, np.reshape(places, (-1, 3))]).round(6), axis=0)
@@ -307,7 +307,7 @@ def viewed_from(mechanism: Mechanism) -> Array:
 
 
 def facing(points: Array, axes: Array) -> Array | None:
-    """Direction to who sees a planar mechanism face-on: from above, from the front or from the right; None if spatial.
+    """Return the direction that shows a planar mechanism face-on; None for a spatial one.
 
     Args:
         points: Of joints and bodies, in lengths of the mechanism. Shape (n, 3).
@@ -324,14 +324,14 @@ def facing(points: Array, axes: Array) -> Array | None:
 
 
 def across(direction: Array) -> Array:
-    """Right and up of who looks, z being up where it can be. Shape (2, 3)."""
+    """Return the viewer's right and up, z being up if possible. Shape (2, 3)."""
     right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(direction, right)])
 
 
 def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Joints with places and last axes, in the world, at home; in lengths of the mechanism."""
+    """Return the joints with places and last axes, in the world, at home; in lengths of the mechanism."""
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()
@@ -343,7 +343,7 @@ def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
 
 
 def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> None:
-    """A ball at each centre of mass and bars from there to the body's joints; copies get none.
+    """Add a ball at each centre of mass and bars from there to the body's joints; copies get none.
 
     Args:
         solid: They collide; else they are only seen.
@@ -361,7 +361,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """The body's joint points; a body with one is a rod that reaches as far beyond its centre of mass."""
+    """Return the joint points of a body; one with a single joint extends as far beyond its centre of mass."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in joint.sides:
@@ -382,14 +382,14 @@ def _geom(body: ET.Element, kind: str, radius: float, solid: bool) -> ET.Element
 
 
 def add_contact_pairs(root: ET.Element, tree: Tree) -> None:
-    """Bodies that a joint holds together overlap there: they do not collide."""
+    """Exclude contacts between bodies that share a joint: they overlap there."""
     contact = ET.SubElement(root, "contact")
     for first, second in sorted({(joint.parent, joint.child) for joint in tree.mechanism.joints}):
         ET.SubElement(contact, "exclude", body1=first, body2=second)
 
 
 def add_sensors(root: ET.Element, tree: Tree) -> None:
-    """Poses of all bodies, positions and rates of all joints of the tree."""
+    """Add sensors for poses of all bodies, positions and rates of all joints of the tree."""
     sensor = ET.SubElement(root, "sensor")
     for link in tree.links:
         for kind in ("framepos", "framequat"):

@@ -1,4 +1,4 @@
-"""Singular home poses: freedoms of first order that no motion follows, as of a straight leg between fixed ends."""
+"""Singular home poses: first-order freedoms that no motion follows, as of a straight leg between fixed ends."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def straight(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_singular(mechanism: Mechanism) -> str:
-    """A phrase on what makes home singular; empty where it is regular."""
+    """Return a phrase with the joints that make home singular; empty where it is regular."""
     joints = straight(mechanism)
     if not joints:
         return ""

@@ -1,1 +1,1 @@
-"""Texts of model files, one module a format: what they say, and the same text with changes."""
+"""Reads the text of model files and edits it, one module for each format."""

@@ -1,4 +1,4 @@
-"""Loops files: how the loops of a URDF, which cannot say them, close; written, read, and added to a reading."""
+"""Loops files, which close the loops of a URDF: writes them, reads them, applies them to a reading."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class LoopsFile:
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
-    """Text of the loops file of a cut mechanism."""
+    """Return the loops file of a cut mechanism."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
     named = mechanism.independent, mechanism.axial, mechanism.couplings
@@ -71,7 +71,7 @@ def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
 
 
 def write_loops(mechanism: Mechanism, cut: str) -> str:
-    """The loops file (TOML) of a cut mechanism."""
+    """Return the text (TOML) of the loops file of a cut mechanism."""
     file = loops_of(mechanism, cut)
     head = {"mechanism": file.mechanism, "cut": file.cut, "bodies": file.bodies, "tree": file.tree}
     top = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
@@ -197,7 +197,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
 
 
 def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
-    """Closures of our own files by the names that their constraints have in an MJCF; two points are two of them."""
+    """Convert closures to readings, named like the constraints of our MJCF; a pair of points gives two."""
     found = {}
     for closure in closures:
         kind = "weld" if closure.type == "weld" else "point"

@@ -1,4 +1,4 @@
-"""What the text of an MJCF says body by body, in its own numbers, and changes in it."""
+"""Reads the text of an MJCF body by body, in its own numbers, and edits it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
 
 
 def links(xml: XmlText) -> list[TextLink]:
-    """The bodies of an MJCF, each after the one before it; the first is the world."""
+    """List the bodies of an MJCF, each after its parent; the first is the world."""
     compiler = compilers(xml)
     worlds = [element for element in xml.root.children if element.tag == "worldbody"]
     numbers_ = {element: i for i, element in enumerate(_bodies(worlds), 1)}
@@ -65,13 +65,13 @@ def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
 
 
 def _joints(body: str, element: Element) -> dict[str, Element]:
-    """Joints of a body by name; those without one are named as `files.parts` names them."""
+    """Return the joints of a body by name; unnamed ones get the names of `files.parts`."""
     moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
     return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
 
 
 def compilers(xml: XmlText) -> dict[str, str]:
-    """What all ``<compiler>`` elements of an MJCF say."""
+    """Return the attributes of all ``<compiler>`` elements of an MJCF."""
     return {
         key: value
         for element in xml.root.children
@@ -81,7 +81,7 @@ def compilers(xml: XmlText) -> dict[str, str]:
 
 
 def pose(element: Element, compiler: Mapping[str, str]) -> Array:
-    """Placement by the attributes of an element of an MJCF. Shape (4, 4)."""
+    """Return the placement by the attributes of an element of an MJCF. Shape (4, 4)."""
     return matrix(numbers(element.get("pos")), _rotation(element.attributes, compiler))
 
 
@@ -115,7 +115,7 @@ def _rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
 
 
 def _matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
-    """Mass properties of a body, none where geoms determine them, and the orientation in which they are written."""
+    """Return the mass properties of a body, None if geoms define them, and the orientation of the written tensor."""
     inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
     if inertial is None or (setting == "true" and geoms is not None):
         return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
@@ -188,7 +188,7 @@ def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
 
 
 def check_matter(xml: XmlText) -> None:
-    """Whether mass properties that are written are those that MuJoCo then has.
+    """Refuse an MJCF whose compiler changes written mass properties.
 
     Raises:
         UnpatchableError: They are not.
@@ -214,7 +214,7 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 
 def tell_body(xml: XmlText, body: Element, gravcomp: float) -> None:
-    """Compensates another share of a body's weight."""
+    """Set the share of a body's weight that is compensated."""
     xml.set(body, gravcomp=number_text(gravcomp))
 
 
@@ -246,7 +246,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 
 def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
-    """Joint -> its part of the one fixed tendon that an equality holds; empty of other equalities."""
+    """Return joint -> its element in the fixed tendon that an equality holds constant; empty for other equalities."""
     if equality.tag != "tendon" or equality.get("tendon2"):
         return {}
     tendons = (each for part in xml.root.iter("tendon") for each in part.children if each.tag == "fixed")
@@ -290,7 +290,7 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
 
 
 def _apart(one: Array, other: Array, tag: str) -> bool:
-    """Whether frames are not the same, or their origins, where that is all that counts."""
+    """True if two frames differ; of a connect, if their origins differ."""
     return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
 
@@ -312,7 +312,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Actuators or constraints; one without a name is named by its place (`files.parts`), if the file is whole."""
+    """Return actuators or constraints by name; unnamed ones are named by position (`files.parts`) in a single file."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)
@@ -326,7 +326,7 @@ def _entry(xml: XmlText, section: str, name: str) -> Element:
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Keeps the class of defaults of a body whose carrier goes: it hangs where it stands in the text."""
+    """Keep the default class of a body whose parent is removed, since the body stays in its place."""
     element, above = link.element, link.element.parent
     while above is not None and above is not near.element and not element.get("childclass"):
         if above.get("childclass"):

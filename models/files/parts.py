@@ -1,4 +1,4 @@
-"""MJCF put together of the files that it includes and attaches, with a name for all that it makes."""
+"""Merges the files that an MJCF includes, finds those that it attaches, and names unnamed elements."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def name_all(root: ET.Element, taken: set[str | None]) -> None:
 
 
 def joints_in(body: ET.Element) -> list[ET.Element]:
-    """Joints of a body itself, those in frames included, in their order."""
+    """List the joints of a body, those in frames included, in their order."""
     joints, waiting = list[ET.Element](), [*body]
     while waiting:
         element = waiting.pop(0)
@@ -62,14 +62,14 @@ MAKERS = ("replicate", "composite", "flexcomp")
 
 
 def world(root: ET.Element) -> Iterator[ET.Element]:
-    """All elements below the world bodies of an MJCF."""
+    """Yield all elements below the world bodies of an MJCF."""
     for body in root.iterfind("worldbody"):
         yield from body.iter()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """A file, with what it includes.
+    """A file with its includes merged.
 
     Attributes:
         models: Name by which it attaches another file, empty for that which the other one gives itself -> its path.
@@ -83,7 +83,7 @@ class Part:
 
 
 def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part]:
-    """The file and all that it attaches, each once and after those that it attaches itself.
+    """List the file and all files that it attaches, each once and after those that it attaches itself.
 
     Args:
         root: Of the file.
@@ -179,7 +179,7 @@ def _check_sizes(root: ET.Element, where: str) -> None:
 
 
 def _count(maker: ET.Element) -> float:
-    """How many copies are made of what is in an element, at most; what is no number MuJoCo refuses itself."""
+    """Return an upper bound of the copies of an element's content; MuJoCo itself refuses what is not a number."""
     words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
     counts = [max(float(word), 1.0) for word in words if word.isdecimal()]
     return max(math.prod(counts), len(maker.get("point", "").split()) / 3)
@@ -210,7 +210,7 @@ _ALLOWED: ContextVar[tuple[Path, ...]] = ContextVar("_ALLOWED", default=())
 
 @contextmanager
 def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Meanwhile a model may name these files, or what is in these folders, wherever they lie.
+    """Allow a model to name these files, or files in these folders, wherever they lie, inside the block.
 
     Args:
         names: Their ways from a folder; what has no ``/`` is none.
@@ -223,7 +223,7 @@ def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
 
 
 def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
-    """A file that another one names by its way from there, without links.
+    """Return the resolved path of a file that another file names.
 
     Args:
         verb: What the other one does with it.

@@ -1,4 +1,4 @@
-"""The ``robot.yaml`` of parallel robots, which says how the loops of a URDF close; and YAML that nobody here wrote."""
+"""Reads untrusted YAML, and the ``robot.yaml`` that closes the loops of a URDF for parallel robots."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 
 @dataclass(frozen=True, slots=True)
 class LoopsYaml:
-    """A ``robot.yaml``.
+    """The content of a ``robot.yaml``.
 
     Attributes:
         pairs: Names of two links, or of joints for the links that they carry, that coincide.
@@ -87,7 +87,7 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
-    """A list of texts; none where there is no entry."""
+    """Return a list of texts; an empty one if there is no entry."""
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
@@ -110,7 +110,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
 
 
 def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    """The place of a link, or of the link that a joint carries."""
+    """Return the place of a link, or of the link that a joint carries."""
     link = reading.carried(name)
     if link not in ("", name) and reading.has_link(name):
         what = f"'{name}' is a link, and a joint of that name carries link '{link}'"
@@ -124,7 +124,7 @@ _NUMBER = re.compile(r"[-+]?(\d{1,18}|\d{1,18}\.\d{0,18}([eE][-+]?\d{1,3})?)")
 
 
 def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
-    """The entries of a YAML file.
+    """Read the entries of a YAML file.
 
     Args:
         keys: What to write if there are none.
@@ -147,7 +147,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
 
 
 def _nesting(text: str) -> int:
-    """How deep brackets nest in it."""
+    """Return the depth of nested brackets in a text."""
     steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
     return max(accumulate(steps), default=0)
 
@@ -164,7 +164,7 @@ class _Composer:
         self.nodes = 0
 
     def document(self) -> Any:
-        """The value of the only document; None of an empty file."""
+        """Return the value of the only document; None for an empty file."""
         value, kinds = None, list[str]()
         for event in self.events:
             kinds.append(type(event).__name__)
@@ -175,7 +175,7 @@ class _Composer:
         return value
 
     def value(self, event: yaml.Event, depth: int) -> Any:
-        """The value that begins with an event."""
+        """Return the value that begins with an event."""
         self.nodes += 1
         check_count(self.nodes, "nodes of YAML", self.where)
         check_count(depth, "nested entries", self.where, "write them flat")
@@ -196,7 +196,7 @@ class _Composer:
         return value
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
-        """A text; unquoted, also a number or a word that JSON has."""
+        """Convert a scalar: quoted ones to text, others also to numbers and the words of JSON."""
         text: str = event.value
         if event.style is not None or event.tag == "!":
             return text
@@ -207,7 +207,7 @@ class _Composer:
         return text
 
     def sequence(self, event: yaml.SequenceStartEvent, depth: int) -> list[Any]:
-        """A list."""
+        """Return a list."""
         return [self.value(item, depth + 1) for item in self.inside("SequenceEndEvent")]
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
@@ -225,20 +225,20 @@ class _Composer:
         return entries
 
     def inside(self, end: str) -> Iterator[yaml.Event]:
-        """Events up to the end of a list or mapping, as far as nobody else takes them."""
+        """Yield the events up to the end of a list or mapping."""
         for event in self.events:
             if type(event).__name__ == end:
                 return
             yield event
 
     def refusal(self, event: yaml.Event, what: str, remedy: str) -> ModelFileError:
-        """What to say of something that is not read."""
+        """Return the error for an unsupported event."""
         line = event.start_mark.line + 1
         return ModelFileError(f"holds {what}, which is not read", f"{self.where}, line {line}", remedy)
 
 
 def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
-    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `Closure.frames`."""
+    """Return the loops and motors of a cut mechanism; its URDF has the frames as links, see `Closure.frames`."""
     pairs, types = list[list[str]](), list[str]()
     for closure in lay_out(mechanism, cut).closures:
         for first, second in closure.frames():
@@ -250,5 +250,5 @@ def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
 
 
 def _flow(value: Sequence[object]) -> str:
-    """A list in YAML, of which JSON is a part."""
+    """Write a list as YAML, of which JSON is a subset."""
     return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""SDF 1.5 to 1.12 as text: included models put in their place, and the frames of all models."""
+"""SDF 1.5 to 1.12 as text: merges included models and places the frames of all models."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
 
 
 def _included(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
-    """The only model of a file as an include wants it: with its name, pose and whatever else the include adds."""
+    """Return the only model of a file with the name, pose and further elements of its include."""
     models = root.findall("model")
     if len(models) != 1:
         raise ModelFileError(f"holds {len(models)} models, and is included as one", str(file), "let it hold one")
@@ -96,7 +96,7 @@ def _included(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A link, joint, frame or model as a frame of its own. All names are full ones, but for alternatives of models.
+    """A link, joint, frame or model as a frame. All names are full names, except in the placement of models.
 
     Attributes:
         scope: What precedes the names that it uses; `model`: the frame that these call ``__model__``.
@@ -115,14 +115,14 @@ class Frame:
     still: bool
 
     def named(self, name: str | None) -> str:
-        """Full name of a frame that the element names."""
+        """Return the full name of a frame that the element names."""
         name = (name or "").strip()
         return {"world": WORLD, "__model__": self.model}.get(name, f"{self.scope}{name}")
 
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """All frames of a file by their full names, such as ``arm::hand::palm``.
+    """All frames of a file by full name, such as ``arm::hand::palm``.
 
     Attributes:
         alone: What names of the only model that moves begin with.
@@ -189,7 +189,7 @@ class Frames:
         return name.removeprefix(self.alone)
 
     def at(self, name: str) -> Array:
-        """Pose of a frame in the world. Shape (4, 4)."""
+        """Return the pose of a frame in the world. Shape (4, 4)."""
         return self.poses[self.key(name)]
 
     def link(self, name: str) -> str:
@@ -201,17 +201,17 @@ class Frames:
         raise ModelFileError(f"attaches the frame '{key}' to itself", self.where, "attach it to a link")
 
     def vector(self, element: ET.Element, tag: str, default: str, n: int) -> Array:
-        """So many numbers in an element. Shape (n,)."""
+        """Return n numbers of an element. Shape (n,)."""
         words = ((element.findtext(tag) or "").strip() or default).split()
         what = f"{tag} of {element.tag} {element.get('name', '')}".rstrip()
         return floats(words, n, what, self.where, infinite=tag.startswith("limit/"))
 
     def number(self, element: ET.Element, tag: str, default: float) -> float:
-        """A number in an element."""
+        """Return a number of an element."""
         return float(self.vector(element, tag, repr(default), 1)[0])
 
     def pose(self, element: ET.Element) -> Array:
-        """Placement by the ``<pose>`` in an element. Shape (4, 4)."""
+        """Return the placement by the ``<pose>`` of an element. Shape (4, 4)."""
         pose = element.find("pose")
         form = "euler_rpy" if pose is None else pose.get("rotation_format", "euler_rpy")
         if form not in _ROTATIONS:

@@ -1,4 +1,4 @@
-"""URDF: written of a mechanism's tree; the text of any, what it says link by link, and changes in it.
+"""URDF: writes the tree of a mechanism, reads any text link by link, and edits it.
 
 In those that are written a link's frame is the description's body frame, and intermediate links of composite joints
 have no inertial. Loops are closed by a file beside it: see `files.loops`.
@@ -32,7 +32,7 @@ STRONG = 1e9
 
 
 def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
-    """The tree of a cut mechanism as URDF; its closures go to the loops file.
+    """Return the tree of a cut mechanism as URDF; its closures go to the loops file.
 
     Args:
         cut: ``minimal`` or ``full``.
@@ -56,7 +56,7 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
 
 
 def _add(robot: ET.Element, link: Link, limited: bool) -> None:
-    """The elementary joints that lead to a link, the massless links between them, and the link."""
+    """Add the elementary joints that lead to a link, the massless links between them, and the link."""
     name = link.joint.name
     names = [f"{name}.cross{i + 1}" for i in range(len(link.freedoms) - 1)]
     mounted = not link.far_frame.is_identity
@@ -111,7 +111,7 @@ def _placement(joint: ET.Element, frame: Frame) -> None:
 
 
 def moments(I: Array) -> dict[str, str]:
-    """The attributes of an ``<inertia>``, ixx, ixy, ixz, iyy, iyz, izz, for a tensor [kg m^2]. Shape (3, 3)."""
+    """Return the attributes ixx, ixy, ixz, iyy, iyz, izz of an ``<inertia>`` for a tensor [kg m^2]. Shape (3, 3)."""
     return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}
 
 
@@ -191,7 +191,7 @@ def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
 
 
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
-    """A URDF with a hinge in place of each fixed joint of a description, about the axis z of that.
+    """Replace each fixed joint of a description by a hinge about the joint's z axis.
 
     A coupling of the description holds it.
 
@@ -252,7 +252,7 @@ def without_shapes(root: ET.Element) -> list[Content]:
 
 
 def links(xml: XmlText) -> list[TextLink]:
-    """The links of a URDF, each after the one before it; the first is its root.
+    """List the links of a URDF, each after its parent; the first is the root.
 
     Raises:
         DescriptionError: A joint names a link that is not there.
@@ -277,7 +277,7 @@ def links(xml: XmlText) -> list[TextLink]:
 
 
 def origin(element: Element) -> Array:
-    """Placement by the ``<origin>`` in an element of a URDF. Shape (4, 4)."""
+    """Return the placement by the ``<origin>`` of an element of a URDF. Shape (4, 4)."""
     place = element.find("origin")
     if place is None:
         return np.eye(4)
@@ -288,7 +288,7 @@ def origin(element: Element) -> Array:
 
 
 def _matter(link: Element) -> tuple[Matter, Array]:
-    """Mass properties of a link, and the orientation in which they are written."""
+    """Return the mass properties of a link, and the orientation of the written tensor."""
     inertial = link.find("inertial")
     if inertial is None:
         return NOTHING, np.eye(3)
@@ -343,7 +343,7 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
 
 
 def inertial_text(matter: Matter) -> str:
-    """The element that says mass properties, the tensor in the axes of the link."""
+    """Return the element with mass properties, the tensor in the axes of the link."""
     tensor = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
     where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
     return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {tensor}/></inertial>'
@@ -369,7 +369,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 
 def check_matter(xml: XmlText) -> None:
-    """A URDF always says mass properties itself."""
+    """Accept any URDF: its mass properties are always those written."""
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:

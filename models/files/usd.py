@@ -1,4 +1,4 @@
-"""USD as stages: opened with what lies in their folder only, and their physics as elements that tables know."""
+"""USD stages: opens those whose layers lie in their folder, and lists their physics as XML elements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _INSTANCES = ("drive", "limit", "state", "physxLimit", "physxMimicJoint", "physx
 
 
 def is_usd(path: Path) -> bool:
-    """Whether a file is USD, as its ending says."""
+    """True if the ending of a file is one of USD."""
     return path.suffix.lower() in USD
 
 
@@ -68,14 +68,14 @@ def stage_of(path: Path) -> Any:
 
 
 def prims(top: Any) -> Iterator[Any]:
-    """A prim and all below it that are active, those of instances among them."""
+    """Yield a prim and all active prims below it, those of instances included."""
     from pxr import Usd
 
     return iter(Usd.PrimRange(top, Usd.TraverseInstanceProxies()))
 
 
 def is_joint(prim: Any) -> bool:
-    """Whether a prim is a joint, or one of a type that usd-core does not know."""
+    """True for a joint, and for a prim whose unknown type is called a joint."""
     from pxr import UsdPhysics
 
     return bool(prim.IsA(UsdPhysics.Joint)) or str(prim.GetTypeName()).endswith("Joint")
@@ -90,7 +90,7 @@ def names_of(some: list[Any]) -> list[str]:
 
 
 def value(prim: Any, name: str, default: Any = None) -> Any:
-    """Value of an attribute, at the earliest time if it changes."""
+    """Return the value of an attribute, at the earliest time if it changes."""
     from pxr import Usd
 
     attribute = prim.GetAttribute(name)
@@ -99,7 +99,7 @@ def value(prim: Any, name: str, default: Any = None) -> Any:
 
 
 def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
-    """Numbers of the first of some attributes that has a value; those of 32 bits by their shortest decimals.
+    """Return the numbers of the first attribute that has a value; 32-bit numbers by their shortest decimals.
 
     Args:
         default: As many numbers; where one is infinite, so may be those of the file. Shape (n,).
@@ -118,12 +118,12 @@ def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
 
 
 def number(prim: Any, *names: str, default: float = 0.0) -> float:
-    """A number, as `numbers`."""
+    """Return a number; see `numbers`."""
     return float(numbers(prim, *names, default=(default,))[0])
 
 
 def axis_of(prim: Any, name: str, default: str) -> str:
-    """``X``, ``Y`` or ``Z`` as an attribute says.
+    """Return the axis ``X``, ``Y`` or ``Z`` of an attribute.
 
     Raises:
         UnknownNameError: It says something else.
@@ -135,7 +135,7 @@ def axis_of(prim: Any, name: str, default: str) -> str:
 
 
 def triangles_of(prim: Any, n: int) -> Array:
-    """Corners of the triangles of a mesh, its faces being fans of them. Shape (m, 3).
+    """Return the corners of the triangles of a mesh, splitting its faces into fans. Shape (m, 3).
 
     Args:
         n: Points that there are.
@@ -154,7 +154,7 @@ def triangles_of(prim: Any, n: int) -> Array:
 
 
 def elements(stage: Any) -> ET.Element:
-    """Prims with the physics that a file states of them, as elements: body, joint, collider, material, scene, prim."""
+    """Convert prims with authored physics to elements: body, joint, collider, material, scene, prim."""
     from pxr import UsdPhysics
 
     default = stage.GetDefaultPrim()
@@ -177,7 +177,7 @@ def elements(stage: Any) -> ET.Element:
 
 
 def _without_instance(name: str) -> str:
-    """``drive:*:physics:stiffness`` of ``drive:angular:physics:stiffness``."""
+    """Replace the instance in the name of an attribute: ``drive:angular:physics:stiffness`` -> ``drive:*:...``."""
     first, *rest = name.split(":")
     known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # whose limits are not read
     return ":".join([first, "*", *rest[1:]]) if known else name

@@ -1,4 +1,4 @@
-"""XML that nobody here wrote: parsed, its numbers checked; the places of its elements, and its text with changes."""
+"""Untrusted XML: parses it, checks its numbers, locates its elements and edits its text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from screwgauge.reference.rotations import Array
 
 
 def parse(path: Path) -> ET.Element:
-    """The elements of an XML file, prefixes of names left as they are: robots' files often do not declare them.
+    """Parse an XML file, leaving prefixes of names as they are: robots' files often do not declare them.
 
     Raises:
         ScrewgaugeError: It cannot be read, is no XML, declares entities, or nests too deeply.
@@ -73,7 +73,7 @@ def check_numbers(root: ET.Element, where: str) -> None:
 
 
 def number(element: ET.Element, attribute: str, default: float, where: str) -> float:
-    """A number, or what counts where there is none.
+    """Return a number, or the default if the attribute is missing.
 
     Raises:
         ModelFileError: It is something else.
@@ -90,7 +90,7 @@ def _said(element: ET.Element, attribute: str) -> str:
 
 
 def numbers(text: str, default: str = "0 0 0") -> Array:
-    """Numbers of an attribute.
+    """Return the numbers of an attribute.
 
     Raises:
         DescriptionError: There are others than numbers.
@@ -106,7 +106,7 @@ _ATTRIBUTE = re.compile(r"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """An element and where it stands.
+    """An element and its position in the text.
 
     Attributes:
         start, stop: First character of its start tag, and the one after that tag.
@@ -122,15 +122,15 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def get(self, name: str, default: str = "") -> str:
-        """An attribute as it was read, later changes not included."""
+        """Return an attribute as it was read, without later changes."""
         return self.attributes.get(name, default)
 
     def find(self, tag: str) -> Element | None:
-        """The first child of that tag."""
+        """Return the first child of that tag."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def iter(self, *tags: str) -> Iterator[Element]:
-        """All elements in it with one of these tags, or any, itself included, in the order of the text."""
+        """Yield the element and all below it with one of these tags (any by default), in the order of the text."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -140,7 +140,7 @@ class Element:
 
 
 class XmlText:
-    """A text and the changes to be made in it.
+    """A text and the changes to make in it.
 
     Attributes:
         root: Its outermost element.
@@ -193,7 +193,7 @@ class XmlText:
             raise DescriptionError(f"is no well-formed XML ({error})", where, "mend the file") from None
 
     def _stop(self, start: int) -> int:
-        """The character after a start tag; its attributes may contain any sign but their own quote and ``<``."""
+        """Return the end of a start tag; its attributes may contain any character but their own quote and ``<``."""
         at = start
         while self._text[at] != ">":
             at = self._text.index(self._text[at], at + 1) + 1 if self._text[at] in "\"'" else at + 1
@@ -233,7 +233,7 @@ class XmlText:
         self._unwrapped.append(element)
 
     def text(self) -> str:
-        """The text with all changes made."""
+        """Return the text with all changes made."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]
         for element in self._unwrapped:
             last = element.stop if self._alone(element) else self._text.rindex("</", element.stop, element.end)
@@ -270,13 +270,13 @@ class XmlText:
         return f"{new}>{inner}" + (f"{self._indent(element, 0)}</{element.tag}>" if self._alone(element) else "")
 
     def _indent(self, element: Element, deeper: int) -> str:
-        """A new line with the indentation of an element."""
+        """Return a new line with the indentation of an element."""
         line = self._text[self._text.rfind("\n", 0, element.start) + 1 : element.start]
         return "\n" + (line if not line.strip() else "") + "  " * deeper
 
 
 class UnpatchableError(Exception):
-    """A change that cannot be written into a file; the message says why."""
+    """A change that cannot be written into a file; the message gives the reason."""
 
 
 @dataclass(slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""A description made from what was read of any URDF, MJCF, SDF or USD."""
+"""Makes descriptions of URDF, MJCF, SDF and USD files."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ SOURCES = (".xacro",)
 
 
 def is_model(path: Path | str) -> bool:
-    """Whether a name means a model file, as its ending says."""
+    """True if the ending of a name is one of model files."""
     return str(path).lower().endswith((*SUFFIXES, *SOURCES))

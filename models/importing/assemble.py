@@ -1,4 +1,4 @@
-"""A home in which all loops of a reading are closed, the coordinates that are independent there, and what is driven."""
+"""Finds a home with closed loops, the independent coordinates there, and the driven joints."""
 
 from __future__ import annotations
 
@@ -84,12 +84,12 @@ FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
 
 
 def rounded(hidden: Array) -> str:
-    """Sentence that equations are independent by rounding only."""
+    """Return a sentence on equations that only rounding makes independent."""
     return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
 
 def motions(mechanism: Mechanism) -> tuple[Array, Array]:
-    """What the loops allow at home, without dimension.
+    """Compute the motions that the loops allow at home, without dimension.
 
     Returns:
         Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are
@@ -108,7 +108,7 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
 def choose(
     mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
 ) -> tuple[Mechanism, tuple[str, ...]]:
-    """The mechanism with its independent coordinates and actuators, and what is odd about these, a sentence each.
+    """Choose independent coordinates and actuators; return the mechanism and a sentence on each odd choice.
 
     Args:
         actuated: Joints that are driven; None are those of independent coordinates that can be.
@@ -151,7 +151,7 @@ DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
-    """Columns of coordinates in the order in which they are preferred: free poses, what is driven, simple joints."""
+    """Return columns of coordinates in order of preference: free poses, driven joints, simple joints, others."""
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
@@ -185,7 +185,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
 
 
 def _passed_over(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
-    """A sentence on the driven coordinates that are not independent, and why; empty if all are."""
+    """Return a sentence on the driven coordinates that are not independent, with reasons; empty if all are."""
     followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
         reason = "at a dead centre at home"

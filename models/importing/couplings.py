@@ -1,4 +1,4 @@
-"""Which joint follows in each coupling of a file: none that is driven, none in two couplings, and none itself."""
+"""Chooses the dependent joint of each coupling: not a driven one, none twice, and no circles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NOTHING = 1e-12
 
 
 def solved(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
-    """Couplings in which other joints follow, where the file's own cannot or lead the machine, and a sentence on these.
+    """Solve couplings for other joints where the file's own cannot depend or lead the machine; say so in sentences.
 
     Args:
         leading: Joints that should not follow: driven and independent ones.
@@ -42,7 +42,7 @@ def _leads(couplings: Couplings) -> dict[str, Collection[str]]:
 
 
 def _each_by_itself(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
-    """Each coupling solved for one of its joints, of which none follows twice; None where this cannot be."""
+    """Solve each coupling for one of its joints, none of them twice; None if this is impossible."""
     from scipy.optimize import linear_sum_assignment
 
     joints = list(dict.fromkeys(joint for one in couplings.values() for joint in one.named))
@@ -61,7 +61,7 @@ def _each_by_itself(couplings: Couplings, leading: Collection[str]) -> Couplings
 
 
 def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
-    """Linear couplings as functions of joints of which none follows; those that follow from others are left out."""
+    """Solve linear couplings together for joints that depend on independent ones; drop redundant couplings."""
     linear = [name for name, one in couplings.items() if one.function.linear]
     kept = {one.joint for one in couplings.values() if not one.function.linear}
     joints = list(dict.fromkeys(joint for name in linear for joint in couplings[name].named))
@@ -83,7 +83,7 @@ def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
 
 
 def _reduced(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
-    """Brings rows to reduced echelon form in place, the largest of the highest rank being the pivot of each.
+    """Bring rows to reduced echelon form in place, the largest entry of the highest rank being each pivot.
 
     Args:
         system: Equations, the last column a constant. Shape (m, n + 1).

@@ -1,4 +1,4 @@
-"""Descriptions whose home is solved for, written with as much of the user's text as can stay."""
+"""Writes descriptions with a solved home, keeping the user's text where possible."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _PLACES = (
 
 
 def import_description(path: Path) -> tuple[Imported, str]:
-    """The mechanism of a description, with a home in which its loops close, and its text.
+    """Load a description at a home that closes its loops; return the mechanism and its text.
 
     Raises:
         ScrewgaugeError: It is no description, or no pose closes its loops.
@@ -48,7 +48,7 @@ def import_description(path: Path) -> tuple[Imported, str]:
 
 
 def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
-    """The text of a description with other homes of joints, all else as it is; None where no such text is found."""
+    """Return the text of a description with other homes of joints; None if the text cannot be kept."""
     text = read_file(path)
     tables = tomllib.loads(text)
     if is_path(str(tables.get("extends", ""))):  # which may mean another file in another folder
@@ -64,7 +64,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Texts with the home of a joint in each place that may be the right one, at last in a table of its own."""
+    """Yield texts with the home of a joint in each possible place, last in a table of its own."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

@@ -1,4 +1,4 @@
-"""Poses in which all loops of a reading are closed, and the one of them that makes the best home."""
+"""Finds poses that close all loops of a reading, and chooses the best one as home."""
 
 from __future__ import annotations
 
@@ -59,17 +59,17 @@ class Home:
 
     @property
     def good(self) -> bool:
-        """Whether there is no need to look for another one."""
+        """True if there is no need to search for another one."""
         return not self.beyond and self.least > WELL
 
     def key(self) -> tuple[int, bool, int, float, float]:
-        """What makes it a better home than another one, the smaller the better."""
+        """Sort key, smallest for the best home."""
         singular = self.least <= REGULAR
         return -self.rank, singular, len(self.beyond), -min(self.least, WELL), self.distance
 
 
 def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
-    """The best closed pose: regular, within limits, well conditioned, near. That of the file, if it is closed already.
+    """Choose the best closed pose: regular, within limits, well conditioned, near; the file's own if it is closed.
 
     Args:
         keyframes: Further poses of the file, name -> joint -> coordinate [rad or m].
@@ -101,7 +101,7 @@ def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: st
 
 
 def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
-    """Why it is the best one, if it is not the one that is found from the file's own home."""
+    """Yield the reason for a pose that was not found from the file's own home."""
     if best.start == OWN:
         return
     what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
@@ -118,7 +118,7 @@ def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
-    """Coordinates from which loops may close, with a name; whatever is on no loop stays."""
+    """Yield starting coordinates for closing the loops, with a name; joints on no loop stay."""
     yield OWN, loops.home
     for name, pose in keyframes.items():
         q = loops.home.copy()
@@ -139,7 +139,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
 
 
 def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
-    """Home with some joints at a share of the way from their lower to their upper limit. `share`: shape (n,)."""
+    """Return home with some joints at a share of the way between their limits. `share`: shape (n,)."""
     q = loops.home.copy()
     for name, part in zip(names, share, strict=True):
         low, high = loops.reading.joints[name].limits
@@ -148,25 +148,25 @@ def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
 
 
 def measured(loops: Loops, start: str, q: Array, error: float) -> Home:
-    """A closed pose with what makes it a good home."""
+    """Return a closed pose with the properties that rank it."""
     rank, least = _rank(loops, q)
     return Home(start, q, error, rank, least, tuple(beyond(loops, q)), _distance(loops, q))
 
 
 def _rank(loops: Loops, q: Array) -> tuple[int, float]:
-    """Rank of the loop equations, and their smallest singular value that is not that of a redundant equation."""
+    """Return the rank of the loop equations and their smallest singular value, redundant equations aside."""
     s = np.linalg.svd(loops.system(q)[1], compute_uv=False)
     rank = int(np.sum(s > REDUNDANT))
     return rank, float(s[rank - 1]) if rank else np.inf
 
 
 def limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
-    """Limits of all joints."""
+    """Return the limits of all joints."""
     return [(name, joint.limits) for name, joint in loops.reading.joints.items()]
 
 
 def beyond(loops: Loops, q: Array) -> list[str]:
-    """Joints that are outside their limits."""
+    """List the joints beyond their limits."""
     at = loops.values(q)
     return [name for name, (low, high) in limits(loops) if name in at and low < high and not low <= at[name] <= high]
 
@@ -178,7 +178,7 @@ def _stopped(loops: Loops, q: Array) -> bool:
 
 
 def some(phrases: Sequence[str]) -> str:
-    """The first of some phrases, and how many more there are."""
+    """Return the first phrases and the number of others."""
     return first_few(phrases, SHOWN)
 
 
@@ -189,7 +189,7 @@ def _distance(loops: Loops, q: Array) -> float:
 
 
 def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
-    """Coordinates moved, with the loops closed, until they have room to their limits, as far as they can."""
+    """Move coordinates, with the loops closed, away from their limits as far as possible."""
     for _ in range(CENTRINGS):
         wish = _wish(loops, q)
         if not wish.any():
@@ -212,7 +212,7 @@ def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
 
 
 def _wish(loops: Loops, q: Array) -> Array:
-    """The step by which all coordinates would have room to their limits, without dimension. Shape (n,)."""
+    """Return the step that would give all coordinates room to their limits, without dimension. Shape (n,)."""
     wish = np.zeros(len(loops.size))
     for name, x in loops.values(q).items():
         joint = loops.reading.joints[name]
@@ -240,7 +240,7 @@ LATEST = 8  # poses whose equations are kept: those of a step are asked for agai
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop equations of a tree, lengths counted in lengths of the model; coordinates have shape (n_coordinate,).
+    """The loop equations of a tree, in lengths of the model; coordinates have shape (n_coordinate,).
 
     Attributes:
         held: Joints that stay at home.
@@ -260,7 +260,7 @@ class Loops:
         return np.asarray(home(self.reading).q[0])
 
     def values(self, q: Array) -> dict[str, float]:
-        """Hinge or slide -> its coordinate [rad or m]."""
+        """Return hinge or slide -> its coordinate [rad or m]."""
         places = self.tree.places.items()
         return {name: float(q[place.start]) for name, place in places if place.stop - place.start == 1}
 
@@ -287,7 +287,7 @@ class Loops:
 
     @cached_property
     def free(self) -> Array:
-        """0 for the velocities of joints that are held, else 1. Shape (n_freedom,)."""
+        """0 for the velocities of fixed joints, else 1. Shape (n_freedom,)."""
         free = np.ones(len(self.size))
         for name in self.held:
             free[self.tree.freedoms[name]] = 0.0
@@ -295,7 +295,7 @@ class Loops:
 
     @cached_property
     def closing(self) -> Array:
-        """1 for the velocities that some loop or coupling depends on and nothing holds, else 0. Shape (n_freedom,)."""
+        """1 for the velocities of free joints in a loop or coupling, else 0. Shape (n_freedom,)."""
         moves = dict(zip(self.reading.bodies, self.tree.moves, strict=True))
         out, still = np.zeros(len(self.size)), np.zeros(len(self.size))
         for closure in self.reading.closures.values():
@@ -306,12 +306,12 @@ class Loops:
         return np.minimum(out, 1.0) * self.free
 
     def residuals(self, q: Array) -> dict[str, Array]:
-        """How far each closure and coupling is open [rad or lengths]: 3, 6 or 1 numbers."""
+        """Return the opening of each closure and coupling [rad or lengths]: 3, 6 or 1 numbers."""
         ends = np.cumsum([len(units) for units in self.units.values()])
         return dict(zip(self.units, np.split(self.system(q)[0], ends[:-1]), strict=True)) if self.units else {}
 
     def gaps(self, q: Array, least: float) -> list[str]:
-        """How far closures and couplings that are open are so, in words, the widest first."""
+        """Return the opening of each open closure and coupling in words, the widest first."""
         widest_first = sorted(self.residuals(q).items(), key=lambda entry: -np.abs(entry[1]).max())
         return [self._gap(name, r) for name, r in widest_first if np.abs(r).max() > least]
 
@@ -327,7 +327,7 @@ class Loops:
         return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """All residuals and their derivative by the velocities, without dimension. Shapes (m,), (m, n_freedom)."""
+        """Return all residuals and their derivative by velocities, without dimension. Shapes (m,), (m, n_freedom)."""
         key = q.tobytes()
         if key not in self._latest:
             if len(self._latest) == LATEST:
@@ -345,11 +345,11 @@ class Loops:
         return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
-        """Coordinates after a step of all velocities without dimension, shape (n_freedom,)."""
+        """Return the coordinates after a step of all velocities without dimension, shape (n_freedom,)."""
         return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
-        """Closes the loops from coordinates by the shortest steps (Levenberg-Marquardt).
+        """Close the loops from given coordinates by the shortest steps (Levenberg-Marquardt).
 
         Returns:
             The coordinates reached and their largest residual.

@@ -1,4 +1,4 @@
-"""Links of a machine as joints of a description: R, P, and U, S, C, F where axes meet exactly."""
+"""Converts links of a machine to joints of a description: R, P, and U, S, C, F where axes meet exactly."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STEEP = 0.8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Neighbouring freedoms of a link, hinges or slides, that make one joint.
+    """Neighbouring freedoms of a link, hinges or slides, that form a joint.
 
     Attributes:
         kind: One of `KINDS`.
@@ -52,7 +52,7 @@ class Group:
 
 
 def pruned(machine: Machine, followed: Collection[str]) -> Machine:
-    """A machine without bodies that have no mass and carry nothing, but for those of joints that others follow."""
+    """Remove bodies without mass that carry nothing, except those of joints that others follow."""
     bodies, links, remarks = dict(machine.bodies), list(machine.links), list(machine.remarks)
     while True:
         bare = [name for name, body in bodies.items() if name != GROUND and not body.local.mass]
@@ -68,12 +68,12 @@ def pruned(machine: Machine, followed: Collection[str]) -> Machine:
 
 
 def followed_joints(reading: Reading) -> set[str]:
-    """Joints that others depend on by a coupling."""
+    """Return the joints that others depend on by a coupling."""
     return {name for coupling in reading.couplings.values() for name in coupling.function.terms}
 
 
 def graph_of(reading: Reading) -> Machine:
-    """The bodies and links of a reading whose loops are closed at home; those through crosses without mass are one."""
+    """Return the graph of a reading with closed loops, merging links through massless crosses."""
     machine = pruned(uncontracted(reading), followed_joints(reading))
     pinned = {machine.part_of(end) for c in reading.closures.values() for end in (c.first, c.second)}
     return contracted(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
@@ -82,7 +82,7 @@ def graph_of(reading: Reading) -> Machine:
 def groups(
     link: Link, machine: Machine, driven: Collection[str], coupled: Collection[str]
 ) -> tuple[list[Group], list[str]]:
-    """Freedoms of a link as joints of a description, and which composite joints it cannot hold, a sentence each.
+    """Group the freedoms of a link into joints of a description; say which composite joints were divided.
 
     Driven freedoms stay alone, and coupled ones do not become part of S and F.
     """
@@ -109,12 +109,12 @@ def groups(
 
 
 def _single(part: tuple[Element, ...]) -> bool:
-    """Whether joints of one freedom are all of it."""
+    """True if all elements are joints of one freedom."""
     return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 
 def _alone(element: Element, link: Link, machine: Machine) -> Group:
-    """A freedom as a joint of its own: a hinge or slide, a ball or free joint, or what closures leave."""
+    """Return a freedom as a joint of its own: hinge, slide, ball, free joint, or a freedom of closures."""
     name = element.joint or pin_name(element.closures)
     if FREEDOMS[element.kind] > 1:
         kind = "S" if element.kind == "ball" else "F"
@@ -132,12 +132,12 @@ def pin_name(closures: Sequence[str]) -> str:
 
 
 def _freedoms(part: Iterable[Element], reading: Reading) -> dict[str, JointReading]:
-    """Hinges and slides of the reading, seen from the near side."""
+    """Return hinges and slides of the reading, seen from the near side."""
     return {each.joint: replace(reading.joints[each.joint], screw=each.screw) for each in part}
 
 
 def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Neighbouring freedoms as one joint of a description, or why it cannot hold them."""
+    """Return neighbouring freedoms as one joint of a description, or the reason that it cannot hold them."""
     freedoms, length = _freedoms(part, machine.reading), machine.length
     axes = [*freedoms.values()]
     if kind == "F":
@@ -158,7 +158,7 @@ def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group 
 
 
 def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Three slides at right angles and a ball behind them."""
+    """Return a free joint of three perpendicular slides and a ball."""
     axes = [*freedoms.values()]
     E = np.array([axis.direction for axis in axes[:3]])
     serial = [axis.kind == "hinge" for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
@@ -169,7 +169,7 @@ def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machi
 
 
 def _from_home(names: Iterable[str], point: Array) -> Group:
-    """A spherical joint whose angles count from home: its own axes are next to a plane there (gimbal lock)."""
+    """Return a spherical joint with angles counted from home, as its own axes are nearly in gimbal lock there."""
     axes = zip(names, np.eye(3), strict=True)
     return Group("S", {f"{n}.from-home": JointReading("hinge", screw(True, e, point), point) for n, e in axes}, point)
 
@@ -179,7 +179,7 @@ def _orthogonal(E: Array) -> bool:
 
 
 def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
-    """Axes before the freedoms after them turned, in axes of the joint's child at home, and the whole rotation.
+    """Return the axes at zero coordinates, in axes of the joint's child at home, and the total rotation.
 
     Of the serial product of rotations, the last axis is as the child sees it, and each one before it as seen
     from behind those after it.
@@ -198,19 +198,19 @@ def _unit(v: Array) -> Array:
 
 
 def _tidy(R: Array) -> Array:
-    """A rotation without what rounding leaves of zeros and ones."""
+    """Round the nearly exact zeros and ones of a rotation."""
     near = np.round(R)
     return np.where(np.abs(R - near) < 2.0 * NOTHING, near, R) + 0.0
 
 
 def frame(pose: Array, R: Array, point: Array, length: float) -> Frame:
-    """A frame of the world in a body of that pose."""
+    """Return a world frame as a frame of a body with the given pose."""
     p = pose[:3, :3].T @ (point - pose[:3, 3])
     return Frame(np.where(np.abs(p) < NOTHING * length, 0.0, p) + 0.0, _tidy(pose[:3, :3].T @ R))
 
 
 def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Array], length: float) -> Joint:
-    """A joint of a description; its coordinates and their values are those of the freedoms.
+    """Return a joint of a description; its coordinates and their values are those of the freedoms.
 
     Args:
         near, far: Bodies that it joins, and their poses. Shape (4, 4).
@@ -240,7 +240,7 @@ def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Arra
 
 
 def bounds(limits: tuple[float, float]) -> tuple[float, float]:
-    """Limits as a description has them: both finite, or none."""
+    """Return the limits of a description: both finite, or none."""
     low, high = limits
     if not low < high or np.isinf(limits).all():
         return -np.inf, np.inf
@@ -248,7 +248,7 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
-    """A ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent.
+    """Return a ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent.
 
     Args:
         near, far: Poses of what it joins. Shape (4, 4).
@@ -270,7 +270,7 @@ SHOWN = 6
 
 
 def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...]:
-    """Springs of hinges and slides."""
+    """Return the springs of hinges and slides."""
     return tuple(
         JointSpring(name, joint.stiffness, joint.rest)
         for name, joint in reading.joints.items()
@@ -279,7 +279,7 @@ def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...
 
 
 def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
-    """Phrases, each with the names that it is about."""
+    """List phrases on content that is left out, each with names."""
     gone = {n: joint for n, joint in reading.joints.items() if n not in mechanism.coordinates}
     names_by = {
         f"{what} of": [name for name, joint in gone.items() if getattr(joint, what)]
@@ -300,5 +300,5 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def listed(names: Iterable[str]) -> str:
-    """The first names, and how many more there are."""
+    """Return the first names and the number of others."""
     return first_few((f"'{name}'" for name in names), SHOWN)

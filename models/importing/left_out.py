@@ -1,4 +1,4 @@
-"""What a model file has and a description has not: taken as data that a run measures, or refused by name."""
+"""Content of a model file that descriptions lack: converted to data that a run measures, or refused by name."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def check_whole(reading: Reading, source: Source) -> None:
 
 
 def _equalities(source: Source) -> list[str]:
-    """Equalities of an MJCF that are neither connect nor weld, as far as they are active."""
+    """List the active equalities of an MJCF other than connect and weld."""
     root = source.root
     if any(flag.get(name) == "disable" for flag in root.iter("flag") for name in ("equality", "constraint")):
         return []
@@ -66,7 +66,7 @@ def _equalities(source: Source) -> list[str]:
 
 
 def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
-    """What acts in a file besides rigid bodies, joints, closures and gravity; of an MJCF as MuJoCo reads it.
+    """Return the forces of a file other than rigid bodies, joints, closures and gravity; of an MJCF by MuJoCo.
 
     Raises:
         ModelFileError: Something of it cannot be measured.
@@ -84,12 +84,12 @@ def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
 
 
 def measured(reading: Reading, where: str) -> tuple[LeftOut, ...]:
-    """What acts in a model without a file besides rigid bodies, joints, closures and gravity."""
+    """Return the forces of a model without a file other than rigid bodies, joints, closures and gravity."""
     return _everything(reading, None, where)
 
 
 def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
-    """All of it, in the names of the file.
+    """Return all forces that are left out, in the names of the file.
 
     Args:
         reading: Of the file.
@@ -143,12 +143,12 @@ def _law(model: Any, array: str, i: int) -> Powers:
 
 
 def _powers(values: Iterable[float]) -> Powers:
-    """A law without zeros at its end."""
+    """Return a law without zeros at its end."""
     return tuple(np.trim_zeros(np.array([*values], dtype=float), "b").tolist())
 
 
 def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
-    """Tendons that pull."""
+    """Yield the tendons that pull."""
     for i in range(model.ntendon):
         low, high = np.broadcast_to(model.tendon_lengthspring[i], 2).tolist()
         rubs = not is_disabled(model, "FRICTIONLOSS")
@@ -165,7 +165,7 @@ def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
-    """Bodies of the reading, and points on them, over which a tendon runs."""
+    """Return the bodies of the reading that a tendon passes, and the points on them."""
     sites = sites_along(model, tendon)
     if sites is None:
         what = f"tendon {model.tendon(tendon).name} pulls, and runs over geoms or pulleys, which is not measured"
@@ -183,7 +183,7 @@ def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0
 
 
 def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
-    """Rotors and dampers of actuators, which gears multiply by the square of their ratio."""
+    """Yield rotors and dampers of actuators, multiplied by the square of the gear."""
     for i in range(model.nu if hasattr(model, "actuator_armature") else 0):
         armature, damping = float(model.actuator_armature[i]), _damper(model, "actuator", i)
         if not (armature or damping):
@@ -199,7 +199,7 @@ def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
 
 
 def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
-    """Weight that is borne, and drag, of every body of the file that moves."""
+    """Yield the compensated weight and the drag of every moving body of the file."""
     masses, moments = mass_properties(model)
     weighs = not is_disabled(model, "GRAVITY")
     density, viscosity = float(model.opt.density), float(model.opt.viscosity)
@@ -220,7 +220,7 @@ def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
-    """Whether actuators bear the weight of a body along all joints before it: then nothing is left out.
+    """True if actuators compensate a body's weight along all joints before it: then nothing is left out.
 
     Raises:
         ModelFileError: They do along some of them only.
@@ -243,7 +243,7 @@ def kept(
     names: Mapping[str, Mapping[str, str]],
     where: str,
 ) -> tuple[LeftOut, ...]:
-    """What is left out, in the names and frames of the description; that of joints that are no part of it is gone.
+    """Convert left-out forces to names and frames of the description; drop those of joints that it lacks.
 
     Args:
         left_out: In the names of the file.
@@ -271,7 +271,7 @@ def kept(
 def with_resistance(
     mechanism: Mechanism, left_out: Sequence[LeftOut], actuators: Mapping[str, ActuatorReading]
 ) -> tuple[Mechanism, list[str]]:
-    """The mechanism whose joints have what acts along one coordinate by a law of theirs; all else is still left out.
+    """Move forces along one coordinate into the joints of the mechanism; all others are still left out.
 
     Args:
         left_out: See `kept`.
@@ -303,13 +303,13 @@ def with_resistance(
 
 
 def _resisting(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) -> Joint:
-    """A joint with further amounts of its coordinates."""
+    """Add amounts to the coordinates of a joint."""
     more = {what: np.array([amounts[name][what] for name in joint.coordinates]) for what in RESISTS}
     return replace(joint, **{what: getattr(joint, what) + added for what, added in more.items()})
 
 
 def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:
-    """The same of the joint that a ball or free joint of the file has become."""
+    """Yield the forces of a ball or free joint of the file for the joint that it became."""
     made = (joint for joint in mechanism.joints if joint.angles == 3)  # its coordinates tell whose it is
     yield from (replace(one, of=f"joint {name}", joint=j.name) for j in made if j.coordinates[-1] == f"{name}.q3")
 
@@ -330,7 +330,7 @@ def _along_coordinates(
 
 
 def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[LeftOut]:
-    """The same in the frame of the body of the machine that a body of the reading is part of, if that moves."""
+    """Yield the same force in the frame of the machine's body, if that moves."""
     part = graph.part_of(body)
     if part == GROUND:
         return
@@ -342,7 +342,7 @@ def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[Lef
 
 
 def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple[str, Array]:
-    """A point of a body of the reading on the body of the machine that it is part of."""
+    """Return a point of a body of the reading as a point of the machine's body."""
     if body == GROUND:
         return GROUND, point
     part = next((name for name, each in graph.bodies.items() if body in each.members), None)
@@ -356,7 +356,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
 
 
 def _clean(R: Array) -> Array:
-    """A rotation without what rounding leaves of zeros, as descriptions are read."""
+    """Round the nearly exact zeros of a rotation, as descriptions are read."""
     return np.where(np.abs(R) < ROUNDING, 0.0, R)
 
 

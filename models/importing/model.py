@@ -1,4 +1,4 @@
-"""Model files as mechanisms: read, converted, written as a description."""
+"""Imports model files as mechanisms and writes them as descriptions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from screwgauge.reference.rotations import Array
 
 
 def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
-    """The description as TOML.
+    """Return the description as TOML.
 
     Args:
         remarks: Sentences that stand above it as comments.
@@ -83,7 +83,7 @@ class Imported:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file.
+    """The wanted independent coordinates (label -> coordinate) and actuated joints; None leaves them to the file.
 
     Attributes:
         allow: Tensors that no body has and that are taken, such as ``wrist.triangle``; files and folders that the file
@@ -96,11 +96,11 @@ class Wanted:
 
     @property
     def tensors(self) -> list[str]:
-        """Tensors that are allowed."""
+        """Allowed tensors."""
         return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
     def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
-        """Choices, with the given ones where nothing was chosen."""
+        """Return the choices, with the given ones where nothing was chosen."""
         chosen = independent if self.independent is None else self.independent
         return replace(self, independent=chosen, actuated=actuated if self.actuated is None else self.actuated)
 
@@ -113,7 +113,7 @@ def describe(
     keyframes: Mapping[str, Mapping[str, float]] | None = None,
     beyond: Sequence[LeftOut] = (),
 ) -> Imported:
-    """The mechanism that was read.
+    """Make a mechanism of a reading.
 
     Args:
         where: The file, to blame.
@@ -157,7 +157,7 @@ def describe(
 def _mechanism(
     graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], allow: Sequence[str], where: str
 ) -> tuple[Mechanism, list[str]]:
-    """The mechanism, nothing being independent or actuated yet, and what it cannot hold as it is read, in sentences."""
+    """Return the mechanism, without independent coordinates and actuators, and sentences on what it cannot hold."""
     reading = graph.reading
     joints, carriers, remarks = _joints(graph, driven, known)
     solid = [_body(name, body, graph.length, where) for name, body in graph.bodies.items() if name != GROUND]
@@ -183,7 +183,7 @@ def _mechanism(
 
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
-    """The reading with names that a description accepts, and these: room of a reading -> name -> accepted name."""
+    """Return the reading with names that a description accepts, and these: room -> name -> accepted name."""
     joints = accepted(reading.joints, "joint")
     names = {
         "bodies": accepted(reading.bodies, "body"),
@@ -196,7 +196,7 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
 
 
 def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
-    """Joints that are driven: those chosen, those of the file, or all of an open chain; None where nothing says so."""
+    """Return the driven joints: those chosen, those of the file, or all of an open chain; None if nothing says so."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:
@@ -212,12 +212,12 @@ def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[
 
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
-    """A coupling; one that depends on nothing that moves holds its joint."""
+    """Return a coupling; one that depends on nothing that moves holds its joint."""
     return Coupling(name, entry.joint, entry.function.trimmed, f"{where}, coupling '{name}'")
 
 
 def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
-    """A body whose tensor is not checked yet, see `settled`."""
+    """Return a body with an unchecked tensor, see `settled`."""
     matter = body.local
     if not matter.mass:
         return Body(name, 0.0, np.zeros(3), np.zeros((3, 3)))
@@ -229,7 +229,7 @@ def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
 def _joints(
     graph: Machine, driven: frozenset[str], given: Mapping[str, Joint]
 ) -> tuple[tuple[Joint, ...], list[Body], list[str]]:
-    """All joints, the bodies without mass between those of one link, and which composite joints had to be divided."""
+    """Return all joints, the massless bodies within links, and sentences on composite joints that were divided."""
     pins = {pin_name(one.closures) for link in graph.links for one in link.elements if one.closures}
     names = {GROUND, *graph.bodies, *graph.reading.joints, *pins}
     coupled = {name for entry in graph.reading.couplings.values() for name in entry.named}
@@ -267,7 +267,7 @@ HOME = "home"
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How a model file is imported.
+    """Options of an import.
 
     Attributes:
         loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
@@ -285,7 +285,7 @@ class Options:
 
 
 def import_model(path: Path, options: Options | None = None) -> Imported:
-    """The mechanism of a model file.
+    """Import the mechanism of a model file.
 
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
@@ -318,7 +318,7 @@ def _imported_model(path: Path, options: Options) -> Imported:
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:
-    """Coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; those without a name are numbered."""
+    """Return the coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; unnamed ones are numbered."""
     if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
     with warned():
@@ -332,12 +332,12 @@ def _keyframes(source: Source) -> dict[str, dict[str, float]]:
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """A temporary folder that goes away with the process."""
+    """Return a temporary folder that is deleted with the process."""
     return TemporaryDirectory(prefix="screwgauge-imported-")
 
 
 def scratch_folder() -> Path:
-    """A new folder that goes away with the process."""
+    """Return a new folder that is deleted with the process."""
     root = Path(_folder().name)
     folder = root / str(len([*root.iterdir()]))
     folder.mkdir()
@@ -355,7 +355,7 @@ _imported: dict[tuple[Path, bool], tuple[dict[Path, str], frozenset[str], tuple[
 
 
 def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
-    """A description made from a model file, in a folder that goes away with the process; made once for its content.
+    """Import a model file as a description in a temporary folder, once for its content.
 
     Args:
         allow: See `Wanted`; empty, it is as the file was imported last.
@@ -369,12 +369,12 @@ def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = Fal
 
 
 def _allowed(mechanism: Mechanism) -> set[str]:
-    """Entries of ``allow`` that a mechanism was made with."""
+    """Return the entries of ``allow`` that a mechanism was made with."""
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
 def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
-    """Keeps what was imported from a model file as a description, see `imported_file`."""
+    """Keep the result of importing a model file, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
     with files_read() as read, files_allowed(path.parent, allow):
@@ -385,13 +385,13 @@ def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating:
 
 
 def _digests(files: Sequence[Path], model: Path) -> dict[Path, str]:
-    """Digests of the files of a model, with the loops file beside it."""
+    """Return the digests of the files of a model and of the loops file beside it."""
     loops = loops_for(model)
     return {file: digest(file) if is_file(file) else "" for file in (*files, *filter(None, [loops]))}
 
 
 def notes(imported: Imported) -> tuple[str, ...]:
-    """What stands above a description that was imported."""
+    """Return the comments above an imported description."""
     renamed = ", ".join(f"'{old}' is '{new}'" for old, new in imported.names.items())
     left = [f"Left out: {'; '.join(imported.left_out)}."] if imported.left_out else []
     return (*imported.remarks, *([f"Names: {renamed}."] if renamed else []), *left)

@@ -12,7 +12,7 @@ TAKEN = (GROUND, "world", "environment")
 
 
 def accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
-    """Each name, or one like it that a description accepts and nothing else has.
+    """Return each name, or a similar unused one that a description accepts.
 
     Args:
         kind: What stands in for a name that has no usable character.
@@ -26,7 +26,7 @@ def accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> d
 
 
 def unused(name: str, used: set[str]) -> str:
-    """The name, numbered if it is used already; used from now on."""
+    """Return the name, numbered if it is used, and mark it as used."""
     number, base = 2, name
     while name in used:
         name, number = f"{base}-{number}", number + 1

@@ -1,1 +1,1 @@
-"""What a URDF or MJCF says, as each library reads it, in one engine-neutral form."""
+"""Readings of model files by each library, in one engine-neutral form."""

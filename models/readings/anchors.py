@@ -1,4 +1,4 @@
-"""Second points of connects, which MuJoCo derives from the pose of the file, and which may lie off their bodies."""
+"""Checks the second points of connects, which MuJoCo derives from the pose of the file, against their bodies."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OFF = 0.1
 
 
 def points_off_bodies(source: Source) -> Iterator[str]:
-    """A sentence on each connect by bodies and anchor whose second point lies off every geom and site of its body.
+    """Yield a sentence for each connect by anchor whose second point lies off every geom and site of its body.
 
     MuJoCo puts that point where the anchor is in the pose of the file. Bodies with meshes are not judged, as meshes are
     not read.
@@ -61,7 +61,7 @@ def _meshed(source: Source) -> tuple[str, ...]:
 
 
 def _distance(model: Any, data: Any, body: int, point: Array, meshed: tuple[str, ...]) -> tuple[float, float]:
-    """Distance of a point of a body from the boxes round its geoms and from its sites, and how far these reach [m].
+    """Return the distance of a point of a body from its nearest geom box or site, and how far these reach [m].
 
     What is fixed to the body counts. Infinite reach if there is nothing, or a mesh.
     """

@@ -1,4 +1,4 @@
-"""Links as a library keeps them merged into the bodies of a `Reading`, and again where joints get other types."""
+"""Merges links that nothing moves against each other into bodies, and joints of a reading into other types."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assembly:
-    """Links merged.
+    """Links merged into bodies.
 
     Attributes:
         bodies: See `Reading.bodies`.
@@ -69,7 +69,7 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
 
 
 def _merged(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
-    """One body of links, in the frame of the one that it is named after."""
+    """Merge links into one body, in the frame of the link that it is named after."""
     body = links[named]
     back = np.linalg.inv(body.pose)
     fixed = {name: back @ link.pose for name, link in links.items() if name != named}
@@ -91,7 +91,7 @@ _OWN = ("armature", "damping", "friction", "stiffness")
 
 
 def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
-    """The reading with joints replaced.
+    """Return the reading with joints of other types.
 
     A spherical or universal joint sits where the old one did, is unlimited, and is at zero where the old one was at
     home. The hinges of a universal joint ``name`` are called ``name_Z`` and ``name_Y``, after the axes of the frame of
@@ -122,7 +122,7 @@ def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
 
 
 def _lost(joint: JointReading, name: str, kind: str) -> Iterator[str]:
-    """What the file says of a joint that does not hold for its new type."""
+    """Yield the properties of a joint that its new type cannot have."""
     if kind != FIXED:
         low, high = joint.limits
         limited = ["limits"] if low < high and not math.isinf(high - low) else []
@@ -140,7 +140,7 @@ def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
 
 
 def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
-    """A spherical joint, or the hinges of a universal one, in the place of a joint."""
+    """Return the spherical joint, or the hinges of a universal joint, that replace a joint."""
     centre = reading.joints[name].centre
     if kind == SPHERICAL:
         return {name: JointReading("ball", np.zeros(6), centre)}
@@ -157,7 +157,7 @@ def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, Jo
 
 
 def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
-    """The reading with other joints, none or several, in the place of one."""
+    """Return the reading with other joints, none or several, in the place of one joint."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
     for each, joint in reading.joints.items():
@@ -168,7 +168,7 @@ def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Re
 
 
 def _welded(reading: Reading, names: list[str], where: str) -> Reading:
-    """The reading without some joints, whose bodies are one."""
+    """Return the reading without some joints, the bodies on their two sides merged."""
     if not names:
         return reading
     couplings = {key: _held(reading, coupling, names) for key, coupling in reading.couplings.items()}
@@ -181,13 +181,13 @@ def _welded(reading: Reading, names: list[str], where: str) -> Reading:
 
 
 def _held(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
-    """A coupling when some joints are fixed at home: what follows these alone is held."""
+    """Return a coupling with some joints fixed at home; a joint that follows only these is held."""
     homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
     return replace(coupling, function=coupling.function.at(homes)) if homes else coupling
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
-    """The links of all bodies, the one with the mass of each among them, to be merged again."""
+    """Yield the links of all bodies, to be merged again; one link of each body carries its mass."""
     for name, body in reading.bodies.items():
         near, joints = "" if body.near == GROUND else body.near, body.joints
         if body.first:

@@ -1,4 +1,4 @@
-"""Models that were built with Pinocchio in Python as readings, with the constraints that close their loops."""
+"""Reads models that were built with Pinocchio in Python, with the constraints that close their loops."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
 
 
 def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) -> ClosureReading:
-    """A constraint between frames of two joints, of which 0 is the ground."""
+    """Convert a constraint between frames of two joints, of which 0 is the ground."""
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
         remedy = "give points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"

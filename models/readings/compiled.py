@@ -1,4 +1,4 @@
-"""MuJoCo's compiler, its warnings and refusals in words, and what of its arrays a reading does not hold."""
+"""MuJoCo's compiler: runs it, words its warnings and errors, lists what a reading does not hold of its arrays."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _REMEDIES = {
 def compiled(
     text: str, where: str, models: Mapping[str, str] | None = None, meshes: Mapping[str, bytes] | None = None
 ) -> Any:
-    """The compiled model; bodies that are fixed to each other stay apart. No file is opened.
+    """Compile a model, keeping bodies that are fixed to each other apart; no file is opened.
 
     Args:
         where: The file to blame.
@@ -69,7 +69,7 @@ def _name_joints(spec: Any) -> None:
 
 @contextmanager
 def warned() -> Iterator[list[str]]:
-    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
+    """Collect MuJoCo's warnings: its own handler would write MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 
     messages: list[str] = []
@@ -82,7 +82,7 @@ def warned() -> Iterator[list[str]]:
 
 @contextmanager
 def heard() -> Iterator[list[str]]:
-    """What MuJoCo and its Python package warn of, as phrases, known after it."""
+    """Collect the warnings of MuJoCo and its Python package as phrases, complete after the block."""
     phrases: list[str] = []
     with warned() as messages, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -103,7 +103,7 @@ _PULLS = (
 
 
 def content(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """All of it, that of joints first."""
+    """Yield the content of a compiled model that a reading does not hold, that of joints first."""
     for kind in kinds().values():
         if kind.of == "joint":
             yield from _of_joints(model, kind)
@@ -122,7 +122,7 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
 
 
 def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
-    """Entries of one joint, tendon, actuator or pair in arrays that this MuJoCo has; ranges out of force are zero."""
+    """Return the entries of a joint, tendon, actuator or pair in arrays of this MuJoCo; unused ranges are zero."""
     entries = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
     for name in entries:
         limited = getattr(model, f"{name.removesuffix('range')}limited", None) if name.endswith("range") else None
@@ -132,7 +132,7 @@ def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
 
 
 def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
-    """Numbers of one joint, tendon, actuator or pair, each with a label."""
+    """Return the numbers of a joint, tendon, actuator or pair, each with a label."""
     out: list[tuple[str, float | str]] = []
     for name, values in _entries(model, arrays, i).items():
         label = name.partition("_")[2]
@@ -142,7 +142,7 @@ def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
 
 
 def _acts(model: Any, arrays: Iterable[str], i: int) -> bool:
-    """Whether any of these numbers is not without effect."""
+    """True if any of these numbers differs from its neutral value."""
     neutral = table()["neutral"]
     for name, values in _entries(model, arrays, i).items():
         idle = np.zeros(len(values))
@@ -164,7 +164,7 @@ def _of_joints(model: Any, kind: Kind) -> Iterator[Content]:
 
 
 def shares(model: Any, tendon: int) -> dict[int, float] | None:
-    """Joint -> what it adds to the length of a fixed tendon, nothing without one; None of another kind of tendon."""
+    """Return joint -> coefficient of a fixed tendon, none without a tendon; None for another kind of tendon."""
     import mujoco
 
     at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]) if tendon >= 0 else ()
@@ -174,7 +174,7 @@ def shares(model: Any, tendon: int) -> dict[int, float] | None:
 
 
 def sites_along(model: Any, tendon: int) -> list[int] | None:
-    """Sites over which a tendon runs; None of one that runs over geoms or pulleys, too."""
+    """Return the sites that a tendon passes; None if it also passes geoms or pulleys."""
     import mujoco
 
     at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
@@ -183,13 +183,13 @@ def sites_along(model: Any, tendon: int) -> list[int] | None:
 
 
 def _along(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
-    """Joints of a fixed tendon, and what they add to its length."""
+    """Return the joints of a fixed tendon with their coefficients."""
     found = (shares(model, tendon) or {}).items()
     return tuple(sorted(("joints", model.joint(joint).name, share) for joint, share in found))
 
 
 def _tendons(model: Any) -> Iterator[Content]:
-    """Tendons that pull; of others what they drive or couple is said with that."""
+    """Yield the tendons that pull; actuators and equalities report the tendons that they use themselves."""
     kind = kinds()["fixed tendons"]
     own = [name for name in kind.arrays if name not in _PATHS]
     for i in range(model.ntendon):
@@ -203,13 +203,13 @@ def _tendons(model: Any) -> Iterator[Content]:
 
 
 def single_joint(model: Any, actuator: int) -> int | None:
-    """The hinge or slide that an actuator drives."""
+    """Return the hinge or slide that an actuator drives."""
     joint = int(model.actuator_trnid[actuator, 0])
     return joint if _drives(model, actuator) == "joint" and model.jnt_type[joint] not in (_FREE, _BALL) else None
 
 
 def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
-    """Joint -> what it adds to the length of an actuator before its gear; none of one that drives other things."""
+    """Return joint -> coefficient in the length of an actuator before its gear; none if it drives something else."""
     joint = single_joint(model, actuator)
     if joint is not None:
         return {joint: 1.0}
@@ -217,7 +217,7 @@ def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
 
 
 def _drives(model: Any, actuator: int) -> str:
-    """``joint``, ``tendon`` (a fixed one) or nothing that is read."""
+    """Return ``joint``, ``tendon`` (a fixed tendon), or nothing for other transmissions."""
     import mujoco
 
     transmission, target = mujoco.mjtTrn(int(model.actuator_trntype[actuator])), int(model.actuator_trnid[actuator, 0])
@@ -282,7 +282,7 @@ def _options(model: Any) -> Iterator[Content]:
 
 
 def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """Bodies of which parts have their weight compensated otherwise than others."""
+    """Yield the bodies whose parts have their weight compensated by different shares."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
@@ -296,7 +296,7 @@ def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
 
 
 def _moved_from_outside(model: Any) -> Iterator[Content]:
-    """Mocap bodies that equalities hold on to."""
+    """Yield the mocap bodies that equalities attach to."""
     import mujoco
 
     for i in range(model.nbody if model.neq else 0):
@@ -311,7 +311,7 @@ def _moved_from_outside(model: Any) -> Iterator[Content]:
 
 
 def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> CouplingReading:
-    """``y - y0 = sum P(x - x0)`` in powers of each x itself: y of joint `one`; a negative joint is none."""
+    """Convert ``y - y0 = sum P(x - x0)`` to powers of each x: y of joint `one`; a negative number is no joint."""
     zeros = {joint: float(model.qpos0[model.jnt_qposadr[joint]]) for joint in {one, *polynomials} if joint >= 0}
     names = {joint: model.joint(joint).name for joint in zeros}
     function = PolynomialSum.of({names.get(joint, ""): p for joint, p in polynomials.items()})
@@ -320,7 +320,7 @@ def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> Coupl
 
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:
-    """``L1 - L10 = P(L2 - L20)`` of lengths that are sums of coordinates, if P is linear or of one joint."""
+    """Convert ``L1 - L10 = P(L2 - L20)`` of fixed tendons to a coupling, if P is linear or of one joint."""
     first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
     p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
     if first is None or second is None:

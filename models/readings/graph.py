@@ -1,4 +1,4 @@
-"""Readings of files that state links and joints as a graph, as SDF and USD do: a tree of it, and what closes its loops.
+"""Reads files that state links and joints as a graph (SDF, USD): chooses a tree and closes the remaining loops.
 
 A joint of any kind closes a loop: it carries a copy of its child without mass, which is welded to the child.
 """
@@ -72,7 +72,7 @@ class GraphJoint:
 
 
 class Mimic(NamedTuple):
-    """A coordinate that is a linear function of another one.
+    """A coordinate that depends linearly on another one.
 
     Attributes:
         leader: Joint that it follows.
@@ -186,14 +186,14 @@ def read_graph(
 
 
 def _unused(name: str, names: Collection[str]) -> str:
-    """The name, or one like it where that is taken."""
+    """Return the name, extended by ``_`` while it is taken."""
     while name in names:
         name += "_"
     return name
 
 
 def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Joints with one direction for all that are parallel but for rounding, or right angles: loops hang on that."""
+    """Give joints that are parallel or perpendicular but for rounding exact directions: loops depend on it."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
@@ -211,14 +211,14 @@ def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, J
 
 
 def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReading:
-    """Weld of a child to the end of the joint that closes a loop with it, where the child would then be."""
+    """Return the weld of a child to the end of the joint that closes a loop with it, where the child would be."""
     (body, F), (other, _) = (assembly.places[name] if name else (GROUND, np.eye(4)) for name in (child, end))
     at = np.eye(4) if other == GROUND else assembly.bodies[other].pose
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
 
 
 def _reached(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
-    """Each link, the joint by which it is reached from the world, and whether it is the parent there.
+    """Yield each link, the joint that reaches it from the world, and whether the link is the joint's parent.
 
     Of all joints that lead further the first one of the file is taken, those that are to close loops last. A link that
     none reaches floats, and has no joint.

@@ -1,4 +1,4 @@
-"""The file beside a URDF that says how its loops close: a loops file of our own, or the ``robot.yaml`` of others."""
+"""Finds and applies the file beside a URDF that closes its loops: our own loops file or a ``robot.yaml``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.reference.files import is_file
 
 
 def loops_for(path: Path, given: Path | None = None) -> Path | None:
-    """The file that says what closes the loops of a model file; None where there is none.
+    """Return the file that closes the loops of a model file; None if there is none.
 
     Args:
         given: One that was named, in place of one beside a URDF: of its name, or called ``robot.yaml``.
@@ -29,13 +29,13 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
 
 
 def loops_beside(path: Path) -> Path | None:
-    """The file beside a URDF that says what closes its loops; None where there is none."""
+    """Return the file beside a URDF that closes its loops; None if there is none."""
     candidates = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
     return next((file for file in candidates if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:
-    """A reading of a URDF with the closures, motors and spherical joints of the file beside it.
+    """Add the closures, motors and spherical joints of the file beside a URDF to its reading.
 
     Raises:
         ScrewgaugeError: The file cannot be read, or names what the reading does not have.

@@ -1,4 +1,4 @@
-"""Takes meshes, textures and other files out of an MJCF, and says where mass would have come from them."""
+"""Removes meshes, textures and other files from an MJCF, and finds bodies that take their mass from them."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _pairs(root: ET.Element) -> Iterator[Content]:
 
 
 def weighs(root: ET.Element) -> list[MeshShape]:
-    """Geoms of meshes and the like from which bodies of an MJCF have mass."""
+    """Return the mesh geoms from which bodies of an MJCF take their mass."""
     force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
     classes, found = classes_of(root), []
     for shape in shapes(root):
@@ -124,7 +124,7 @@ def _is_zero(value: str | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class MeshShape:
-    """A geom: the body that it belongs to, the element that it is in, the class that counts, whether it moves."""
+    """A geom with the body that it belongs to, its parent element, its default class, and whether it moves."""
 
     geom: ET.Element
     body: ET.Element
@@ -133,17 +133,17 @@ class MeshShape:
     moves: bool
 
     def values(self, classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-        """Attributes of the geom, those of its class among them."""
+        """Attributes of the geom, with the defaults of its class."""
         return {**classes.get(self.around, {}), **self.geom.attrib}
 
     def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:
-        """Whether it is that of a mesh, or of something else in a file."""
+        """True if the geom is a mesh, or is read from a file otherwise."""
         values = self.values(classes)
         return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
 
 
 def shapes(root: ET.Element) -> Iterator[MeshShape]:
-    """Every geom of an MJCF."""
+    """Yield every geom of an MJCF."""
     waiting = [(world, world, "", False) for world in root.iterfind("worldbody")]
     while waiting:
         body, parent, around, moves = waiting.pop()
@@ -158,7 +158,7 @@ def shapes(root: ET.Element) -> Iterator[MeshShape]:
 
 
 def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
-    """Class -> attributes that its geoms have by default; the outermost one is also called by the empty name."""
+    """Return default class -> attributes of its geoms; the outermost class is also called by the empty name."""
     classes: dict[str, dict[str, str]] = {}
     outermost = root.findall("default")
     waiting: list[tuple[ET.Element, dict[str, str]]] = [(default, {}) for default in outermost]
@@ -224,7 +224,7 @@ def _inertial(model: Any, name: str, path: Path) -> ET.Element:
 
 
 def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
-    """Bodies, their geoms and meshes alone; and what is in the files of these.
+    """Return a copy with bodies, geoms and meshes alone, and the contents of the mesh files.
 
     Args:
         kept: Identities of the geoms that are to keep their meshes.
@@ -253,7 +253,7 @@ def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[E
 
 
 def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Leaves the meshes that are used, under names of their own; yields these and what is in the files."""
+    """Keep the used meshes under names of their own; yield these names and the contents of the files."""
     directory, total = _directory(bare), 0
     for asset in bare.iterfind("asset"):
         for element in list(asset):
@@ -272,7 +272,7 @@ def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> 
 
 
 def _directory(bare: ET.Element) -> str:
-    """Folder of the meshes; the compiler then looks for none."""
+    """Return the folder of the meshes and remove it from the compiler's settings."""
     folders, strip = {"meshdir": "", "assetdir": ""}, False
     for compiler in bare.iterfind("compiler"):
         folders |= {key: compiler.attrib.pop(key) for key in folders if key in compiler.attrib}

@@ -1,4 +1,4 @@
-"""What MuJoCo reads from a URDF or MJCF."""
+"""Reads a URDF or MJCF with MuJoCo."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def loaded(source: Source) -> Any:
-    """The compiled model; bodies that are fixed to each other stay apart.
+    """Compile a model file, keeping bodies that are fixed to each other apart.
 
     Raises:
         ModelFileError: MuJoCo refuses it.
@@ -99,7 +99,7 @@ def loaded(source: Source) -> Any:
 
 
 def is_disabled(model: Any, flag: str) -> bool:
-    """Whether a file switches a stage of MuJoCo off, such as ``GRAVITY`` or ``DAMPER``."""
+    """True if the file disables a stage of MuJoCo, such as ``GRAVITY`` or ``DAMPER``."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
@@ -109,12 +109,12 @@ def is_disabled(model: Any, flag: str) -> bool:
 
 
 def is_single(model: Any, joint: int) -> bool:
-    """Whether it is a hinge or slide."""
+    """True for a hinge or slide."""
     return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
 
 def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]]:
-    """Args: root: First link of a URDF, which MuJoCo merges into the world unless it has mass."""
+    """Yield all links. `root`: first link of a URDF, which MuJoCo merges into the world unless it has mass."""
     names = [root, *(model.body(i).name for i in range(1, model.nbody))]
     if root and root not in names[1:]:
         yield root, BARE
@@ -135,7 +135,7 @@ def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]
 
 
 def turn(quaternion: Array) -> Array:
-    """Rotation matrix of a quaternion as MuJoCo computes it. Shape (4,) -> (3, 3)."""
+    """Return the rotation matrix of a quaternion as MuJoCo computes it. Shape (4,) -> (3, 3)."""
     import mujoco
 
     R = np.zeros(9)
@@ -165,7 +165,7 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
 def _equalities(
     model: Any, assembly: Assembly, unread: list[Content]
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
-    """Closures and couplings; what is neither is added to `unread`."""
+    """Return closures and couplings; add other equalities to `unread`."""
     closures, couplings = {}, {}
     off = is_disabled(model, "EQUALITY")
     for i in range(model.neq):
@@ -192,7 +192,7 @@ def _softness(model: Any, i: int) -> tuple[float, ...]:
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
-    """Bodies and the frames in them that an equality keeps together.
+    """Return the bodies of an equality, each with its frame there.
 
     MuJoCo computes the second anchor of a connect at qpos0. Of a weld it keeps the anchor in the second body, then
     where that anchor and the second body's axes are in the first.
@@ -216,20 +216,20 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
 
 
 def coupling_reading(model: Any, i: int) -> CouplingReading | None:
-    """An equality of joints or fixed tendons as a coupling; None if it is none."""
+    """Convert an equality of joints or fixed tendons to a coupling; None if it is none."""
     if int(model.eq_type[i]) == _TENDON:
         return tendon_equality(model, i)
     return joint_equality(model, i) if int(model.eq_type[i]) == _JOINT else None
 
 
 def joint_equality(model: Any, i: int) -> CouplingReading:
-    """``y - y0 = P(x - x0)``, with the coordinates at qpos0."""
+    """Convert ``y - y0 = P(x - x0)``, with the coordinates at qpos0, to a coupling."""
     one, other = (int(joints[i]) for joints in (model.eq_obj1id, model.eq_obj2id))
     return coupling_of(model, one, {other: model.eq_data[i, : POWERS if other >= 0 else 1]})
 
 
 def _actuators(model: Any) -> dict[str, ActuatorReading]:
-    """Actuators of hinges and slides; others, and laws of force, are content of their own."""
+    """Return the actuators of hinges and slides; `compiled.content` lists other actuators and force laws."""
     return {
         model.actuator(i).name: ActuatorReading(model.joint(joint).name, float(model.actuator_gear[i, 0]))
         for i in range(model.nu)

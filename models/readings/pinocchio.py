@@ -1,4 +1,4 @@
-"""What Pinocchio reads from a URDF or MJCF, closures of an MJCF among it, and what its parsers print."""
+"""Reads a URDF or MJCF with Pinocchio, closures of an MJCF included, and captures what its parsers print."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array
 
 @contextmanager
 def overheard() -> Iterator[list[str]]:
-    """Errors printed inside, known after it; nothing that is printed reaches the terminal."""
+    """Collect errors that the block prints, complete after it; nothing printed reaches the terminal."""
     errors: list[str] = []
     sys.stderr.flush()
     kept = os.dup(2)
@@ -55,7 +55,7 @@ _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """An elementary joint.
+    """An elementary joint of a Pinocchio model.
 
     Attributes:
         joint: Number of the joint that it is part of.
@@ -101,7 +101,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def loaded(source: Source) -> Any:
-    """The model.
+    """Load the model.
 
     Raises:
         ModelFileError: Pinocchio refuses the file, or drops a part of it.
@@ -128,7 +128,7 @@ def loaded(source: Source) -> Any:
 
 
 def start(model: Any) -> Array:
-    """Neutral coordinates, free bodies where an MJCF has them.
+    """Return the neutral coordinates, free bodies at the pose that the MJCF gives them.
 
     Pinocchio keeps that as ``qpos0``, and gives the joint of a turned body a placement besides.
     """
@@ -144,7 +144,7 @@ def start(model: Any) -> Array:
 
 
 def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
-    """All elementary joints, from the ground outwards."""
+    """Yield all elementary joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
         if i == 0:
@@ -159,7 +159,7 @@ def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
 
 
 def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
-    """Elementary joints of a composite one, by their names in the file if it has as many; else all are numbered."""
+    """Yield the elementary joints of a composite one, named as in the file if the numbers match, else numbered."""
     import pinocchio
 
     joint = model.joints[i]
@@ -175,7 +175,7 @@ def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
 
 
 def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
-    """World placement of every joint and their Jacobian [linear; angular] at the world origin, shape (6, n_v).
+    """Return the world placement of each joint and the Jacobian [linear; angular] at the world origin, (6, n_v).
 
     Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
     """
@@ -191,7 +191,7 @@ def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
 
 
 def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[str, BodyReading]]:
-    """Every link. Links and joints may share a name, so frames are distinguished by their numbers."""
+    """Yield every link; links and joints may share a name, so frames are identified by number."""
     import pinocchio
 
     names = {i: tuple(part.name for part in parts if part.joint == i) for i in range(1, model.njoints)}
@@ -213,7 +213,7 @@ def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[s
 
 
 def _inertias(model: Any) -> dict[int, Any]:
-    """Frame number of each moving link with mass or inertia -> its inertia in the link's frame.
+    """Return frame number -> inertia, in the link's frame, of each moving link with mass or inertia.
 
     Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of the
     fixed joint.
@@ -242,7 +242,7 @@ def _inertias(model: Any) -> dict[int, Any]:
 
 
 def _planar_axes(source: Source) -> Iterator[str]:
-    """Pinocchio lets every planar joint move in the plane of x and y; URDF's own default is that of y and z."""
+    """Yield planar joints whose plane Pinocchio ignores: it uses that of x and y, URDF's default is y and z."""
     for joint in source.root.iterfind("joint"):
         axis = joint.find("axis")
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
@@ -251,14 +251,14 @@ def _planar_axes(source: Source) -> Iterator[str]:
 
 
 def _unturned(source: Source) -> Iterator[str]:
-    """The parser of URDF reads quaternions from version 1.1 on; a file without a version is one of 1.0."""
+    """Yield a phrase if the parser ignores quaternions: it reads them from version 1.1 on; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
         yield "origin quat_xyzw, as the file is not of version 1.1"
 
 
 def joint_reading(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
-    """Reading of an elementary joint.
+    """Convert an elementary joint to a reading.
 
     Args:
         placed: World placement of the joint.
@@ -292,7 +292,7 @@ _JOINED = ("body1", "body2", "site1", "site2")
 
 @contextmanager
 def as_file(root: ET.Element) -> Iterator[str]:
-    """Path of a file with an MJCF: Pinocchio reads no text.
+    """Write an MJCF to a temporary file, since Pinocchio reads no text; return its path.
 
     Without its keyframes: of a model of which it drops a part, Pinocchio would refuse those of the whole. And without
     the models that it attaches, which Pinocchio drops.
@@ -325,7 +325,7 @@ def _numbered(root: ET.Element, known: Collection[str], unread: list[Content]) -
 
 
 def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
-    """Closures by name.
+    """Return the closures by name.
 
     Pinocchio 4.1 crashes on those of bodies that it has dropped, and gives sites of bodies that do not move a placement
     of uninitialised memory: such closures it is not shown, and they are added to `unread`.

@@ -1,4 +1,4 @@
-"""Reads any URDF, MJCF or SDF by any library that reads it; what else the file holds, and what no machine has."""
+"""Reads any model file with any library that supports its format; lists unread content, rejects impossible models."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def _independent(root: ET.Element) -> bytes:
-    """The file without `<mimic>`: yourdfpy would place those joints by others, and couplings are read apart."""
+    """Return the file without `<mimic>`: yourdfpy would move those joints, and couplings are read separately."""
     root = copy.deepcopy(root)
     for joint in root.iterfind("joint"):
         for mimic in joint.findall("mimic"):
@@ -117,7 +117,7 @@ _NAMED = 3
 
 
 def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
-    """All of it; links and joints that are not there at all come first.
+    """List the content that the reading does not hold; missing links and joints come first.
 
     Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
     """
@@ -132,7 +132,7 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
 
 
 def _content(source: Source, extra: Extra) -> Content:
-    """Content of an extra, with all values that a URDF gives it, as classes of an MJCF add to an element."""
+    """Convert an extra element to content; values are kept for a URDF only, as MJCF classes add to elements."""
     kind = kind_of(extra.what)
     if source.form == "mjcf" or extra.element is None:
         return Content(kind, extra.what, extra.whose)
@@ -146,7 +146,7 @@ def _content(source: Source, extra: Extra) -> Content:
 
 
 def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
-    """Numbers and texts of an element with all that is in it, whatever is written around them."""
+    """Yield the numbers and texts of an element and its children, independent of spacing and order of attributes."""
     yield "element", element.tag
     for name, value in sorted(element.attrib.items()):
         yield from ((name, _number(word)) for word in value.split())
@@ -163,14 +163,14 @@ def _number(text: str) -> float | str:
 
 
 def _prepared(source: Source, reading: Reading) -> Iterator[Content]:
-    """What was taken out before a library saw it; only MuJoCo would take masses from meshes."""
+    """Yield what was removed before a library read the file; only MuJoCo would take mass from meshes."""
     for each in source.content:
         idle = each.kind == "mass from meshes" and reading.library != "mujoco"
         yield replace(each, kind="put in place") if idle else each
 
 
 def dropped(source: Source, reading: Reading) -> list[Content]:
-    """Links, moving joints and attached models of the file that the library has not made anything of."""
+    """List links, moving joints and attached models of the file that the library ignores."""
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
     lost = source.attached and reading.library != "mujoco"
@@ -186,12 +186,12 @@ def dropped(source: Source, reading: Reading) -> list[Content]:
 
 
 def implausible(reading: Reading) -> tuple[str, ...]:
-    """Sentences on bodies and joints."""
+    """Return sentences on implausible bodies and joints."""
     return (*of_bodies([*_solids(reading)]), *too_far(_hinges(reading)))
 
 
 def _solids(reading: Reading) -> Iterator[Solid]:
-    """Bodies of a reading that have mass and turn."""
+    """Yield the bodies of a reading that have mass and rotate."""
     turning = set[str]()
     for name, body in reading.bodies.items():
         if body.near in turning or any(reading.joints[joint].kind != "slide" for joint in body.joints):
@@ -241,7 +241,7 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float
 
 
 def libraries_for(path: Path) -> tuple[str, ...]:
-    """Installed libraries that read a model file, the one of its format first.
+    """List the installed libraries that read a model file, that of its format first.
 
     Raises:
         ScrewgaugeError: It is no model, or one that is refused before a library sees it.
@@ -250,7 +250,7 @@ def libraries_for(path: Path) -> tuple[str, ...]:
 
 
 def libraries_of(form: str) -> tuple[str, ...]:
-    """Installed libraries that read a format, its own first."""
+    """List the installed libraries that read a format, its own first."""
     able = [name for name, (forms, _) in LIBRARIES.items() if form in forms and find_spec(name)]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
 

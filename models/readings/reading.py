@@ -1,4 +1,4 @@
-"""What was read from any model file, in terms that no format, loader or engine owns.
+"""The content of a model file in terms that belong to no format, library or engine.
 
 Links that nothing moves against each other are one body, and joints are screws in the world at the home coordinates, so
 that nothing depends on how a format splits bodies, joints and frames. A body's pose is the product of exponentials of
@@ -26,7 +26,7 @@ from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyReading(Matter):
-    """A body that moves, with all that is fixed to it; its matter, of the whole, is in its own frame.
+    """A moving body with the links fixed to it; its mass properties are those of the whole, in its own frame.
 
     A single link, before links are merged into bodies, is one without joints where it is fixed to `near`, which then is
     a link, or empty for the world.
@@ -71,7 +71,7 @@ BARE = BodyReading(0.0, np.zeros(3), np.zeros((3, 3)), "", (), np.eye(4))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointReading:
-    """A joint.
+    """A joint of a reading.
 
     Attributes:
         kind: One of `FREEDOMS`.
@@ -102,7 +102,7 @@ class JointReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosureReading:
-    """Two frames of which the origins coincide (``point``), or the whole (``weld``).
+    """A constraint between two frames that makes their origins (``point``) or the whole frames (``weld``) coincide.
 
     Attributes:
         first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
@@ -121,7 +121,7 @@ class ClosureReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingReading:
-    """A joint whose coordinate is a sum of polynomials of others': mimic joints, gears, screws, belts.
+    """A coupling: one coordinate is a sum of polynomials of others, as for mimic joints, gears, screws, belts.
 
     Attributes:
         joint: Name of a hinge or slide.
@@ -134,19 +134,19 @@ class CouplingReading:
     softness: tuple[float, ...] = ()
 
     def solved(self, joint: str) -> CouplingReading:
-        """The same coupling as one of another of its joints, if it is linear in that; else itself."""
+        """Return the coupling solved for another of its joints, itself if it is not linear in that joint."""
         if not self.function.is_linear_in(joint):
             return self
         return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
 
     @property
     def named(self) -> tuple[str, ...]:
-        """All joints that it couples, its own first."""
+        """All joints of the coupling, its dependent joint first."""
         return self.joint, *self.function.terms
 
 
 class ActuatorReading(NamedTuple):
-    """What drives a hinge or slide: its name, and how much of it one of the actuator is."""
+    """The joint that an actuator drives, and the force on the joint per unit of the actuator."""
 
     joint: str
     gear: float = 1.0
@@ -154,7 +154,7 @@ class ActuatorReading(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """What was read.
+    """The content of a model file.
 
     Attributes:
         name: Of the model.
@@ -189,11 +189,11 @@ class Reading:
 
     @property
     def ignored(self) -> tuple[str, ...]:
-        """`content` in words, one phrase for each kind of element or attribute."""
+        """`content` as phrases, one for each kind of element or attribute."""
         return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
-        """Body (or ground) that a link, or else the link that a joint carries, is part of, and its frame there, (4, 4).
+        """Return the body (or ground) that contains a link, or the link that a joint carries, and its frame there.
 
         None where there is neither.
         """
@@ -208,17 +208,17 @@ class Reading:
         return None
 
     def has_link(self, name: str) -> bool:
-        """Whether there is a link of that name."""
+        """True if there is a link of that name."""
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:
-        """The link that a joint carries; empty if there is no such joint, or it is not the last one before a link."""
+        """Return the link that a joint carries; empty if there is no such joint or it is not the last before a link."""
         if joint in self.frames:
             return self.frames[joint]
         return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
 
     def moved_by(self, joint: str) -> str:
-        """The body that a joint moves, alone or with others."""
+        """Return the body that a joint moves, alone or with others."""
         return next(name for name, body in self.bodies.items() if joint in body.joints)
 
     @property
@@ -227,23 +227,23 @@ class Reading:
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """The two bodies of a closure, each with the frame there in the world. Shape (4, 4)."""
+        """Return the two bodies of a closure, each with the frame of the closure in the world. Shape (4, 4)."""
         one, poses = self.closures[closure], self.poses
         return (one.first, poses[one.first] @ one.first_frame), (one.second, poses[one.second] @ one.second_frame)
 
     @property
     def roots(self) -> list[str]:
-        """Bodies that hang on the ground."""
+        """Bodies attached to the ground."""
         return [name for name, body in self.bodies.items() if body.near not in self.bodies]
 
     @property
     def mass(self) -> float:
-        """Mass of all that moves [kg]."""
+        """Mass of all moving bodies [kg]."""
         return sum(body.mass for body in self.bodies.values())
 
     @property
     def freedom(self) -> int:
-        """How many velocities all joints have."""
+        """Number of velocities of all joints."""
         return sum(FREEDOMS[joint.kind] for joint in self.joints.values())
 
     @property
@@ -253,19 +253,19 @@ class Reading:
 
 
 def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Joint -> its entries in a vector, of which each joint has as many as `sizes` says of its kind."""
+    """Return joint -> its entries in a vector; `sizes` gives the number of entries for each kind of joint."""
     ends = accumulate(sizes[joint.kind] for joint in joints.values())
     return {n: slice(end - sizes[j.kind], end) for (n, j), end in zip(joints.items(), ends, strict=True)}
 
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
-    """Couplings of a description as readings of them, by name."""
+    """Convert the couplings of a description to readings, by name."""
     read = (one for one in couplings if not isinstance(one, Fixing))  # whose joint is none of a reading
     return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
-    """A reading without bodies of no mass and inertia that carry one further body and no closure.
+    """Remove bodies without mass and inertia that carry one further body and no closure.
 
     The joints of such a body come before those of the body that it carries; links fixed to it are gone.
 
@@ -292,7 +292,7 @@ def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
 
 
 def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
-    """A reading by other names.
+    """Rename parts of a reading.
 
     Args:
         names: ``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators`` -> name -> other name.

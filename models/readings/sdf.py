@@ -1,4 +1,4 @@
-"""SDF 1.5 to 1.12 as a reading: matter of links, shapes of which it comes, joints and what couples them."""
+"""Reads SDF 1.5 to 1.12: mass properties of links, shapes that define them, joints and couplings."""
 
 from __future__ import annotations
 
@@ -94,19 +94,19 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
 
 
 def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
-    """Worlds and models that stand beside the first world."""
+    """Yield the worlds and models that stand beside the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
     return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
 
 
 def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
-    """Numbers of axes of ball joints, which have no axis to act along."""
+    """Yield the axes of ball joints, which have no axis for their numbers."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
     return (Content(OTHER, f"axis of ball joint {name}, which has none") for name in balls)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
-    """Sentences on links that do not state their matter."""
+    """Yield sentences on links that do not state their mass properties."""
     stated = dict[str, list[str]]()
     for name, element in links.items():
         inertial = ET.Element("inertial") if (found := element.find("inertial")) is None else found
@@ -117,7 +117,7 @@ def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
 
 
 def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
-    """Matter and pose of a link; SDF gives one without inertial 1 kg and 1 kg m^2."""
+    """Return the mass properties and pose of a link; without an inertial SDF gives it 1 kg and 1 kg m^2."""
     element, inertial = frame.element, frame.element.find("inertial")
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
@@ -136,7 +136,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
 
 
 def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frames: Frames) -> Matter:
-    """Matter of a shape in the frame of its link; none of a plane."""
+    """Return the mass properties of a shape in the frame of its link; none for a plane."""
     shape = next(iter(collision.find("geometry") or ()), ET.Element("missing shape"))
     if shape.tag == "plane":
         return NOTHING
@@ -154,7 +154,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
 
 @dataclass(frozen=True, slots=True)
 class _Joint:
-    """A joint of a file, by its full name."""
+    """A joint of a file."""
 
     full: str
     frame: Frame
@@ -162,12 +162,12 @@ class _Joint:
 
     @property
     def name(self) -> str:
-        """Its name in the reading."""
+        """Name of the joint in the reading."""
         return self.frames.short(self.full)
 
     @property
     def kind(self) -> str:
-        """Its type."""
+        """Type of the joint."""
         return self.frame.element.get("type", "")
 
     @property
@@ -177,18 +177,18 @@ class _Joint:
         return (self.name,) if count == 1 else tuple(f"{self.name}.{i + 1}" for i in range(count))
 
     def axis(self, i: int) -> ET.Element:
-        """What holds the numbers of a freedom: a screw has one axis, for its hinge."""
+        """Return the element with the numbers of a freedom; a screw has one axis, for its hinge."""
         axis = self.frame.element.find("axis2" if i and self.kind != "screw" else "axis")
         return ET.Element("axis") if axis is None else axis
 
     def link(self, side: str) -> str:
-        """Link on one of its sides, ``parent`` or ``child``."""
+        """Return the link on one side of the joint, ``parent`` or ``child``."""
         if not (name := self.frame.element.findtext(side)):
             raise ModelFileError(f"joint {self.name} has no {side}", self.frames.where, "name it")
         return self.frames.link(self.frame.named(name))
 
     def direction(self, i: int) -> Array:
-        """Unit vector of an axis in the world. Shape (3,)."""
+        """Return the unit vector of an axis in the world. Shape (3,)."""
         axis, base = self.axis(i), self.full
         way, (xyz,) = self.frames.vector(axis, "xyz", "0 0 1", 3), [*axis.findall("xyz"), axis][:1]
         if not way.any():
@@ -200,7 +200,7 @@ class _Joint:
         return np.asarray(self.frames.at(base)[:3, :3] @ way / np.linalg.norm(way))
 
     def in_graph(self) -> GraphJoint:
-        """The joint between its links."""
+        """Convert the joint to an edge between its links."""
         if self.kind not in _KINDS:
             what = f"joint {self.name} is of type '{self.kind}'"
             raise ModelFileError(what, self.frames.where, f"make it one of {', '.join(_KINDS)}, gearbox")
@@ -222,14 +222,14 @@ class _Joint:
         return replace(joint, limits=FREE if self.kind == "continuous" else limits, **dynamics)  # type: ignore[arg-type]
 
     def efforts(self) -> Iterator[tuple[str, float]]:
-        """Coordinates whose force has a bound, and that."""
+        """Yield the coordinates with an effort limit, and the limit."""
         for i, name in enumerate(self.coordinates):
             _, most = bounds(0.0, self.frames.number(self.axis(i), "limit/effort", -1.0))
             if 0.0 <= most < math.inf:
                 yield name, most
 
     def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
-        """Of its coordinates those that follow others, or the hinges that a gearbox lets follow each other."""
+        """Yield the coordinates that follow others; of a gearbox, the hinge that follows the other one."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
             (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
@@ -248,7 +248,7 @@ class _Joint:
                 yield Mimic(name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope)
 
     def _geared(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
-        """Hinge between a link of a gearbox and its reference body, and the sense of its axis along the gearbox's."""
+        """Return the hinge between a link and a gearbox's reference body, and the sign of its axis."""
         near, reference = self.link(side), self.link("gearbox_reference_body")
         for name, joint in joints.items():
             if _KINDS.get(joint.kind) == ("hinge",) and {joint.link("parent"), joint.link("child")} == {

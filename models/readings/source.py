@@ -1,4 +1,4 @@
-"""A model file that nobody here wrote, made safe to hand to a library: one text, without meshes, all of it named."""
+"""Prepares an untrusted model file for a library: merges includes, removes meshes, names unnamed elements."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _NAMED = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """A model file, prepared.
+    """A prepared model file.
 
     Attributes:
         form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``.
@@ -68,7 +68,7 @@ class Source:
 
     @property
     def text(self) -> str:
-        """Model file as XML."""
+        """The model file as XML."""
         return ET.tostring(self.root, encoding="unicode")
 
     @property
@@ -83,12 +83,12 @@ class Source:
 
     @property
     def mimics(self) -> dict[str, CouplingReading]:
-        """Joints of a URDF that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
+        """Joints of a URDF that follow another one, by name; a joint that follows a fixed joint is held."""
         return mimics(self.root, str(self.path)) if self.form == "urdf" else {}
 
     @property
     def fixed_joints(self) -> dict[str, str]:
-        """Fixed joint of a URDF -> link that it carries; none of an MJCF."""
+        """Fixed joint of a URDF -> the link that it carries; none for an MJCF."""
         return fixed_joints(self.root) if self.form == "urdf" else {}
 
     def names(self, what: str) -> list[str]:
@@ -143,7 +143,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
 
 
 def form_of(path: Path) -> str:
-    """Format by the root element, or the ending of a USD; empty of anything else.
+    """Return the format, from the root element or the ending of a USD; empty for anything else.
 
     Raises:
         ScrewgaugeError: It cannot be read, or is no XML.
@@ -186,7 +186,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
 
 
 def _turned(root: ET.Element) -> Iterator[str]:
-    """Sentences on origins of a URDF and poses of an SDF that are turned by several turns."""
+    """Yield sentences on origins of a URDF and poses of an SDF that turn by several turns."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
             text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])
@@ -230,7 +230,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
 
 
 def weighed_copy(path: Path, folder: Path) -> Path | None:
-    """A copy of an MJCF, and of what it attaches, whose bodies say the mass and inertia that they have from meshes.
+    """Write copies of an MJCF and the files that it attaches, with the mass and inertia that meshes define.
 
     Args:
         folder: Where to write it.
@@ -277,12 +277,12 @@ Branch = tuple[str, tuple[str, ...], Any]
 
 
 def by_name(source: Source) -> tuple[str, ...]:
-    """Joints in the order that Pinocchio gives those of a URDF: siblings sorted by the names of their joints."""
+    """List the joints in Pinocchio's order for a URDF: siblings sorted by the names of their joints."""
     return _joints(source, by_names=True)
 
 
 def in_file(source: Source) -> tuple[str, ...]:
-    """Joints in the order that MuJoCo gives them: from the ground outwards, siblings as the file has them."""
+    """List the joints in MuJoCo's order: from the ground outwards, siblings as in the file."""
     return _joints(source, by_names=False)
 
 
@@ -308,7 +308,7 @@ def _joints(source: Source, *, by_names: bool) -> tuple[str, ...]:
 
 
 def _bodies(elements: Iterable[ET.Element]) -> Iterator[Branch]:
-    """Bodies in some elements themselves, those in frames included."""
+    """Yield the bodies directly inside some elements, those in frames included."""
     for child in chain.from_iterable(elements):
         if child.tag == "frame":
             yield from _bodies([child])

@@ -1,4 +1,4 @@
-"""USD (UsdPhysics) as a reading: bodies with their matter, joints between frames of both, drives and mimics."""
+"""Reads USD (UsdPhysics): mass properties of bodies, joints between frames of two bodies, drives and mimics."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def read_usd(path: Path, name: str) -> Reading:
 
 
 def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, ActuatorReading]:
-    """Actuators of Newton and MuJoCo that drive a single freedom. joints: by their paths."""
+    """Return the actuators of Newton and MuJoCo that drive a single freedom. joints: by their paths."""
     driven = dict[Any, Any]()
     for prim in prims:
         for relationship in ("newton:targets", "mjc:target"):
@@ -114,7 +114,7 @@ def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, 
 
 
 def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
-    """Sentences on joints whose two frames do not meet."""
+    """Yield sentences on joints whose two frames do not coincide."""
     small = {name: gap for name, gap in gaps.items() if 0.0 < gap <= ROUNDING}
     if (most := max(small.values(), default=0.0)) > ROUNDING**2:
         yield f"Frames of {first_few(small, 3)} are up to {most:.1g} m or rad apart on their bodies: they are closed."
@@ -125,7 +125,7 @@ def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """A stage with its units, and the names of its bodies by their paths."""
+    """A stage with its units and the names of its bodies by path."""
 
     stage: Any
     where: str
@@ -136,7 +136,7 @@ class _Stage:
     content: list[Content] = field(default_factory=list)
 
     def joint(self, prim: Any, name: str) -> _Joint | None:
-        """A joint that constrains something."""
+        """Return a joint that constrains something; None for others."""
         kind = str(prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
         off = not value(prim, "physics:jointEnabled", True)
         if off or kind == "Distance":
@@ -157,7 +157,7 @@ class _Stage:
         return None if len(free) == len(_KINDS[""]) or same else _Joint(prim, name, kind, self, free)
 
     def limits(self, prim: Any, kind: str, token: str) -> tuple[float, float]:
-        """Limits of a freedom of a joint [rad or m]."""
+        """Return the limits of a freedom of a joint [rad or m]."""
         ends = ("physics:lowerLimit", "physics:upperLimit")
         if kind not in ("Revolute", "Prismatic"):
             ends = (f"limit:{token}:physics:low", f"limit:{token}:physics:high")
@@ -165,11 +165,11 @@ class _Stage:
         return bounds(low, high)
 
     def scaled(self, token: str, x: float) -> float:
-        """A coordinate in SI."""
+        """Convert a coordinate to SI."""
         return math.radians(x) if token in _TURNS else self.unit * x
 
     def placed(self, prim: Any) -> tuple[Array, Array]:
-        """Pose of a prim in the world, and its scale. Shapes (4, 4), (3,)."""
+        """Return the pose of a prim in the world, and its scale. Shapes (4, 4), (3,)."""
         M = np.array(self.cache.GetLocalToWorldTransform(prim), dtype=float).T
         scale = np.linalg.norm(M[:3, :3], axis=0)
         scale[0] *= math.copysign(1.0, np.linalg.det(M[:3, :3]))
@@ -179,13 +179,13 @@ class _Stage:
         return matrix(self.unit * M[:3, 3], R), scale
 
     def body_of(self, prim: Any) -> str:
-        """The body that a prim is part of; `WORLD` of what does not move."""
+        """Return the body that contains a prim; `WORLD` if it does not move."""
         while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self.bodies:
             prim = prim.GetParent()
         return self.bodies.get(prim.GetPath(), WORLD) if prim else WORLD
 
     def side(self, joint: Any, k: int) -> tuple[str, Array]:
-        """The body on one side of a joint, and the joint's frame there in the world. Shape (4, 4)."""
+        """Return the body on one side of a joint, and the joint's frame there in the world. Shape (4, 4)."""
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not (prim and prim.IsActive()):
@@ -196,7 +196,7 @@ class _Stage:
         return self.body_of(prim), T @ matrix(self.unit * scale * p, _turn(numbers(joint, q, default=(0.0,) * 4)))
 
     def body(self, prim: Any) -> BodyReading:
-        """Matter and pose of a body."""
+        """Return the mass properties and pose of a body."""
         (T, scale), name = self.placed(prim), self.bodies[prim.GetPath()]
         matter = self.stated(prim, scale, Matter(0.0, np.full(3, np.nan), np.full((3, 3), np.nan)))
         weighs = matter.mass and not np.isnan(matter.inertia).any()
@@ -216,7 +216,7 @@ class _Stage:
         return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
-        """Matter of a body or collider: as the file states it, and the rest as shapes have it."""
+        """Return the mass properties of a body or collider: stated values, completed from its shapes."""
         mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
         moments = numbers(prim, "physics:diagonalInertia", default=(0.0,) * 3)
@@ -229,7 +229,7 @@ class _Stage:
         return Matter(mass or shapes.mass, self.unit * scale * com if np.isfinite(com).all() else shapes.com, inertia)
 
     def shape(self, prim: Any, body: Array, name: str, density: float) -> Matter:
-        """Matter of a collider in the frame of its body. body: its pose, shape (4, 4)."""
+        """Return the mass properties of a collider in the frame of its body. body: pose of the body, shape (4, 4)."""
         from pxr import UsdGeom, UsdShade
 
         if not prim.IsA(UsdGeom.Gprim):
@@ -258,7 +258,7 @@ class _Stage:
         return displaced(self.stated(prim, scale, displaced(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
-        """Gravity of a stage; None of one without a scene whose z is up, which is the usual. Shape (3,)."""
+        """Return the gravity of a stage; None without a scene if z is up, as is usual. Shape (3,)."""
         from pxr import UsdGeom
 
         axis = str(UsdGeom.GetStageUpAxis(self.stage))
@@ -275,7 +275,7 @@ class _Stage:
 
 
 def _turn(q: Array) -> Array:
-    """Rotation by a quaternion (w, x, y, z); none by one that is zero. Shape (3, 3)."""
+    """Return the rotation by a quaternion (w, x, y, z); the identity for a zero quaternion. Shape (3, 3)."""
     return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else np.eye(3)
 
 
@@ -296,7 +296,7 @@ class _Joint:
 
     @property
     def is_ball(self) -> bool:
-        """Whether it turns about all axes, and does nothing else."""
+        """True if the joint rotates about all axes and does not translate."""
         return [*self.limits] == _TURNS and {*self.limits.values()} == {FREE}
 
     @property
@@ -307,7 +307,7 @@ class _Joint:
         return {_TURNS[0]: self.name} if self.is_ball else names
 
     def placed(self) -> tuple[GraphJoint, float]:
-        """The joint between its bodies, and how far its frames are apart there [m or rad]."""
+        """Return the joint between its bodies, and the distance of its two frames [m or rad]."""
         (parent, X), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
         home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
         for token, name in self.coordinates.items():
@@ -324,7 +324,7 @@ class _Joint:
         return GraphJoint(parent, child, freedoms, X @ np.linalg.inv(F), loop), gap
 
     def home(self, T: Array) -> dict[str, float]:
-        """Coordinates by which one frame stands in the other. T: shape (4, 4)."""
+        """Return the coordinates by which one frame stands in the other. T: shape (4, 4)."""
         turning = [_TURNS.index(token) for token in self.limits if token in _TURNS]
         order = [*turning, *(i for i in range(3) if i not in turning)]
         P = np.eye(3)[order]
@@ -334,7 +334,7 @@ class _Joint:
         return named | dict(zip(_SLIDES, T[:3, 3].tolist(), strict=True))
 
     def passive(self, token: str) -> dict[str, float]:
-        """What a freedom exerts by itself: in SI, per radian."""
+        """Return the passive properties of a freedom, in SI and per radian."""
         turns, unit = token in _TURNS, self.stage.unit
         size = self.stage.kilo * unit ** (2 if turns else 0)
         found = {what: size * number(self.prim, *names) for what, names in _PASSIVE.items()}
@@ -344,14 +344,14 @@ class _Joint:
         return {**found, "rest": self.stage.scaled(token, number(self.prim, "mjc:springref"))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
-        """Coordinates that are driven, and the instance of the drive."""
+        """Yield the driven coordinates, each with the instance of its drive."""
         for token, name in self.coordinates.items():
             plain = {"Revolute": "angular", "Prismatic": "linear"}.get(self.kind, token)
             if value(self.prim, f"drive:{plain}:physics:stiffness") is not None and not self.is_ball:
                 yield name, plain
 
     def content(self) -> Iterator[Content]:
-        """Gains and limits of its drives."""
+        """Yield the gains and limits of the drives."""
         for name, instance in self.drives():
             of, names = (("joints", name, 1.0),), {n: f"drive:{instance}:physics:{n}" for n in _DRIVE}
             said = {n: a for n, a in names.items() if value(self.prim, a) is not None}
@@ -362,11 +362,11 @@ class _Joint:
                 yield force_limits(name, self.stage.kilo * per * most)
 
     def target(self, relationship: str) -> Any:
-        """Path that a relationship names; None if it names nothing."""
+        """Return the path that a relationship names; None if it names nothing."""
         return next(iter(self.prim.GetRelationship(relationship).GetForwardedTargets()), None)
 
     def laws(self) -> Iterator[tuple[Any, str, str, float, float, bool]]:
-        """Joint that it follows, its own and that one's freedom, constant and slope, and whether these count degrees.
+        """Yield mimic laws: leading joint, own freedom, its freedom, constant, slope, whether they count degrees.
 
         Those of PhysX count only if there is none of Newton's.
         """
@@ -382,7 +382,7 @@ class _Joint:
             yield self.target(f"{of}:referenceJoint"), token, axis, constant, slope, True
 
     def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
-        """Its coordinates that follow others. joints: by their paths."""
+        """Yield the coordinates that follow others. joints: by their paths."""
         for path, token, axis, constant, slope, degrees in self.laws():
             leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
