@@ -24,7 +24,8 @@ EVIDENCE = 0.5  # decimal places that agree beyond what was fitted, and beyond o
 FIRM = 3.0  # times as many where a table has columns that nothing explains, or more faults than one makes
 SEARCHED, TRIED = 200, 2  # samples that the coarse search looks at; candidates of each class that are fitted
 PROMISE = 0.1  # share of the squares of a column, or of those without a filter, that may be left where a fit begins
-FITS = 15  # steps of a fit
+FITS, WIDE = 15, 1.5  # steps of a fit, and how far they may lead in steps of the grid
+SECANT, ENOUGH = 1e-8, 1e-6  # step that gives a derivative; relative gain at which a fit ends
 UNEVEN = 0.2  # of the last place of the largest number: no smaller number is read more closely
 WINDOW = 10  # numbers in a row by which the dimension of a signal is counted, or whose mean is looked at
 SPIKE, WAVY, FAINT = 6.0, 0.1, 0.3  # of noise: multiples of its rms, shares of the signal
@@ -185,20 +186,33 @@ def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[
 
 
 def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
-    """The size next to one of the grid at which least squares are left."""
-    from scipy.optimize import least_squares
-
+    """Return the size next to one of the grid that leaves least squares, by Gauss and Newton's method."""
     start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
+    large = np.abs(x).max() or 1.0
 
-    def left(v: Array) -> Array:
-        rows, numbers = family.apply(start + step * v[0], np.array([base]))
+    def left(v: float) -> Array:
+        rows, numbers = family.apply(start + step * v, np.array([base]))
         factor, offset = _line(x[rows], numbers[:, 0], mode)
         out = np.zeros(len(x))
-        out[rows] = (x[rows] - factor * numbers[:, 0] - offset) / (np.abs(x).max() or 1.0)
+        out[rows] = (x[rows] - factor * numbers[:, 0] - offset) / large
         return out
 
-    found = least_squares(left, [0.0], bounds=(-1.5, 1.5), max_nfev=FITS, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    return start + step * float(found.x[0])
+    v, rest, share = 0.0, left(0.0), 1.0
+    for _ in range(FITS):
+        if share == 1.0:
+            beside = np.copysign(SECANT, -v)  # within the bounds
+            slope = (left(v + beside) - rest) / beside
+        size, before = float(slope @ slope), float(rest @ rest)
+        way = float(np.clip(v - slope @ rest / size, -WIDE, WIDE)) - v if size > 0.0 else 0.0
+        after = left(v + share * way)
+        gain = before - float(after @ after)
+        if gain <= 0.0:
+            share *= 0.25
+        else:
+            v, rest, share = v + share * way, after, 1.0
+        if abs(share * way) < SECANT or 0.0 < gain < ENOUGH * before:
+            break
+    return start + step * v
 
 
 def _explained(

@@ -152,7 +152,7 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
 
     def shifted(delay: float, bases: Rows) -> tuple[Rows, Array]:
         rows = np.flatnonzero((t - delay >= dense[0]) & (t - delay <= dense[-1]))
-        return rows, np.asarray(BSpline(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
+        return rows, np.asarray(BSpline.construct_fast(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
 
     grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # without zero
     return Family("shift", "", grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
