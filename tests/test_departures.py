@@ -15,7 +15,7 @@ import pytest
 
 import screwgauge
 from screwgauge.models.content import FORMATS, extras
-from screwgauge.study.user_files import departures, left_out_of_file
+from screwgauge.study.mismatches import departures, left_out_of_file
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
 from support.judging import reference_values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from screwgauge.casebook.book import installed, suspects
+from screwgauge.engines.registry import ENGINES
+from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.trust import Guarded, Refusal, guarded
 from screwgauge.models import catalog
@@ -24,11 +27,14 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.study.leave import UNREAD
 from screwgauge.study.left_out import LeftOutForces
 from screwgauge.study.outcome import EXIT, Outcome, weakest
 from screwgauge.study.review import TableReview
 
 T = TypeVar("T")
+
+DOUBT = "doubt"  #: Kind of remark on numbers that no machine has.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,18 +50,13 @@ class Comparison:
             worst_component, worst_t, rule, unique, tolerance, ok, reason.
         judge: One row per engine, residual and unit: engine, residual, unit, max_abs, max_scaled,
             worst_component, worst_t, tolerance, ok, reason.
-        undetermined: Reaction components that redundant constraints leave open: they have no unique value.
-        mobility: Facts of the mechanism (freedoms, rank, redundancy), name -> value.
-        environment: Versions and machine, name -> value.
-        warnings: Sentences about the scene itself.
-        doubts: Those of them on numbers that no machine has: engines may agree on what nobody meant.
-        unread: Those of them on files that the scene names and nobody read.
-        refusals: Samples at which an engine gives no number, with the reason.
-        cover: Computes `coverage`, which is not always wanted.
-        known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
+        remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or nothing.
+        freedoms: Counts of the mechanism.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
-        left_out: What acts in files and in no engine.
-        reviews: Table -> what is wrong with it, column by column.
+        refusals: Samples at which an engine gives no number, with the reason.
+        left_out: Forces that act in files and in no engine.
+        reviews: Table -> its faults, column by column.
+        cover: Computes `coverage`, which is not always wanted.
     """
 
     scene: Scene
@@ -64,18 +65,65 @@ class Comparison:
     errors: pd.DataFrame
     pairs: pd.DataFrame
     judge: pd.DataFrame
-    mobility: Mapping[str, Any]
-    environment: Mapping[str, Any]
-    warnings: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    unread: tuple[str, ...] = ()
-    refusals: Sequence[Refusal] = ()
-    cover: Callable[[], Coverage] = Coverage
-    known: Sequence[str] = ()
-    provenance: Mapping[str, Any] = field(default_factory=dict)
-    undetermined: Sequence[str] = ()
-    left_out: LeftOutForces = field(default_factory=LeftOutForces)
-    reviews: Mapping[str, TableReview] = field(default_factory=dict)
+    remarks: Mapping[str, str]
+    freedoms: Mobility
+    provenance: Mapping[str, Any]
+    refusals: Sequence[Refusal]
+    left_out: LeftOutForces
+    reviews: Mapping[str, TableReview]
+    cover: Callable[[], Coverage]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about the scene itself."""
+        return tuple(self.remarks)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings of numbers that no machine has: engines may agree on what nobody meant."""
+        return tuple(sentence for sentence, kind in self.remarks.items() if kind == DOUBT)
+
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """Warnings of files that the scene names and nobody read."""
+        return tuple(sentence for sentence, kind in self.remarks.items() if kind == UNREAD)
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Versions and machine, name -> value."""
+        return environment()
+
+    @property
+    def mobility(self) -> dict[str, Any]:
+        """Facts of the mechanism (freedoms, rank, redundancy), name -> value, and which forces are unique."""
+        counts = self.freedoms
+        return {
+            "moving bodies": counts.bodies,
+            "joint freedoms": counts.joint_freedoms,
+            "kutzbach": counts.kutzbach,
+            "mobility": counts.mobility,
+            "constraint components": counts.constraints,
+            "their rank": counts.constraint_rank,
+            "overconstraints": counts.overconstraints,
+            "actuation redundancy": counts.actuation_redundancy,
+            "unique forces": dict(zip(counts.names, counts.unique, strict=True)),
+        }
+
+    @property
+    def undetermined(self) -> Sequence[str]:
+        """Reaction components that redundant constraints leave open: they have no unique value."""
+        return self.freedoms.undetermined
+
+    @cached_property
+    def known(self) -> list[str]:
+        """Sentences about discrepancies of the engines that have a name and touch what is out of tolerance."""
+        bad = self.pairs[~self.pairs["ok"].astype(bool)]
+        wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
+        sentences = []
+        for case in suspects(wrong, {*self.pairs["quantity"]} - wrong, packages) if wrong else ():
+            symptom, engines = case.sentence.rstrip("."), case.named(installed(case) or ())
+            sentences.append(f"Known of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id}).")
+        return sentences
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
@@ -259,21 +307,6 @@ def _radii(solution: Solution) -> dict[str, Array]:
 
 SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
 _BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
-
-
-def facts(counted: Mobility) -> dict[str, object]:
-    """Counts for the report, and which forces are unique whatever the rule."""
-    return {
-        "moving bodies": counted.bodies,
-        "joint freedoms": counted.joint_freedoms,
-        "kutzbach": counted.kutzbach,
-        "mobility": counted.mobility,
-        "constraint components": counted.constraints,
-        "their rank": counted.constraint_rank,
-        "overconstraints": counted.overconstraints,
-        "actuation redundancy": counted.actuation_redundancy,
-        "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
-    }
 
 
 def provenance(

@@ -71,3 +71,15 @@ def idle_entries(
         for entry in scene.allow:
             if entry not in found:
                 yield f"allow names {entry}, which admits nothing: remove the entry"
+
+
+def unread_files(scene: Scene, names: Collection[str]) -> dict[str, str]:
+    """Files that a scene names and that none of these engines reads: key in `Scene.allow` -> sentence."""
+    sentences = {}
+    for name in (name for name in scene.models if name not in names):
+        model = f"{scene.models[name]} (models.{name})"
+        sentences[f"models.{name}.{UNREAD}"] = f"{model} is not read, as {name} does not run"
+    for name in (name for name in scene.tables if name not in names):
+        table = f"{scene.tables[name].file or 'an array'} (tables.{name})"
+        sentences[f"tables.{name}.{UNREAD}"] = f"{table} is not compared, as no engine of that name is asked for"
+    return sentences

@@ -52,18 +52,21 @@ class LeftOutForces:
 
 
 def without_left_out(
-    scene: Scene, problem: Problem, answers: Mapping[str, Solution], tables: Mapping[str, Solution]
+    scene: Scene, problem: Problem, answers: Mapping[str, Solution]
 ) -> tuple[dict[str, Solution], LeftOutForces]:
-    """Answers and tables without what no engine has of the machine, and what that is.
+    """Take off answers what no engine has of the machine.
 
     Args:
-        answers: Of engines; those with a model file of the user's own name what it has more.
+        answers: Of engines, those with a model file of the user's own naming what it has more, and of tables.
+
+    Returns:
+        The answers, and what was taken off or left out.
     """
-    every = {**answers, **tables}
-    own = {name: one.left_out for name, one in answers.items() if one.left_out}
+    every, solved = {**answers}, {name: one for name, one in answers.items() if name not in scene.tables}
+    own = {name: one.left_out for name, one in solved.items() if one.left_out}
     if not (scene.mechanism.left_out or own):
         return every, LeftOutForces()
-    base = next((one for one in answers.values() if _moves(scene, one)), None) or _followed(scene)
+    base = next((one for one in solved.values() if _moves(scene, one)), None) or _followed(scene)
     if base is None:
         return every, LeftOutForces()
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
@@ -71,8 +74,8 @@ def without_left_out(
     of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
     # springs of the scene act in an engine besides those of its file
     forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
-    rigid, contained = _rigid(one for name, one in answers.items() if name not in own), dict[str, tuple[str, ...]]()
-    for name in (*tables, *own):
+    rigid, contained = _rigid(one for name, one in solved.items() if name not in own), dict[str, tuple[str, ...]]()
+    for name in (*(name for name in answers if name in scene.tables), *own):
         every[name], kinds = _without(every[name], rigid, forces.get(name, of_scene), rows)
         contained |= {name: kinds} if kinds else {}
     terms = [*of_scene.terms()]

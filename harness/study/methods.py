@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import QUANTITIES, Names
 from screwgauge.reference.errors import (
     DescriptionError,
     ModelFileError,
@@ -153,8 +153,7 @@ class EngineTask:
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with notes on differences between the user's model file and the description."""
-        from screwgauge.study.mismatches import mismatches
-        from screwgauge.study.user_files import departures, left_out_of_file
+        from screwgauge.study.mismatches import departures, left_out_of_file, mismatches
 
         beyond = left_out_of_file(scene, self.engine, self.files.model)
         departing = departures(scene, self.engine.name, self.files)
@@ -181,10 +180,6 @@ class EngineTask:
         if list(order) == labels or {*order} != {*labels} or isinstance(task, States):
             return self.problem
         return replace(self.problem, task=task.ordered([labels.index(label) for label in order]))
-
-
-Expected = Mapping[str, tuple[str, ...]]
-"""Quantity -> component names that an answer must have."""
 
 
 class LeftOutError(Exception):
@@ -217,31 +212,28 @@ def check_whole(problem: Problem, answer: Solution) -> Solution:
     return answer
 
 
-def check_components(answer: Solution, n: int, expected: Expected) -> None:
-    """Refuses an answer with other samples or components than the description has."""
+def check_components(answer: Solution, n: int, names: Names, coordinates: int) -> None:
+    """Reject an answer with other samples, components or units than the description has, or of another mechanism.
+
+    Args:
+        n: Number of times.
+        names: Quantity -> names and units of its components, where these are known.
+        coordinates: Number of all joint coordinates.
+    """
     for quantity, values in answer.values.items():
         if len(values.array) != n:
             raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
-        odd = [name for name in {*values.components} ^ {*expected.get(quantity, values.components)} if name]
+        components, units = names.get(quantity, (values.components, values.units))
+        odd = [name for name in {*values.components} ^ {*components} if name]
         if odd:
             raise ModelFileError(
                 f"its {quantity} and that of the description differ in '{min(odd)}'",
                 f"model of {answer.engine}",
                 "describe the same joints, bodies and actuators in the model, its loops file and the description",
             )
-
-
-def check_units(answer: Solution, units: Mapping[str, Mapping[str, str]], coordinates: int) -> None:
-    """Refuses an answer in other units than those of the description, or with an assembly of another mechanism.
-
-    Args:
-        units: Quantity -> component -> unit.
-        coordinates: Of all joints.
-    """
-    for quantity in {*answer.values} & {*units}:
-        values = answer.values[quantity]
+        wanted = dict(zip(components, units, strict=True))
         for name, unit in zip(values.components, values.units, strict=True):
-            if unit != (wanted := units[quantity].get(name, unit)):
-                raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted}'")
+            if unit != wanted.get(name, unit):
+                raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted[name]}'")
     if answer.assembly is not None and answer.assembly.shape[1] != coordinates:
         raise ValueError(f"its assembly has {answer.assembly.shape[1]} coordinates, not {coordinates}")

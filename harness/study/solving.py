@@ -6,7 +6,7 @@ Whatever an engine raises becomes a failure. Nothing is compared here, see `run`
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -19,24 +19,23 @@ from screwgauge.engines.registry import engine_names, get_engine
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.model import description
 from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
+from screwgauge.quantities import Names
 from screwgauge.reference.files import is_file
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.answers import declared, sound
 from screwgauge.study.fixed import with_fixed
 from screwgauge.study.methods import (
     EngineTask,
-    Expected,
     Method,
     check_components,
-    check_units,
     check_whole,
     excepted,
     failure,
     left_out,
     without,
 )
+from screwgauge.study.tables import answer_of_table
 
 if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
@@ -51,13 +50,17 @@ def solve(
         What each engine answered, and why the others did not.
     """
     wanted = frozenset(quantities)
+    solutions, failures = dict[str, Solution](), dict[str, Failure]()
     with generated(scene) as folder:
-        answers, failures = ask_engines(scene, names, wanted, folder, progress)
-    for name, answer in [*answers.items()]:
-        if lost := left_out(wanted, answer):
+        answers = ask_engines(scene, names, folder, wanted=wanted, progress=progress)
+    for name, answer in answers.items():
+        if isinstance(answer, Failure):
+            failures[name] = answer
+        elif lost := left_out(wanted, answer):
             failures[name] = Failure(name, without(lost))
-            del answers[name]
-    return answers, failures
+        else:
+            solutions[name] = answer
+    return solutions, failures
 
 
 @contextmanager
@@ -134,53 +137,63 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
 def ask_engines(
     scene: Scene,
     names: Iterable[str],
-    wanted: Iterable[str],
     folder: Path,
-    progress: Report,
-    expected: Expected | None = None,
+    *,
+    wanted: Iterable[str],
+    components: Names | None = None,
+    progress: Report = silent,
     limits: Limits | None = None,
-    units: Mapping[str, Mapping[str, str]] | None = None,
-) -> tuple[dict[str, Solution], dict[str, Failure]]:
-    """Asks engines: one after the other in this process, or each in one of its own, at once as far as cores allow.
+) -> dict[str, Solution | Failure]:
+    """Asks tables, which answer at once, and engines: one after the other in this process, or each in one of its own.
 
     Args:
         folder: Where the generated models are.
-        expected: What an answer must have.
+        components: Quantity -> names and units of the components that an answer must have.
         limits: What each may take in a process of its own; None for this one.
-        units: Quantity -> component -> unit.
 
     Returns:
-        What each engine answered, and why the others did not.
+        What each of them answers, or why it does not, in the order of the names.
 
     Raises:
-        ScrewgaugeError: A model file of the user's own is bad input.
+        ScrewgaugeError: A table or model file of the user's own is bad input.
     """
-    wanted = frozenset(wanted)
-    questions: dict[str, EngineTask] = {}
-    failures: dict[str, Failure] = {}
+    wanted, expected = frozenset(wanted), components or {}
+    questions, answers = dict[str, EngineTask](), dict[str, Solution | Failure]()
     names = list(names)
     for name in names:
-        if why := refusal(get_engine(name), scene.mechanism, scene.applied):
-            failures[name] = Failure(name, why)
-            continue
-        files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
-        of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
-        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
-    answers = _asked(questions, limits, progress)
-    solutions: dict[str, Solution] = {}
-    for name, answer in answers.items():
-        if isinstance(answer, Failure):
-            failures[name] = answer
-            continue
-        try:
-            answer = replace(answer, values=with_fixed(scene.mechanism, answer.values))
-            check_components(answer, len(scene.t), expected or {})
-            check_units(answer, units or {}, len(scene.mechanism.coordinates))
-            answer = replace(answer, notes=(*answer.notes, *excepted(answer, wanted)))
-            solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
-        except Exception as error:
-            failures[name] = questions[name].failure(error)
-    return solutions, {name: failures[name] for name in names if name in failures}
+        if name in scene.tables:
+            answers[name] = answer_of_table(scene, name, expected, wanted)
+        elif why := refusal(get_engine(name), scene.mechanism, scene.applied):
+            answers[name] = Failure(name, why)
+        else:
+            files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
+            of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
+            questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
+    for name, answer in _asked(questions, limits, progress).items():
+        answers[name] = answer
+        if isinstance(answer, Solution):
+            try:
+                answers[name] = _complete(answer, scene, wanted, expected)
+            except Exception as error:
+                answers[name] = questions[name].failure(error)
+    return {name: answers[name] for name in names}
+
+
+def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected: Names) -> Solution:
+    """An answer with the coordinates of fixed joints, in the order of the description, with notes on what it lacks.
+
+    Raises:
+        Exception: It is of other samples, components or units.
+    """
+    mechanism = scene.mechanism
+    answer = replace(answer, values=with_fixed(mechanism, answer.values))
+    check_components(answer, len(scene.t), expected, len(mechanism.coordinates))
+    answer = replace(answer, notes=(*answer.notes, *excepted(answer, wanted)))
+    orders = {quantity: components for quantity, (components, _) in expected.items()}
+    for quantity, values in answer.values.items():
+        if quantity.startswith("tree_force") and {*values.components} <= {*mechanism.coordinates}:
+            orders[quantity] = tuple(name for name in mechanism.coordinates if name in values.components)
+    return answer.arranged(orders)
 
 
 def _asked(
@@ -211,10 +224,3 @@ def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, 
         except MemoryError as error:
             answers[name] = question.failure(error)
     return answers
-
-
-def _orders(answer: Solution, mechanism: Mechanism, expected: Expected) -> Expected:
-    """The order of components that all answers share, that of the description."""
-    trees = {name: {*answer.values[name].components} for name in answer.values if name.startswith("tree_force")}
-    orders = {name: tuple(c for c in mechanism.coordinates if c in has) for name, has in trees.items()}
-    return {**expected, **{name: order for name, order in orders.items() if len(order) == len(trees[name])}}

@@ -1,47 +1,22 @@
-"""Files of the user: tables of numbers as the answer of an engine, and model files against the description."""
+"""A table of the user's numbers as an engine: its answer to a scene, and how the answer is judged."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from xml.etree.ElementTree import ParseError
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.registry import ENGINES, Engine, engine_names, get_engine
+from screwgauge.engines.registry import engine_names
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import (
-    SUFFIXES,
-    CheckRow,
-    ModelComparison,
-    check_file,
-    compare_loops,
-    compare_readings,
-    expected_reading,
-)
-from screwgauge.models.content import FORMATS, extras, unread_rows
-from screwgauge.models.files.loops import loops_of
-from screwgauge.models.importing.left_out import check_whole, left_out_of
-from screwgauge.models.readings.read import read_source
-from screwgauge.models.readings.source import prepare
-from screwgauge.problem import ModelFiles, Problem, Rows
+from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import QUANTITIES, Names
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.courses import same_times
-from screwgauge.reference.errors import (
-    DescriptionError,
-    ModelFileError,
-    UnknownNameError,
-    check_choice,
-    first_few,
-)
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.graph import layout
-from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.rest import unique
@@ -68,8 +43,8 @@ def check_tables(scene: Scene) -> None:
         raise DescriptionError(f"a table is called '{name}', {why}", f"{scene.file or scene.name}, tables", "rename it")
 
 
-def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
-    """A table as an answer.
+def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
+    """Answer a scene by a table, as an engine does that lacks what the table has not.
 
     Args:
         name: That of the table.
@@ -113,6 +88,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         assembly=None if _whole(values, names, "joint_position") else assembly,
         rows=None if len(rows) == len(scene.t) else rows,
         warnings=short,
+        lacks=dict.fromkeys({*wanted} - {*values}, "the table has no column of it"),
     )
 
 
@@ -207,138 +183,3 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
     known = replace(answer, values=values, assembly=answer.assembly if values else None)
     rows = judge(scene.mechanism, problem, known, tolerance_of=tolerance_of)
     return rows if "joint_position" in values else rows[rows["residual"] != "loop_closure"]
-
-
-#: What an engine of this package makes of something beyond the description, by its kind.
-_FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
-MEASURED = "measured"  # which a run names with its size
-_NOT_KNOWN = "not known whether applied by {} in {}"
-SAME = 1e-12  # share of an amount that rounding of a gear leaves
-_NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
-
-
-def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
-    """Sentences on differences between a user's model file and the description of the scene.
-
-    Args:
-        name: The engine, which reads a file of the user's own.
-        files: That file, which the engine has loaded, and its loops file.
-    """
-    engine, mechanism = get_engine(name), scene.mechanism
-    if engine.reads == ".toml":
-        return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
-    if engine.reads not in FORMATS:
-        return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
-    reader = reader_of(engine)
-    sentences = [
-        *_beyond(mechanism, engine, files.model, known=name in ENGINES),
-        *_other_than_described(
-            files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
-        ),
-    ]
-    ignored, other = of_loops(scene, name, files)
-    return (*sentences, *ignored, *other)
-
-
-def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut, ...]:
-    """What acts in a user's model file and in no engine on the description, along its coordinates and on its bodies.
-
-    Raises:
-        ModelFileError: A constraint acts that the engine leaves out, or something that cannot be measured.
-    """
-    if engine.reads not in FORMATS:
-        return ()
-    source = prepare(model)
-    reading = read_source(source, reader_of(engine))
-    check_whole(reading, source)
-    coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
-    known, said = [{*coupling.named} for coupling in scene.mechanism.couplings], reading.couplings.values()
-    if lost := [each.joint for each in said if each.joint not in coupled and {*each.named} not in known]:
-        what = f"joint {first_few(lost, _NAMED)} follows another one or is held, which the description does not say"
-        raise ModelFileError(what, str(model), "take its mimic or equality out, or give the description a coupling")
-    mechanism, found = scene.mechanism, list[LeftOut]()
-    known_amounts = {(one.coordinate, one.what): one.amount for one in mechanism.resistances}
-    for one in left_out_of(source, reading):
-        if isinstance(one, Resistance):
-            along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
-            reached = {body for body, _ in one.path} <= mechanism.body_index.keys()
-            more = _more(replace(one, along=along), known_amounts)
-            acts = more.armature or more.damping or more.friction or more.stiffness
-            found += [more] if acts and (along or (one.path and reached)) else []
-        elif not isinstance(one, TurnResistance) and one.body in mechanism.body_index:
-            found.append(one)
-    return tuple(found)
-
-
-def _more(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
-    """What of it the description has not; what it has of `known` is used up."""
-    if len(one.along) != 1 or len(one.damping) > 1:
-        return one
-    ((name, share),) = one.along.items()
-    left = dict[str, float]()
-    for what, unit, amount in (
-        ("rotor", share**2, one.armature),
-        ("damping", share**2, sum(one.damping)),
-        ("friction", abs(share), one.friction),
-    ):
-        has = min(known.get((name, what), 0.0), unit * amount)
-        known[name, what] = known.get((name, what), 0.0) - has
-        more = amount - has / unit
-        left[what] = more if abs(more) > SAME * amount else 0.0
-    damping = (left["damping"],) if left["damping"] else ()
-    return replace(one, armature=left["rotor"], damping=damping, friction=left["friction"])
-
-
-def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
-    """Sentences on differences of a user's loops file: those that the engine ignores, and the others."""
-    if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
-        return [], []
-    rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
-    unread = unread_rows(name.partition("-")[0])
-    ignored = _other_than_described(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
-    return [*ignored], [*_other_than_described(files.loops, (row for row in rows if row.what not in unread))]
-
-
-def reader_of(engine: Engine) -> str:
-    """The library that reads the model files of an engine; of another package, the one of its format."""
-    own = engine.name.partition("-")[0]
-    fitting = [name for name, ending in SUFFIXES.items() if ending == engine.reads]
-    return own if own in fitting else fitting[0]
-
-
-def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
-    by_fate: dict[str, dict[str, list[str]]] = {}
-    try:
-        beyond = extras(model, FORMATS[engine.reads], mechanism)
-    except (ParseError, LookupError, ValueError) as error:
-        yield f"{model.name} cannot be searched for what is beyond the description ({error})"
-        return
-    for extra in (extra for extra in beyond if not (known and extra.kind == MEASURED)):
-        fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
-        by_fate.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
-    for fate in sorted(by_fate, key=[*_FATE.values(), _NOT_KNOWN].index):
-        things = (f"{what}{first_few(whose, 1)}" for what, whose in by_fate[fate].items())
-        yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
-
-
-def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
-    """Compares a user's description with that of the scene; their names may differ."""
-    given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
-    compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
-    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))
-    compare_readings(out, expected, replace(actual, gravity=None), mechanism)
-    return out.rows
-
-
-def _other_than_described(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
-    bad = [row for row in rows if not row.ok]
-    if bad and bad[0].what == "file":
-        yield f"{path.name} cannot be compared with the description: {bad[0].found}"
-    elif bad:
-        things = _listed(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
-        yield f"{fate}{path.name}, other than described: {things}"
-
-
-def _listed(things: Iterable[str]) -> str:
-    named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
-    return first_few(named, _NAMED)
