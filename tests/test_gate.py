@@ -274,37 +274,3 @@ def test_what_hangs_costs_its_row(theirs, isolated):
     )
     assert rows[0].status == "failed"
     assert "stopped after 0.5 s" in rows[0].sentence
-
-
-OTHER = json.dumps(
-    {"schema": 1, "smoke": False, "environment": {}, "scenes": {"left": {"versions": {}, "files": {}, "errors": {}}}}
-)
-BAD = {
-    "unknown quantity": (["turn.toml", "--tolerances", "t.toml"], "colour = 1\n", "unknown key 'colour'"),
-    "negative": (["turn.toml", "--tolerances", "t.toml"], "reaction = -1\n", "-1 is not positive"),
-    "no table": (["turn.toml", "--tolerances", "t.toml"], "reaction = \n", "TOML syntax error"),
-    "no file": (["turn.toml", "--tolerances", "none.toml"], "", "cannot be read (it does not exist)"),
-    "unknown scene": (["trun"], "", "unknown scene 'trun'"),
-    "missing scene": (["trun.toml"], "", "does not exist"),
-    "empty folder": (["empty"], "", "has no scene"),
-    "two of one name": (["turn.toml", "other"], "", "two are called 'turn'"),
-    "three models": (["four-bar.urdf", "four-bar.xml", "four-bar-full.xml"], "", "has no partner"),
-    "update of nothing": (["turn.toml", "--update"], "", "--update does not know what"),
-    "no process": (["turn.toml", "-j", "0"], "", "0 tasks at a time"),
-    "junit in no folder": (["turn.toml", "--junit", "turn.toml/j.xml"], "", "cannot be written"),
-    "junit is a folder": (["turn.toml", "--junit", "other"], "", "is a folder"),
-    "no baseline": (["turn.toml", "--baseline", "none.json"], "", "it does not exist"),
-    "no JSON": (["turn.toml", "--baseline", "t.toml"], "colour", "is no baseline"),
-    "other schema": (["turn.toml", "--baseline", "t.toml"], '{"schema": 99, "scenes": {}, "environment": {}}', "99"),
-    "other scene": (["turn.toml", "--baseline", "t.toml"], OTHER, "is a baseline of left, not of turn"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_sentence(name, theirs, refused):
-    arguments, text, said = BAD[name]
-    (theirs / "empty").mkdir()
-    (theirs / "other").mkdir()
-    (theirs / "other" / "turn.toml").write_text(scene())
-    (theirs / "t.toml").write_text(text)
-    assert said in refused("check", *arguments)
