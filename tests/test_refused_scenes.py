@@ -1,4 +1,4 @@
-"""Input that is refused: each row of ``claims/refused.toml`` is a test, by input, place and remedy."""
+"""Input that is refused: each row of ``claims/refused_scenes.toml`` is a test, by input, place and remedy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from support.command import main
 from support.repository import scene as repository_scene
 from support.scene import scene_names
 
-TABLE = tomllib.loads((Path(__file__).parent / "claims" / "refused.toml").read_text(encoding="utf-8"))
+TABLE = tomllib.loads((Path(__file__).parent / "claims" / "refused_scenes.toml").read_text(encoding="utf-8"))
 
 
 def cases() -> Iterator[Any]:
