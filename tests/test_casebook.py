@@ -1,5 +1,3 @@
-"""Named discrepancies and the versions that show them."""
-
 from __future__ import annotations
 
 import re

@@ -1,12 +1,8 @@
-"""Hand edits of model files are named."""
-
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -16,6 +12,7 @@ import pytest
 import screwgauge
 from screwgauge.models.content import FORMATS, extras
 from screwgauge.study.mismatches import departures, left_out_of_file
+from support.claims import table
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
 from support.judging import reference_values
@@ -35,7 +32,7 @@ FATE = {
     "unread": "ignored by {engine} in own.{kind}, other than described: ",
 }
 
-TABLE = tomllib.loads(Path(__file__).with_name("claims").joinpath("departures.toml").read_text(encoding="utf-8"))
+TABLE = table("departures")
 EDITS = [
     pytest.param(engine, kind, *edit, id=f"{engine}: {name}")
     for engine, suffix in SUFFIX.items()

@@ -1,5 +1,3 @@
-"""What a row of `claims/diagnosis.toml` cannot say: engines that err, runs, options, records, what is refused."""
-
 from __future__ import annotations
 
 import re

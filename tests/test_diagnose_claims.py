@@ -1,10 +1,7 @@
-"""Claims on diagnoses, a row each of `claims/diagnosis.toml`: two texts, or a text and edits; facts and verdict."""
-
 from __future__ import annotations
 
 import re
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from pathlib import Path
 from random import Random
@@ -15,30 +12,16 @@ import numpy as np
 import pytest
 
 from screwgauge import diagnose, models
-from screwgauge.diagnosis.machine.whole import Whole
+from support.claims import FOLDER, cases, filled, table
+from support.facts import fits, matches, replaced, same, told
 
-TABLE = tomllib.loads((Path(__file__).parent / "claims" / "diagnosis.toml").read_text(encoding="utf-8"))
+TABLE = table("diagnosis")
 #: Folders of files that rows name.
-FOLDERS = Path(models.__file__).parent, Path(__file__).parent / "data"
-#: How far a number of a fact may be from the one that is claimed.
-NEAR = {"rel": 1e-5, "abs": 1e-9}
-KEYS = {"name", "a", "b", "edits", "edits_a", "mounted", "units", "mirrored", "renamed", "map", "only", "back"}
+FOLDERS = Path(models.__file__).parent, FOLDER.parent / "data"
+KEYS = {"a", "b", "edits", "edits_a", "mounted", "units", "mirrored", "renamed", "map", "only", "back"}
 KEYS |= {"beside", "beside_a", "edits_beside", "libraries", "has", "at_most", "at_least", "explains", "agree"}
 KEYS |= {"facts", "among", "verdict", "causes", "lead", "shares", "reasons", "joints", "how", "mobility", "fixed"}
 KEYS |= {"notes", "kinds", "says", "silent"}
-
-
-def rows() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Rows with a name each; one with several cases is several rows."""
-    for row in TABLE["claim"]:
-        cases = row.pop("each", [{}])
-        for i, case in enumerate(cases):
-            unknown = {*row, *case} - KEYS
-            assert not unknown, f"{row['name']}: {unknown}"
-            yield row["name"] + f" {i + 1}" * (len(cases) > 1), {**row, **case}
-
-
-ROWS = dict(rows())
 
 
 def text_of(name: str) -> str:
@@ -48,16 +31,11 @@ def text_of(name: str) -> str:
     return TABLE["models"][name]
 
 
-def edited(text: str, edits: Sequence[Sequence[str]]) -> str:
-    for old, new in edits:
-        assert filled(old) in text, f"{old} is not in the text"
-        text = text.replace(filled(old), new)
-    return filled(text)
-
-
-def filled(text: str) -> str:
-    """Put parts of the table in the place of their names."""
-    return re.sub(r"\{([\w-]+)\}", lambda match: TABLE["parts"].get(match[1], match[0]), text)
+def made(text: str, edits: Sequence[Sequence[str]]) -> str:
+    """Make edits of a text, with parts of the table in all of them."""
+    parts = TABLE["parts"]
+    edits = [(filled(old, parts), filled(new, parts)) for old, new in edits]
+    return filled(replaced(filled(text, parts), edits), parts)
 
 
 def numbers(values: Any) -> str:
@@ -96,9 +74,9 @@ def renamed(text: str) -> str:
 def sides_of(row: Mapping[str, Any], folder: Path) -> list[str]:
     """Write both sides of a row, and say which library reads each."""
     changes = [key for key in ("mounted", "units", "mirrored", "renamed") if row.get(key)]
-    first = written(folder, "a", edited(filled(text_of(row["a"])), row.get("edits_a", ())), row.get("beside_a"))
+    first = written(folder, "a", made(text_of(row["a"]), row.get("edits_a", ())), row.get("beside_a"))
     same = "libraries" in row and not {"b", "edits"} & row.keys()
-    text = edited(filled(text_of(row.get("b", row["a"]))), row.get("edits", ()))
+    text = made(text_of(row.get("b", row["a"])), row.get("edits", ()))
     for key in changes:
         text = CHANGES[key](text, row[key])
     second = first if same else written(folder, "b", text, row.get("beside"), row.get("edits_beside", ()))
@@ -119,40 +97,10 @@ def written(folder: Path, name: str, text: str, beside: str | None, edits: Seque
     """Write a model, and the file that closes the loops of a URDF beside it."""
     ending = "urdf" if "<robot" in text else "xml" if "<mujoco" in text else "toml"
     if beside:
-        (folder / f"{name}.loops.toml").write_text(edited(text_of(beside), edits), encoding="utf-8")
+        (folder / f"{name}.loops.toml").write_text(replaced(text_of(beside), edits), encoding="utf-8")
     file = folder / f"{name}.{ending}"
     file.write_text(text, encoding="utf-8")
     return file
-
-
-def numbers_of(fact: Any) -> dict[str, Any]:
-    """What a row may claim of a fact; turns in degrees and ways in mm."""
-    claimed = {key: getattr(fact, key) for key in ("part", "what", "a", "b", "unit", "size", "kind", "partner", "of")}
-    claimed |= {"side": fact.side, "more": [*fact.more]}
-    value = fact.b
-    if isinstance(value, Whole):
-        claimed |= {"length": value.length, "mass": value.mass, "inertia": value.inertia, "mirror": value.step[0]}
-        value = value.step[1]
-    if np.shape(value) == (2, 3) and np.asarray(value).dtype == float:
-        claimed |= {"turn": np.degrees(value[0]), "way": 1e3 * np.asarray(value[1])}
-        claimed |= {"angle": np.linalg.norm(claimed["turn"]), "distance": np.linalg.norm(claimed["way"])}
-    return claimed
-
-
-def fits(fact: Any, claim: Mapping[str, Any]) -> bool:
-    has = numbers_of(fact)
-    return all(key in has and same(has[key], value) for key, value in claim.items())
-
-
-def same(value: Any, claimed: Any) -> bool:
-    if value is None or isinstance(claimed, str) or (isinstance(claimed, list) and isinstance(claimed[0], str)):
-        return bool(value == claimed or (isinstance(value, tuple) and [*value] == claimed))
-    array = np.asarray(value, float)
-    return array.shape == np.shape(claimed) and bool(array == pytest.approx(np.asarray(claimed, float), **NEAR))
-
-
-def told(facts: Sequence[Any]) -> str:
-    return "\n".join(str({key: value for key, value in numbers_of(fact).items() if key != "unit"}) for fact in facts)
 
 
 def verdict(diagnosis: Any) -> str:
@@ -164,9 +112,8 @@ def verdict(diagnosis: Any) -> str:
     return "withheld" if diagnosis.undecided else "differ"
 
 
-@pytest.mark.parametrize("name", ROWS)
-def test_claim(name, tmp_path):
-    row = ROWS[name]
+@pytest.mark.parametrize("row", [*cases(TABLE["claim"], KEYS)])
+def test_claim(row, tmp_path):
     sides = sides_of(row, tmp_path)
     options = {key: row[key] for key in ("map", "only") if key in row}
     diagnosis = diagnose(*sides, **options)
@@ -209,10 +156,6 @@ def check_causes(found: Any, row: Mapping[str, Any]) -> None:
         assert [len(reason.facts) for reason in found.reasons if reason.slip == slip] == [row["explains"]]
     if row.get("reasons") == []:
         assert not slips
-
-
-def matches(slip: Sequence[Any], claim: Sequence[Any]) -> bool:
-    return len(slip) >= len(claim) and all(same(value, other) for value, other in zip(slip, claim, strict=False))
 
 
 def check_words(diagnosis: Any, row: Mapping[str, Any]) -> None:

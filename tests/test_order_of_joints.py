@@ -1,5 +1,3 @@
-"""Libraries that index joints differently."""
-
 from __future__ import annotations
 
 import numpy as np
