@@ -12,7 +12,7 @@ from support.engines import Problem, solve
 from support.errors import SingularPoseError
 from support.near import BASE, UPU, WRIST, before_upu, errors, moving_at
 from support.scene import check_scene
-from support.solve import ScrewModel, WholeSystem, home_equations, layout, wide_force_matrix
+from support.solve import ScrewModel, home_equations, layout, whole_system, wide_force_matrix
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")
@@ -54,8 +54,7 @@ def test_reactions_lose_what_the_distance_says(close):
 @pytest.mark.slow
 def test_the_newton_euler_system_has_the_same_forces():
     scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 4), np.full(4, UPU - CLOSE)], axis=1), speed=0.1)
-    whole = WholeSystem("screw", scene=scene)
-    read = whole.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
+    read = whole_system(layout(scene.mechanism), scene.problem(["actuator_force"])).values["actuator_force"].array
     true = np.concatenate([alone(scene, i) for i in range(len(read))])
     digits = -np.log10(np.abs(read - true).max(axis=1) / np.abs(true).max())
     # the wrist moment of leg 1 is 2e8 N m; eps of it is 6e-11 of the forces, and the system knows no better
@@ -168,8 +167,8 @@ def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide(
     for seed in (0, 1):
         scene = moving_at(before_upu(CLOSE, 4, seed), seed=seed)
         truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array
-        model = WholeSystem("screw", scene=scene, refined=True)
-        force = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
+        problem = scene.problem(["actuator_force"])
+        force = whole_system(layout(scene.mechanism), problem, refined=True).values["actuator_force"].array
         assert np.abs(force - truth).max() / np.abs(truth).max() < THIRTEEN
 
 

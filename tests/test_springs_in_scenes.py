@@ -7,7 +7,7 @@ import screwgauge
 from support.command import main
 from support.engines import IN_DOUBLES
 from support.judging import judge
-from support.solve import WholeSystem, layout, moved
+from support.solve import layout, moved, whole_system
 from support.tolerances import DENSE
 
 ACTING = """
@@ -99,8 +99,7 @@ def test_forward_dynamics_gives_the_accelerations_back(scene, results):
 
 
 def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
-    model = WholeSystem("screw", scene=scene)
-    f = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
+    f = whole_system(layout(scene.mechanism), scene.problem(["actuator_force"])).values["actuator_force"].array
     assert np.abs(f - results.values("actuator_force", "screw")).max() < DENSE
 
 

@@ -30,7 +30,7 @@ from screwgauge.reference.graph import Edge, Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
-from screwgauge.study.bench.singular import WholeSystem, wide_force_matrix
+from screwgauge.study.bench.singular import whole_system, wide_force_matrix
 
 
 def at_home(mechanism: Mechanism) -> tuple[Layout, Array]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, product
 from pathlib import Path
@@ -25,7 +25,7 @@ from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.solution import Solution
 from screwgauge.study.bench import given
 from screwgauge.study.bench.given import Question, Trial
-from screwgauge.study.bench.variants import VariantMethod
+from screwgauge.study.bench.variants import VARIANTS, VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
@@ -166,10 +166,12 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
         parameter = varied[0], number(filled(varied[1]), "cases.toml")
     if "named" in values and (parameter is None or parameter[1] not in values["named"]):
         fields["label"] = ""
-    settings, variant = (filled(values.get(key, {})) for key in ("settings", "variant"))
+    settings, method = filled(values.get("settings", {})), Method(values["engine"])
+    if "variant" in values:
+        method = VariantMethod(values["engine"], function=VARIANTS[values["variant"]])
     return Contestant(
         **fields,
-        method=VariantMethod(values["engine"], variant) if variant else Method(values["engine"], settings),
+        method=replace(method, settings=settings),
         question=partial(question, **arguments) if arguments else question,
         quantities=tuple(values["quantities"]),
         parameter=parameter,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,12 +12,12 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.models.generate import write_models
-from screwgauge.problem import Problem, Progress, States, quiet
+from screwgauge.problem import Problem, States
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.graph import layout, spanning_tree
+from screwgauge.reference.graph import Layout, layout, spanning_tree
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -28,7 +28,6 @@ from screwgauge.study.bench.question import (
     JUDGED,
     SCENE,
     SCREW,
-    CaseMethod,
     Question,
     closure_residuals,
     files_of,
@@ -36,6 +35,7 @@ from screwgauge.study.bench.question import (
     moving,
     tree_coordinates,
 )
+from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference, pushed
 from screwgauge.study.solving import solve
@@ -69,7 +69,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     # an engine that is missing closes nothing, but its rows are to be there
     closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
-    reduced, every = ReducedEquations("screw", scene=scene), mechanism.coordinates
+    reduced, every = VariantMethod("screw", function=reduced_equations), mechanism.coordinates
     yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
@@ -164,20 +164,15 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReducedEquations(CaseMethod):
-    """Accelerations of closed states by the equations of the independent coordinates, not by those of all bodies."""
-
-    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """``joint_acceleration`` for the given forces along all joint coordinates."""
-        clock, mechanism, task = Stopwatch(), self.scene.mechanism, problem.task
-        if not isinstance(task, States):
-            raise TypeError("the task gives no states")
-        yd = task.v[:, mechanism.independent_columns]
-        at = motion_at(layout(mechanism), task.q, yd, applied=problem.applied, joints=task.tau)
-        units = tuple(f"{unit}/s^2" for unit in mechanism.units)
-        values = {ACCELERATION: Values(mechanism.coordinates, units, at.joint_acceleration)}
-        return Solution(self.engine, __version__, values, at.condition, cost=clock.cost())
+def reduced_equations(lay: Layout, problem: Problem) -> Solution:
+    """Solve the equations of the independent coordinates for accelerations of closed states."""
+    clock, mechanism, task = Stopwatch(), lay.mechanism, problem.task
+    if not isinstance(task, States):
+        raise TypeError("the task gives no states")
+    at = motion_at(lay, task.q, task.v[:, mechanism.independent_columns], applied=problem.applied, joints=task.tau)
+    units = tuple(f"{unit}/s^2" for unit in mechanism.units)
+    values = {ACCELERATION: Values(mechanism.coordinates, units, at.joint_acceleration)}
+    return Solution("screw", __version__, values, at.condition, cost=clock.cost())
 
 
 def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:

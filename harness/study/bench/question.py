@@ -7,13 +7,11 @@ true forces. What a single case asks stands in the module that ``cases.toml`` na
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from textwrap import shorten
-from typing import Self
 
 import numpy as np
 
@@ -22,7 +20,7 @@ from screwgauge.judging.residual import Residual
 from screwgauge.judging.trust import refusals
 from screwgauge.models.files.loops import loops_of
 from screwgauge.models.generate import write_models
-from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, Progress, quiet
+from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
@@ -93,24 +91,6 @@ LONGEST = 500  # letters of a reason: some errors name a whole state
 
 
 UNKNOWN = Reference("", {}, "", {})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaseMethod(Method, ABC):
-    """A method of one case alone, which solves problems itself: there is no model to load.
-
-    Attributes:
-        scene: That of the case.
-    """
-
-    scene: Scene
-
-    def load(self, files: ModelFiles) -> Self:
-        return self
-
-    @abstractmethod
-    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answers a problem of the case."""
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:

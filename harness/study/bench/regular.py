@@ -6,7 +6,7 @@ The last shows how far a scheme that integrates has drifted by then.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,20 @@ import tomli_w
 
 from screwgauge.judging.answer import timed
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import ModelFiles, Problem, Progress, quiet
+from screwgauge.problem import ModelFiles, Problem
 from screwgauge.reference.applied import Load
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.expressions import number
-from screwgauge.reference.graph import layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
+from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.bench.question import SCENE, CaseMethod, Question, compare, exactly, moving, still
+from screwgauge.study.bench.question import SCENE, Question, compare, exactly, moving, still
 from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
 from screwgauge.study.bench.stress import Ask
+from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times
 
@@ -128,13 +130,13 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _checked(int(count)) * STEP
     files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
-    streamed, problem = Streamed("screw", scene=scene, count=int(count)), scene.at(at).problem(QUANTITIES)
-    engines = {"screw": files, "paper": files}
-    whole = Question(scene.mechanism, engines, problem, (streamed,), QUANTITIES, right)
+    method = VariantMethod("screw", {"scene": scene, "count": int(count)}, function=streamed)
+    problem, engines = scene.at(at).problem(QUANTITIES), {"screw": files, "paper": files}
+    whole = Question(scene.mechanism, engines, problem, (method,), QUANTITIES, right)
     yield whole
     posed = replace(problem, wanted=frozenset(QUANTITIES[:1]))
-    for label, (method, cause) in SCHEMES.items():
-        scheme = PaperScheme("paper", {"method": method}, label, scene=scene)
+    for label, (steps, cause) in SCHEMES.items():
+        scheme = VariantMethod("paper", {"scene": scene, "method": steps}, label, paper_steps)
         yield replace(whole, problem=posed, methods=(scheme,), quantities=QUANTITIES[:1], cause=cause)
 
 
@@ -144,46 +146,33 @@ def _checked(count: int) -> Array:
     return np.unique(np.geomspace(1, count // stride, CHECKED).round().astype(int)) * stride
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Streamed(CaseMethod):
-    """An engine on all samples of a scene, part by part, with answers at the times of the problem."""
-
-    count: int
-
-    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Values at the times of the problem, which are some of the samples."""
-        clock, at = Stopwatch(), np.rint(timed(problem).t / STEP).astype(int)
-        parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}
-        worst, done, version = 0.0, 0, ""
-        grid = times(self.count, STEP, first=STEP)
-        for t, solution in stream(self.scene, grid, engine=self.engine, quantities=problem.wanted):
-            rows = at[(at > done) & (at <= done + len(t))] - done - 1
-            for name, kept in parts.items():
-                kept.append(solution.values[name].at(rows))
-            worst, done, version = max(worst, float(solution.condition.max())), done + len(t), solution.version
-        values = {name: joined(kept) for name, kept in parts.items()}
-        return Solution(self.engine, version, values, np.full(len(at), worst), cost=clock.cost())
+def streamed(lay: Layout, problem: Problem, *, scene: Scene, count: int) -> Solution:
+    """Answer the times of a problem by `screw` on all samples of a scene, part by part."""
+    clock, at = Stopwatch(), np.rint(timed(problem).t / STEP).astype(int)
+    parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}
+    worst, done, version = 0.0, 0, ""
+    for t, solution in stream(scene, times(count, STEP, first=STEP), engine="screw", quantities=problem.wanted):
+        rows = at[(at > done) & (at <= done + len(t))] - done - 1
+        for name, kept in parts.items():
+            kept.append(solution.values[name].at(rows))
+        worst, done, version = max(worst, float(solution.condition.max())), done + len(t), solution.version
+    values = {name: joined(kept) for name, kept in parts.items()}
+    return Solution("screw", version, values, np.full(len(at), worst), cost=clock.cost())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperScheme(CaseMethod):
-    """The paper's own scheme, its twist set right, in steps of `SCHEME_STEP`."""
+def paper_steps(lay: Layout, problem: Problem, *, scene: Scene, method: str) -> Solution:
+    """Integrate joint positions by the paper's own scheme, its twist set right, in steps of `SCHEME_STEP`.
 
-    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Joint positions at the times of the problem, at which steps end."""
-        clock, mechanism, method = Stopwatch(), self.scene.mechanism, str(self.settings["method"])
-        lay = layout(mechanism)
-        side, parts = chains(lay), PARTS[method]
-        ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)
-        first = np.zeros(1)
-        theta = side.gather(positions(lay, self.scene.moved(first).y, first))
-        kept = []
-        for begin in range(0, int(ends[-1]), PART):
-            n = min(PART, int(ends[-1]) - begin)
-            t = (begin + np.arange(parts * n + 1) / parts) * SCHEME_STEP
-            V = platform_screws(lay, self.scene.moved(t))[0]
-            theta = march(side, theta[-1], V, SCHEME_STEP, method)
-            kept.append(theta[ends[(ends > begin) & (ends <= begin + n)] - begin])
-        q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))
-        values = {"joint_position": Values(mechanism.coordinates, mechanism.units, q)}
-        return Solution(self.engine, "", values, empty(len(q)), cost=clock.cost())
+    Some steps end at the times of the problem.
+    """
+    clock, parts, side, first = Stopwatch(), PARTS[method], chains(lay), np.zeros(1)
+    ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)
+    theta, kept = side.gather(positions(lay, scene.moved(first).y, first)), []
+    for begin in range(0, int(ends[-1]), PART):
+        n = min(PART, int(ends[-1]) - begin)
+        t = (begin + np.arange(parts * n + 1) / parts) * SCHEME_STEP
+        theta = march(side, theta[-1], platform_screws(lay, scene.moved(t))[0], SCHEME_STEP, method)
+        kept.append(theta[ends[(ends > begin) & (ends <= begin + n)] - begin])
+    q, mechanism = side.scatter(np.concatenate(kept), len(lay.mechanism.coordinates)), lay.mechanism
+    values = {"joint_position": Values(mechanism.coordinates, mechanism.units, q)}
+    return Solution("paper", "", values, empty(len(q)), cost=clock.cost())

@@ -273,7 +273,7 @@ class _Measurements:
     def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
-        self.models: dict[tuple[str, str, ModelFiles], EngineModel] = {}
+        self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
         """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""
@@ -294,7 +294,7 @@ class _Measurements:
         """The error of a contestant, unless an earlier bench has it, and one measured time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
-            loaded = method.engine, repr(method.settings), trial.files  # once for all contestants that ask it
+            loaded = repr(method), trial.files  # once for all contestants that ask it
             model = self.models[loaded] = self.models.get(loaded) or method.load(trial.files)
 
             def call() -> list[Solution]:

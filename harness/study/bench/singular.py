@@ -16,7 +16,7 @@ import tomli_w
 from screwgauge import __version__
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.generate import write_models
-from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
@@ -33,12 +33,12 @@ from screwgauge.study.bench.question import (
     QUANTITIES,
     SCENE,
     UNKNOWN,
-    CaseMethod,
     Question,
     compare,
     put,
     still,
 )
+from screwgauge.study.bench.variants import VariantMethod, given_motion
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference
@@ -69,7 +69,8 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
     question = compare(scene, folder, cause=_IMPLICIT)
     yield question
     if question.known:
-        methods = tuple(WholeSystem("screw", scene=scene, refined=each) for each in (False, True))
+        labels = {"screw whole system": False, "screw whole system refined": True}
+        methods = tuple(VariantMethod("screw", {"refined": x}, name, whole_system) for name, x in labels.items())
         problem = replace(question.problem, wanted=frozenset((_FORCE,)))
         yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
 
@@ -108,38 +109,28 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WholeSystem(CaseMethod):
-    """Actuator forces of smallest norm from eqs. (57)-(58) of all bodies at once, in place of virtual power.
+def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
+    """Solve eqs. (57)-(58) of all bodies at once for actuator forces of smallest norm, in place of virtual power.
 
-    Attributes:
+    The estimate of their error is the rounding times the condition of the system.
+
+    Args:
         refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
     """
-
-    refined: bool = False
-
-    @property
-    def name(self) -> str:
-        return "screw whole system" + " refined" * self.refined
-
-    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system."""
-        clock, lay, task = Stopwatch(), layout(self.scene.mechanism), problem.task
-        if not isinstance(task, GivenMotion):
-            raise TypeError("the task is no given motion")
-        q = positions(lay, task.y, task.t, (task.yd, task.ydd))
-        system = NewtonEuler(motion_at(lay, q, task.yd, task.ydd, problem.applied, task.t))
-        wide = wide_force_matrix(lay, task.y) if self.refined else None
-        unknown = system.solve(system.need[..., None], wide)[..., 0]
-        f = np.asarray(unknown[:, len(system.names) :], dtype=float)
-        return Solution(
-            self.engine,
-            __version__,
-            {_FORCE: Values(lay.mechanism.actuator_names, lay.mechanism.actuator_units, f)},
-            system.condition,
-            errors={_FORCE: Error(linear.EPS * system.condition, condition=system.condition)},
-            cost=clock.cost(),
-        )
+    clock, task = Stopwatch(), given_motion(problem)
+    q = positions(lay, task.y, task.t, (task.yd, task.ydd))
+    system = NewtonEuler(motion_at(lay, q, task.yd, task.ydd, problem.applied, task.t))
+    wide = wide_force_matrix(lay, task.y) if refined else None
+    unknown = system.solve(system.need[..., None], wide)[..., 0]
+    f = np.asarray(unknown[:, len(system.names) :], dtype=float)
+    return Solution(
+        "screw",
+        __version__,
+        {_FORCE: Values(lay.mechanism.actuator_names, lay.mechanism.actuator_units, f)},
+        system.condition,
+        errors={_FORCE: Error(linear.EPS * system.condition, condition=system.condition)},
+        cost=clock.cost(),
+    )
 
 
 def wide_force_matrix(lay: Layout, y: Array) -> Array | None:

@@ -1,7 +1,7 @@
-"""Variants of the solver `screw`, to see what its parts, its precision and usual shortcuts are worth.
+"""Variants of the solver `screw`, which show what its parts, its precision and usual shortcuts are worth.
 
-Each is a function of a layout and a given motion that returns quantity -> array; `VariantMethod` makes a contestant of
-it. Actuator forces are those of minimum norm. None of them estimates its errors.
+`VariantMethod` puts a function in the place of an engine. Those of `VARIANTS` answer given motions: their actuator
+forces are those of minimum norm, and they estimate no errors.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from screwgauge.reference.closed.newton import velocity_map
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.dynamics import QUANTITIES
 from screwgauge.reference.equations.kinematics import gaps, twists
-from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
+from screwgauge.reference.errors import ClosureError, DescriptionError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
@@ -40,56 +39,62 @@ ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
 
 class Variant:
-    """A loaded variant. `pipeline` takes layout, problem and motion."""
+    """A loaded variant: a function of layout and problem that returns quantity -> array, or a solution."""
 
-    def __init__(self, lay: Layout, pipeline: Callable[[Layout, Problem, GivenMotion], Arrays]) -> None:
-        self.lay, self.pipeline, mechanism = lay, pipeline, lay.mechanism
+    def __init__(self, lay: Layout, function: Callable[..., Arrays | Solution]) -> None:
+        self.lay, self.function, mechanism = lay, function, lay.mechanism
         self.names = component_names(mechanism.joints, (), {}, (), mechanism.actuator_names, ((), ()))
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answers a given motion.
+        """Answer a problem.
 
         Raises:
-            ScrewgaugeError: The task is another one, or this variant cannot solve it.
+            ScrewgaugeError: The function cannot solve it.
         """
-        if not isinstance(problem.task, GivenMotion):
-            raise DescriptionError("the task is no given motion", "variant of screw", "give one")
-        arrays = self.pipeline(self.lay, problem, problem.task)
-        values = {name: Values(*self.names[name], array) for name, array in arrays.items()}
+        answer = self.function(self.lay, problem)
+        if isinstance(answer, Solution):
+            return answer
+        values = {name: Values(*self.names[name], array) for name, array in answer.items()}
         return Solution("screw", __version__, values, empty(len(problem.task)))
 
 
 @dataclass(frozen=True, slots=True)
 class VariantMethod(Method):
-    """A variant with its settings, see `load_variant`."""
+    """A variant with its settings, of which ``dtype`` is the precision from the first operation to the last.
+
+    Attributes:
+        function: See `Variant`. A function of a module.
+    """
+
+    function: Callable[..., Arrays | Solution] = dict
 
     def load(self, files: ModelFiles) -> Variant:
         """Load a description for the variant."""
-        return load_variant(layout(load_mechanism(files.model)), **self.settings)
+        settings, lay = dict(self.settings), layout(load_mechanism(files.model))
+        if dtype := settings.pop("dtype", ""):
+            lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
+        return Variant(lay, partial(self.function, **settings))
 
 
-def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: Any) -> Variant:
-    """Makes a model of a variant.
+def given_motion(problem: Problem) -> GivenMotion:
+    """Return the motion that a problem gives.
 
-    Args:
-        name: One of `VARIANTS`.
-        dtype: Precision from the first operation to the last.
-        settings: Of that variant, see its function.
+    Raises:
+        DescriptionError: Its task is another one.
     """
-    check_choice("variant", [name], VARIANTS, "cases.toml")
-    if dtype != "float64":
-        lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
-    return Variant(lay, partial(VARIANTS[name], **settings))
+    if not isinstance(problem.task, GivenMotion):
+        raise DescriptionError("the task is no given motion", "variant of screw", "give one")
+    return problem.task
 
 
-def nothing(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+def nothing(lay: Layout, problem: Problem) -> Arrays:
     """An empty loop over the samples."""
-    for _ in range(len(motion)):
+    for _ in range(len(given_motion(problem))):
         pass
     return {}
 
 
-def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool = False) -> Arrays:
+def closed(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
     """Positions in closed form.
 
     Args:
@@ -98,7 +103,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     Raises:
         ClosureError: There is no closed form.
     """
-    motion = rounded(motion, lay.path.dtype)
+    motion = rounded(given_motion(problem), lay.path.dtype)
     q = closed_form_positions(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
@@ -109,11 +114,12 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     return _beyond(lay, problem, motion, q)
 
 
-def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) -> Arrays:
+def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
     """Positions by so many steps of Newton's method, from predictions along the path from home.
 
     Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
     """
+    motion = given_motion(problem)
     home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
     z = np.tile(system.unknowns(home), (len(motion), 1))
     at, near, K = z[0], goals[0], np.zeros((z.shape[1], goals.shape[1]))
@@ -127,9 +133,10 @@ def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) ->
     return _beyond(lay, problem, motion, system.coordinates(z, np.tile(home, (len(z), 1))))
 
 
-def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+def differences(lay: Layout, problem: Problem) -> Arrays:
     """Derivatives of positions by `numpy.gradient`; the times have to be evenly spread."""
-    q, out = positions(lay, motion.y, motion.t), {}
+    motion, out = given_motion(problem), {}
+    q = positions(lay, motion.y, motion.t)
     step = float(motion.t[-1] - motion.t[0]) / (len(motion) - 1)
     for name in sorted(problem.wanted, key=lambda name: ORDER[name]):
         derivative = q
@@ -139,19 +146,20 @@ def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
     return out
 
 
-def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
+def without_drift(lay: Layout, problem: Problem) -> Arrays:
     """Accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
+    motion = given_motion(problem)
     at = loop_equations(lay).closed(positions(lay, motion.y, motion.t))
     a = at.solve(motion.ydd)
     return {"joint_acceleration": at.joint_rates(a, twists(at.pose, a))}
 
 
-def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, method: str) -> Arrays:
+def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
     """The paper's own scheme, see `screwgauge.study.bench.scheme.integrate`; all but the first pose is integrated.
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
-    q, w, beta = integrate(lay, motion, twist=twist, method=method)
+    q, w, beta = integrate(lay, given_motion(problem), twist=twist, method=method)
     return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
 
 
