@@ -42,7 +42,7 @@ def found() -> Stress:
         for engine in ENGINES
         for quantity in ("force", "motion")
     ]
-    return Stress((case("rising"), case("falling", falling=True)), tuple(rows), {}, True, {})
+    return Stress((case("rising"), case("falling", falling=True)), tuple(rows), {})
 
 
 def test_the_page_names_every_case_engine_setting_and_verdict(found: Stress) -> None:

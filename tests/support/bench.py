@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, choose, contestants, simulators
+from screwgauge.study.bench import TABLE
+from screwgauge.study.bench.contestants import LEAVING_OUT, Contestant, choose, contestants, simulators
 from screwgauge.study.bench.forward_run import FULL, simulated
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.given import motion, simulation

@@ -1,1 +1,7 @@
 """Benches (`run`, `forward_run`) and stress: methods put to questions of `cases.toml`, measured and put into tables."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))

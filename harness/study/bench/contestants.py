@@ -5,12 +5,10 @@ Those of given motions and the engines' own steppers are data, see ``cases.toml`
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, product
-from pathlib import Path
 from typing import Any
 
 from screwgauge.engines.methods import METHODS
@@ -23,13 +21,12 @@ from screwgauge.reference.errors import check_choice
 from screwgauge.reference.expressions import number
 from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.solution import Solution
-from screwgauge.study.bench import given
+from screwgauge.study.bench import TABLE, given
 from screwgauge.study.bench.given import Question, Trial
 from screwgauge.study.bench.variants import VARIANTS, VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
-TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
 NOTHING = "none"
 

@@ -6,13 +6,11 @@ No module that asks a question is imported before its case is run.
 from __future__ import annotations
 
 import tempfile
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ from screwgauge.judging.residual import frame
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.study.address import address
+from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
@@ -30,12 +29,12 @@ from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
 
 Ask = Callable[[float, bool, Path], Iterable[Question]]
-"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
+"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, which pickles."""
 
 
 @dataclass(frozen=True, slots=True)
 class StressCase:
-    """A ladder. Data only; it pickles.
+    """Ladder of one severity. Data only; it pickles.
 
     Attributes:
         name: As on the command line.
@@ -65,11 +64,11 @@ class StressCase:
 
     @property
     def span(self) -> str:
-        """Severity of the ladder and its range, in words."""
+        """Words for the severity of the ladder and its range."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
-        """The given severities, or those of a full or quick run, once each.
+        """Return the given severities, or those of a full or quick run, once each.
 
         Raises:
             DescriptionError: A severity is outside the case's range, or there is none.
@@ -81,43 +80,41 @@ class StressCase:
             if self.whole and value != int(value):
                 raise DescriptionError(f"severity {value:g} is no count", where, "give whole numbers")
             if not self.low <= value <= self.high:
-                raise DescriptionError(
-                    f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})",
-                    where,
-                    "give one within",
-                )
+                what = f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})"
+                raise DescriptionError(what, where, "give one within")
         return list(dict.fromkeys(severities or (self.quick if quick else self.full)))
 
 
 def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
-    """Powers of ten with exponents from `first` to `last`, both included."""
+    """Return powers of ten with exponents from `first` to `last`, both included."""
     sign = 1 if last >= first else -1
     return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
 
 
-def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
-    """An entry of the file."""
+def _asked(ask: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
+    """Return the questions of a rung from a function, ``module:name``."""
     module, name = ask.split(":")
-    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, module, name))
+    function: Ask = getattr(import_module(f"screwgauge.study.bench.{module}"), name)
+    return function(severity, quick, folder)
 
 
-def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
-    """The questions of a rung, by the function that an entry of the file names."""
-    ask: Ask = getattr(import_module(f"screwgauge.study.bench.{module}"), name)
-    return ask(severity, quick, folder)
+def _case(entry: dict[str, Any]) -> StressCase:
+    """Return the case of an entry of the table."""
+    rungs = {name: _rungs(entry[name]) for name in ("full", "quick")}
+    return StressCase(**{**entry, **rungs, "ask": partial(_asked, entry["ask"])})
 
 
-def _rungs(given: Sequence[float] | dict[str, Any]) -> tuple[float, ...]:
+def _rungs(given: Any) -> tuple[float, ...]:
+    """Return the severities of a list, or of some places and decades."""
     return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
 
 
-_FILE = Path(__file__).with_name("cases.toml")
 #: Name -> case, in the order in which they are run.
-CASES = {entry["name"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
+CASES = {entry["name"]: _case(entry) for entry in TABLE["cases"]}
 
 
 def choose(names: Iterable[str] | None) -> list[StressCase]:
-    """The named cases in the order of the table, all by default.
+    """Return the named cases in the order of the table, all by default.
 
     Raises:
         DescriptionError: A name is not known.
@@ -131,7 +128,6 @@ COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
     "reason": "explanation",
 }
-#: File of rungs that interrupted stress goes on from.
 #: Stands for the engines of a rung that broke before it could ask them one by one.
 ALL = "all"
 
@@ -143,19 +139,16 @@ class Stress:
     Attributes:
         cases: In the order run.
         rows: One for each rung, engine and quantity.
-        seconds: Case -> how long it took.
     """
 
-    cases: tuple[StressCase, ...]
-    rows: tuple[Finding, ...]
-    seconds: Mapping[str, float]
-    quick: bool
+    cases: Sequence[StressCase]
+    rows: Sequence[Finding]
     environment: Mapping[str, Any]
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
-        """Our own solver is nowhere silently wrong."""
+        """True if our own solver is nowhere silently wrong."""
         return not any(row.own and row.verdict == SILENT for row in self.rows)
 
     @property
@@ -171,10 +164,9 @@ class Stress:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """Findings of a rung, and how long it took [s]."""
+    """Findings of a rung, as a journal keeps them."""
 
     rows: Sequence[Finding]
-    seconds: float = 0.0
 
 
 def stress(
@@ -186,7 +178,7 @@ def stress(
     execute: Executor | None = None,
     place: Path | None = None,
 ) -> Stress:
-    """Climbs the ladders of the named cases, all by default.
+    """Climb the ladders of the named cases, all by default.
 
     Args:
         quick: Fewer rungs and smaller scenes.
@@ -210,21 +202,19 @@ def stress(
         keep=kept.keep,
         progress=progress,
     )
-    rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)
-    for (case, severity), rung in zip(ladders, rungs, strict=True):
-        rows += [replace(row, case=case.name, severity=severity) for row in rung.rows]
-        seconds[case.name] += rung.seconds
+    climbed = zip(ladders, rungs, strict=True)
+    rows = [replace(row, case=case.name, severity=at) for (case, at), rung in climbed for row in rung.rows]
     kept.remove()
-    return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
+    return Stress(chosen, rows, environment(), provenance(None, {}))
 
 
 def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
-    begin = perf_counter()
-    return Rung(climb(case, severity, quick=quick), perf_counter() - begin)
+    """Climb a rung as the work of a task."""
+    return Rung(climb(case, severity, quick=quick))
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """Findings of one rung; a rung that breaks is one finding of `ALL`."""
+    """Return the findings of one rung; a rung that breaks is one finding of `ALL`."""
     try:
         # extremes are the point; what comes of them is judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

@@ -13,7 +13,8 @@ from screwgauge.judging.residual import SizedResidual, frame
 from screwgauge.quantities import SOLVED
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost
-from screwgauge.study.bench.contestants import EVERYTHING, NOTHING, TABLE, Contestant
+from screwgauge.study.bench import TABLE
+from screwgauge.study.bench.contestants import EVERYTHING, NOTHING, Contestant
 
 #: Columns of ``bench.csv`` and ``timings.csv``, and where a row has those that it calls otherwise.
 COLUMNS = [
