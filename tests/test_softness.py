@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.study.bench.loops import PASSES, SETTINGS, held, in_tree
+from screwgauge.study.bench.loops import held, in_tree
 from support.engines import Method, model_files
 from support.geometry import EPS, Array
 from support.questions import Question, findings
-from support.stress import CASES, GOOD, SILENT, Finding, climb
+from support.stress import CASES, GOOD
 from support.trees import INTEGRATORS, MujocoTree, has_integrator
 
 pytestmark = pytest.mark.slow
@@ -68,20 +68,6 @@ def test_refined_steps_have_no_floor_but_an_error_of_first_order(motion: Questio
         assert slope(STEPS, errors) == pytest.approx(1.0, abs=STRAIGHT)
 
 
-def refined(softness: float) -> list[Finding]:
-    """The findings of each number of passes."""
-    return [one for one in climb(CASES["refinement"], softness) if one.engine.startswith("mujoco")]
-
-
-@pytest.mark.slow
-def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
-    softnesses = np.array([1e-2, 3e-3, 1e-3])
-    found = [refined(softness) for softness in softnesses.tolist()]
-    for k, passes in enumerate(list(PASSES)[:3]):
-        errors = [rows[k].error for rows in found]
-        assert slope(softnesses / (1 - softnesses), errors) == pytest.approx(passes + 1, abs=STRAIGHT)
-
-
 def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_loop(tmp_path: Path) -> None:
     question = list(CASES["refinement"].ask(1e-4, True, tmp_path))[1]
     methods = tuple(Method("mujoco", {"solimp": 0.9999, "passes": passes}) for passes in range(5))
@@ -89,18 +75,6 @@ def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_lo
     # each pass but the last, which ends in rounding, is worth more than three digits
     assert np.diff(np.log10(errors[:4])).max() < -3.0
     assert errors[4] < GOOD
-
-
-@pytest.mark.slow
-def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
-    found = climb(CASES["softness"], 1e-3, quick=True)
-    labels = dict.fromkeys(finding.engine for finding in found)
-    assert list(labels) == ["screw", *(f"mujoco {label}" for label in SETTINGS)]
-    assert {finding.quantity for finding in found} == {*("loop_gap", "constraint_force", "energy", "joint_position")}
-    assert all(finding.error < GOOD for finding in found if finding.engine == "screw")
-    silent = [finding for finding in found if finding.verdict == SILENT]
-    assert silent
-    assert all(finding.engine.startswith("mujoco") and finding.reason for finding in silent)
 
 
 def test_what_soft_loops_may_exert_leaves_room_for_another_rounding_of_their_residual(monkeypatch) -> None:

@@ -14,7 +14,7 @@ from support.engines import Method
 from support.mechanism import load_mechanism
 from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates
 from support.scene import Integration
-from support.stress import CASES, DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, climb
+from support.stress import DEGRADED, GOOD, OK, REFUSED, Finding
 
 pytestmark = pytest.mark.slow
 
@@ -72,21 +72,6 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path
         assert all(row.verdict in (OK, DEGRADED) for row in rows)
     admitted = [found[k][0].tolerance for k in stiffness.tolist()]
     assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(1.0, abs=1e-3)  # dampers: root
-
-
-@pytest.mark.slow
-def test_a_rung_holds_every_engine_and_only_fixed_steps_are_silent() -> None:
-    found = climb(CASES["stiff-legs"], 1e2)
-    assert {finding.quantity for finding in found} == {"joint_acceleration", "motion", "energy"}
-    found = [finding for finding in found if finding.quantity != "joint_acceleration"]
-    assert list(dict.fromkeys(finding.engine for finding in found)) == [
-        *("screw DOP853", "screw Radau", "pinocchio Radau", "mujoco Radau"),
-        *("pinocchio Euler", "mujoco Euler", "mujoco implicitfast"),
-    ]
-    for finding in found:
-        own = finding.engine in ("pinocchio Euler", "mujoco Euler", "mujoco implicitfast")
-        assert (finding.verdict == SILENT) == own, finding
-        assert finding.reason
 
 
 def test_engines_agree_on_springs_beside_given_forces_and_take_no_other_ones(tmp_path: Path) -> None:

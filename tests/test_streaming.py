@@ -109,3 +109,18 @@ def test_memory_is_that_of_one_part_however_many_there_are() -> None:
 def test_a_usual_part_takes_what_the_guide_says() -> None:
     said = printed_by(MEASURED)
     assert float(said) < MOST
+
+
+def test_a_forward_scene_is_not_streamed():
+    with pytest.raises(ScrewgaugeError, match="integrated, not streamed"):
+        next(iter(screwgauge.stream(screwgauge.load_scene("a01-pendulum"), [np.array([0.0, 0.1])])))
+
+
+def test_a_singular_pose_is_met_in_a_stream_too(write):
+    # passes b = 0.3568 rad between two parts
+    text = 'mechanism = "3ups-upu-s"\n[motion.a]\noffset = 0\n[motion.b]\npolynomial = [0, 0.05]\n[time]\ntimes = [0]\n'
+    scene = screwgauge.load_scene(write("through.toml", text))
+    found = screwgauge.stream(scene, [np.array([0.0, 7.0]), np.array([7.2, 8.0])], quantities=["joint_velocity"])
+    assert next(found)[0][-1] == 7.0
+    with pytest.raises(ScrewgaugeError, match=r"leg1\.wrist"):
+        next(found)
