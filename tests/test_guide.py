@@ -43,7 +43,7 @@ def block_with(beginning: str) -> str:
 
 
 def test_readme_is_short_and_documentation_is_no_book() -> None:
-    assert len(README.splitlines()) <= 150
+    assert len(README.splitlines()) < 150
     words = {page: len(re.findall(r"\w\S*", FENCE.sub("", TEXTS[page]))) for page in WRITTEN}
     assert sum(words.values()) <= WORDS, f"{sum(words.values())} words: {words}"
 

@@ -36,7 +36,7 @@ GUIDE = ROOT / "harness/guide"
 ROOMS = ("models", "harness/scenes", "harness/casebook", "reference", "reports")
 MADE = "<!-- Made by `PYTHONPATH=tests python -m support.guide`. -->"
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py|xml))`")
+NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py|xml|usda))`")
 
 
 def pages() -> dict[str, str]:
