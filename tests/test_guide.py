@@ -278,11 +278,7 @@ child = "b"
 axes = [[0, 0, 1]]
 {joint}
 """
-GIVEN = 'mechanism = "a02-fourbar-2"\nmotion = { crank = { offset = 0 } }\n'
-SIMULATED = 'mechanism = "a02-fourbar-2"\nforward = {}\n'
-TIME = "time = { duration = 1, step = 0.1 }\n"
 UNKNOWN = "unknown_one = 1"
-SCENES = TEXTS["harness/scenes/README.md"] + TEXTS["harness/guide/quantities.md"]
 
 
 def undocumented(call, path: Path, text: str) -> list[str]:
@@ -309,23 +305,6 @@ def undocumented(call, path: Path, text: str) -> list[str]:
 def test_every_key_of_a_mechanism_is_documented(entry, write) -> None:
     path = write("m.toml", MECHANISM.format(**{"top": "", "body": "", "inertia": "", "joint": "", **entry}))
     assert undocumented(load_mechanism, path, TEXTS["models/README.md"]) == []
-
-
-@pytest.mark.parametrize(
-    "text",
-    [GIVEN + f"time = {{ {UNKNOWN} }}\n", GIVEN.replace("offset", "unknown_one") + TIME]
-    + [
-        scene + TIME + entry
-        for scene in (GIVEN, SIMULATED)
-        for entry in [UNKNOWN, f"tolerances = {{ {UNKNOWN} }}"]
-        + [f"{name} = [{{ {UNKNOWN} }}]" for name in ("loads", "springs", "motors", "figures", "contacts")]
-    ]
-    + [SIMULATED.replace("{}", f"{{ {UNKNOWN} }}") + TIME]
-    + [SIMULATED + TIME + f"{name} = [{{ {UNKNOWN} }}]" for name in ("observables", "published")]
-    + [SIMULATED + TIME + f"observables = [{{ name = 'o', coordinate = 'a0' }}]\nreference = {{ {UNKNOWN} }}"],
-)
-def test_every_key_of_a_scene_is_documented(text, write) -> None:
-    assert undocumented(screwgauge.load_scene, write("s.toml", text), SCENES) == []
 
 
 @pytest.mark.parametrize("name", ["four-bar", "four-bar-full"])

@@ -15,20 +15,12 @@ from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.description import fixings
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, SingularPoseError, first_few
-from screwgauge.reference.expressions import unit_vector
 from screwgauge.reference.graph import check_connected, layout
 from screwgauge.reference.linear import EPS
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import (
-    check_keys,
-    check_name,
-    read_items,
-    read_name,
-    read_text,
-    read_vector,
-    required,
-)
+from screwgauge.reference.tables import check_name, read_items, required
+from screwgauge.scene.keys import read_keys
 
 #: What a contact leaves free -> the kind of its joint.
 CONTACTS = {"weld": "fixed", "hinge": "R", "point": "S"}
@@ -90,10 +82,9 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
     Raises:
         ScrewgaugeError: Unknown names or kinds, a name that is taken, an axis that is none or belongs to no hinge.
     """
-    check_keys(table, {"name", "body", "kind", "point", "axis"}, where)
-    body = check_name("body", read_text(table, "body", where), [body.name for body in mechanism.bodies], where)
-    kind = check_name("kind of contact", read_text(table, "kind", where), CONTACTS, where)
-    name = read_name(table.get("name", f"{body}.contact"), f"{where}.name")
+    given = read_keys("contacts", table, where)
+    body, kind = check_name("body", given["body"], [body.name for body in mechanism.bodies], where), given["kind"]
+    name = given["name"] or f"{body}.contact"
     taken = {*mechanism.coordinates, *mechanism.independent}
     taken |= {joint.name for joint in mechanism.joints} | {one.name for one in mechanism.couplings}
     if name in taken:
@@ -101,8 +92,10 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
         raise DescriptionError(what, where, "give the contact another name")
     if "axis" in table and kind != "hinge":
         raise DescriptionError(f"a {kind} has no axis", where, "remove it, or let kind be 'hinge'")
-    axis = unit_vector(required(table, "axis", where), f"{where}.axis") if kind == "hinge" else np.eye(3)[2]
-    return Contact(name, body, kind, read_vector(table, "point", where), axis, where)
+    if kind == "hinge":
+        required(table, "axis", where)
+    axis = np.eye(3)[2] if given["axis"] is None else given["axis"]
+    return Contact(name, body, kind, given["point"], axis, where)
 
 
 def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Contact, ...]:

@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 
 from screwgauge.quantities import check_quantities
-from screwgauge.reference.applied import AXES, JointSpring, Load, Motor, PointSpring, Spring
+from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.courses import Course, Samples
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
-from screwgauge.reference.mechanism import GROUND, Mechanism
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, positive, read_items, read_text, read_vector, required
+from screwgauge.reference.tables import check_keys, check_name, read_items, read_text, read_vector, required
+from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import read_column, read_course
 
 
@@ -60,15 +61,16 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
         if sampled is None:
             raise DescriptionError("there is no time grid", where, "add [time] with duration and step, or times")
         return sampled
-    check_keys(table, {"duration", "step", "times"}, where)
-    if "times" in table:
-        if not isinstance(table["times"], list) or len(table) > 1:
+    given = read_keys("time", table, where)
+    if given["times"] is not None:
+        if not isinstance(given["times"], list) or len(table) > 1:
             raise DescriptionError(
                 "'times' is not a list on its own", where, "write times = [...], or duration and step"
             )
-        return read_times(table["times"], f"{where}.times")
-    duration = positive(required(table, "duration", where), f"{where}.duration")
-    step = positive(required(table, "step", where), f"{where}.step")
+        return read_times(given["times"], f"{where}.times")
+    for key in ("duration", "step"):
+        required(table, key, where)
+    duration, step = float(given["duration"]), float(given["step"])
     check_count(duration / step, "samples", where, GRID)
     if step > duration * (1 + 1e-12):
         what = f"the step of {step:g} s is longer than the duration of {duration:g} s"
@@ -84,22 +86,18 @@ def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
 
 
 def read_figure(table: Any, where: str) -> Figure:
-    check_keys(table, {"title", "quantity", "unit", "panels", "contour"}, where)
-    quantity = check_quantities([required(table, "quantity", where)], where)[0]
-    if "contour" in table:
+    given = read_keys("figures", table, where)
+    quantity, contour = check_quantities([given["quantity"]], where)[0], given["contour"]
+    if contour is not None:
         check_keys(table, {"title", "quantity", "contour"}, where)
-        return Figure(read_text(table, "title", where), quantity, "", (), read_text(table, "contour", where))
-    panels = required(table, "panels", where)
+        return Figure(given["title"], quantity, "", (), contour)
+    unit, panels = required(table, "unit", where), required(table, "panels", where)
     lists = panels.values() if isinstance(panels, dict) else [None]
     check_count(len(lists), "panels", where)
     if not all(isinstance(items, list) and all(isinstance(item, str) for item in items) for items in lists):
         raise DescriptionError("'panels' is not a table of lists", where, "write label = ['pattern', ...]")
-    return Figure(
-        title=read_text(table, "title", where),
-        quantity=quantity,
-        unit=read_text(table, "unit", where),
-        panels=tuple((label, tuple(patterns)) for label, patterns in panels.items()),
-    )
+    named = tuple((label, tuple(patterns)) for label, patterns in panels.items())
+    return Figure(given["title"], quantity, unit, named)
 
 
 def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Point, ...]:
@@ -108,21 +106,20 @@ def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple
     Raises:
         ScrewgaugeError: Unknown bodies, or a name that is taken.
     """
+    bodies = [body.name for body in mechanism.bodies]
 
     def read(table: Any, where: str) -> Point:
-        check_keys(table, {"name", "body", "point"}, where)
-        body = check_name("body", read_text(table, "body", where), [body.name for body in mechanism.bodies], where)
-        return Point(read_text(table, "name", where), body, read_vector(table, "point", where))
+        given = read_keys("points", table, where)
+        return Point(given["name"], check_name("body", given["body"], bodies, where), given["point"])
 
     points = read_items(data, "points", where, read)
-    taken = [*(body.name for body in mechanism.bodies), *(one.name for one in points)]
+    taken = [*bodies, *(one.name for one in points)]
     for one in points:
         if taken.count(one.name) > 1:
             raise DescriptionError(f"the name '{one.name}' is taken", f"{where}, points", "name it differently")
     return points
 
 
-_AMOUNTS = ("stiffness", "rest", "damping")
 _ENDS = ("first", "first_point", "second", "second_point")
 
 
@@ -132,22 +129,20 @@ def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path(
     Args:
         folder: Where CSV files are looked for.
     """
-    check_keys(table, {"on", "by", "point", "force", "torque", "axes"}, where)
-    on, by = (read_text(table, key, where) for key in ("on", "by"))
+    given = read_keys("loads", table, where)
+    on, by, point = given["on"], given["by"], given["point"]
     if (on == "environment") == (by == "environment"):
         raise DescriptionError(f"on = '{on}', by = '{by}'", where, "one is a body, the other 'environment'")
     body, sign = (on, 1.0) if by == "environment" else (by, -1.0)
     check_name("body", body, [*(each.name for each in mechanism.bodies), "environment"], where)
-    point = table.get("point", "com")
     if not {"force", "torque"} & table.keys():
         raise DescriptionError("the load exerts nothing", where, "give a force or a torque")
     at = None if point == "com" else vector(point, f"{where}.point")
-    axes = check_name("axes", read_text(table, "axes", where, AXES[0]), AXES, where)
     if not any(isinstance(x, dict) for key in ("force", "torque") for x in _listed(table.get(key))):
         force, torque = (sign * read_vector(table, key, where) for key in ("force", "torque"))
-        return Load(body, at, force, torque, axes)
+        return Load(body, at, force, torque, given["axes"])
     courses = [one.times(sign) for key in ("force", "torque") for one in _components(table, key, where, folder)]
-    return Load.over_time(body, at, tuple(courses), axes)
+    return Load.over_time(body, at, tuple(courses), given["axes"])
 
 
 def _listed(value: Any) -> list[Any]:
@@ -176,13 +171,16 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     Raises:
         ScrewgaugeError: Unknown names, negative stiffness, damping or length, or nothing that it exerts.
     """
-    check_keys(table, {"coordinate", *_ENDS, *_AMOUNTS}, where)
-    amounts = {key: number(table.get(key, 0), f"{where}.{key}") for key in _AMOUNTS}
+    given = read_keys("springs", table, where)
     if ("coordinate" in table) == ("first" in table):
         remedy = "write coordinate = ..., or first, first_point, second, second_point"
         raise DescriptionError("a spring has either a coordinate or two ends", where, remedy)
+    along = "coordinate" in table
+    if along and (odd := [key for key in _ENDS if key in table]):
+        raise DescriptionError(f"'{odd[0]}' does not belong to a joint's spring", where, "remove it")
+    kind, apart = (JointSpring, _ENDS) if along else (PointSpring, ("coordinate",))
     try:
-        spring = _ends(table, where, amounts)
+        spring: Spring = kind(**{key: value for key, value in given.items() if key not in apart})
     except DescriptionError as error:
         raise DescriptionError(error.what, error.where if where in error.where else where, error.remedy) from None
     if not (spring.stiffness or spring.damping):
@@ -195,25 +193,9 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     return spring
 
 
-def _ends(table: dict[str, Any], where: str, amounts: dict[str, float]) -> Spring:
-    if "coordinate" in table:
-        odd = [key for key in _ENDS if key in table]
-        if odd:
-            raise DescriptionError(f"'{odd[0]}' does not belong to a joint's spring", where, "remove it")
-        return JointSpring(read_text(table, "coordinate", where), **amounts)
-    return PointSpring(
-        first=read_text(table, "first", where),
-        first_point=read_vector(table, "first_point", where),
-        second=read_text(table, "second", where, GROUND),
-        second_point=read_vector(table, "second_point", where),
-        **amounts,
-    )
-
-
 def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     """A force along a joint coordinate over time, in the terms of a motion."""
-    check_keys(table, {"coordinate", "offset", "polynomial", "harmonics"}, where)
-    coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.moving, where)
+    coordinate = check_name("coordinate", read_keys("motors", table, where)["coordinate"], mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
         raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")

@@ -17,15 +17,15 @@ import numpy as np
 from screwgauge.problem import GivenMotion, Rows
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.courses import Course
-from screwgauge.reference.errors import DescriptionError, shown
-from screwgauge.reference.expressions import number
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, required
+from screwgauge.reference.tables import check_keys
 from screwgauge.scene.cells import examine, walk
 from screwgauge.scene.entries import Figure
 from screwgauge.scene.idle import Followed, Freedom, undriven_labels
+from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import Analytic, read_course
 
 KEY = "grid"
@@ -188,11 +188,7 @@ def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
 
 
 def _axis(entry: Any, where: str) -> Array:
-    check_keys(entry, {"from", "to", "count"}, where)
-    begin, end = (number(required(entry, key, where), f"{where}.{key}") for key in ("from", "to"))
-    count = required(entry, "count", where)
-    if type(count) is not int or count < 2:
-        raise DescriptionError(f"count is {shown(count)}", where, "give a whole number of at least 2")
+    begin, end, count = read_keys("grid", entry, where).values()
     if begin == end:
         raise DescriptionError("from and to are the same", where, "write motion.LABEL = { offset }")
     return np.linspace(begin, end, count)

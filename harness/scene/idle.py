@@ -18,12 +18,12 @@ from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.closed_motion import driven_at_home, motion_at
 from screwgauge.reference.equations.screws import transpose
 from screwgauge.reference.errors import ClosureError, DescriptionError, first_few
-from screwgauge.reference.expressions import number
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.idle_motion import IdleMotion, State
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, required
+from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
 #: Inertia below this share of that of the whole machine is rounding.
@@ -86,14 +86,10 @@ def read_given(
 def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, where: str) -> dict[str, Undriven]:
     """Reads ``[idle]``: label -> start and rate."""
     check_keys(table, mechanism.independent, where)
-    for label, entry in table.items():
+    for label in table:
         if label in motion:
             raise DescriptionError(f"'{label}' has a motion, too", where, f"remove motion.{label} or idle.{label}")
-        check_keys(entry, {"start", "rate"}, f"{where}.{label}")
-    return {
-        label: Undriven(**{key: number(value, f"{where}.{label}.{key}") for key, value in entry.items()})
-        for label, entry in table.items()
-    }
+    return {label: Undriven(**read_keys("idle", entry, f"{where}.{label}")) for label, entry in table.items()}
 
 
 def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:

@@ -16,11 +16,12 @@ import numpy as np
 
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.courses import Course, Samples
-from screwgauge.reference.errors import DescriptionError, shown
-from screwgauge.reference.expressions import LARGEST, number, vector
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import LARGEST, vector
 from screwgauge.reference.files import check_count, is_file, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_times, read_coefficients, required
+from screwgauge.scene.keys import read_keys
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -233,10 +234,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         DescriptionError: It cannot be read.
     """
     if isinstance(table, dict) and "csv" in table:
-        check_keys(table, {"csv"}, where)
-        if not isinstance(table["csv"], str):
-            raise DescriptionError(f"{shown(table['csv'])} is not a file name", f"{where}.csv", "write it in quotes")
-        return _sampled(named_file(folder, table["csv"]), labels)
+        return _sampled(named_file(folder, read_keys("samples", table, where)["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_course(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
@@ -261,10 +259,10 @@ def _head(path: Path) -> list[str]:
 
 def read_course(table: Any, where: str) -> Course:
     """Reads ``offset``, ``polynomial`` and ``harmonics``."""
-    check_keys(table, {"offset", "harmonics", "polynomial"}, where)
-    polynomial = read_coefficients(table.get("polynomial", [0]), f"{where}.polynomial")
-    polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
-    harmonics = table.get("harmonics", [])
+    given = read_keys("motion", table, where)
+    polynomial = read_coefficients(given["polynomial"], f"{where}.polynomial")
+    polynomial[0] += given["offset"]
+    harmonics = given["harmonics"]
     if not isinstance(harmonics, list):
         raise DescriptionError("is not a list", f"{where}.harmonics", "write [[omega, cos, sin], ...]")
     check_count(len(harmonics), "harmonics", f"{where}.harmonics")

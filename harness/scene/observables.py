@@ -19,13 +19,10 @@ from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, check_times, positive, read_text, read_vector
+from screwgauge.reference.tables import check_keys, check_name, check_times, positive, required
+from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import numbers, read_columns
 from screwgauge.solution import Values
-
-#: Measures of a published accuracy.
-MEASURES = ("observable", "energy")
-_AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,8 +79,8 @@ class Published:
 
 def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
     """Reads one of ``[[observables]]``."""
-    check_keys(table, {"name", "coordinate", "body", "point", "axis"}, where)
-    name = read_text(table, "name", where)
+    given = read_keys("observables", table, where)
+    name, coordinate = given["name"], given["coordinate"]
     if not name or "," in name:
         raise DescriptionError(f"'{name}' is no name", f"{where}.name", "write letters, digits and dots")
     if ("coordinate" in table) == ("body" in table):
@@ -92,40 +89,32 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
             where,
             "write coordinate = ..., or body, point, axis",
         )
-    if "coordinate" in table:
+    if coordinate is not None:
         check_keys(table, {"name", "coordinate"}, where)
-        coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.moving, where)
+        check_name("coordinate", coordinate, mechanism.moving, where)
         unit = mechanism.units[mechanism.coordinates.index(coordinate)]
         return Observable(name, unit, coordinate=coordinate)
-    body, axis = read_text(table, "body", where), read_text(table, "axis", where)
-    check_name("body", body, mechanism.body_index, where)
-    check_name("axis", axis, _AXES, where)
-    return Observable(name, "m", body=body, point=read_vector(table, "point", where), axis=_AXES.index(axis))
+    required(table, "axis", where)
+    check_name("body", given["body"], mechanism.body_index, where)
+    return Observable(name, "m", body=given["body"], point=given["point"], axis="xyz".index(given["axis"]))
 
 
 def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
     """Reads ``[reference]``: a CSV file with t and the observables; further columns are left alone."""
-    check_keys(table, {"file", "source"}, where)
+    given = read_keys("reference", table, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
-    path = named_file(folder, read_text(table, "file", where))
+    path = named_file(folder, given["file"])
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
     check_times(t := columns["t"], str(path))
-    return Known(read_text(table, "source", where), t, np.stack([columns[name] for name in names], axis=1))
+    return Known(given["source"], t, np.stack([columns[name] for name in names], axis=1))
 
 
 def read_published(table: Any, where: str) -> Published:
     """Reads one of ``[[published]]``."""
-    check_keys(table, {"who", "source", "of", "accuracy", "cpu_s", "remark"}, where)
-    keys = [key for key in ("accuracy", "cpu_s") if key in table]
-    stated = {key: positive(table[key], f"{where}.{key}", "give what was published") for key in keys}
-    return Published(
-        who=read_text(table, "who", where),
-        source=read_text(table, "source", where),
-        measure=check_name("measure", read_text(table, "of", where, MEASURES[0]), MEASURES, where),
-        remark=read_text(table, "remark", where, ""),
-        **stated,
-    )
+    given = read_keys("published", table, where)
+    stated = {key: value for key in ("accuracy", "cpu_s") if (value := given[key]) is not None}
+    return Published(given["who"], given["source"], given["of"], given["remark"], **stated)
 
 
 def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
@@ -287,9 +276,8 @@ def read_tables(tables: Any, folder: Path, where: str) -> dict[str, Recorded]:
 def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
     if not _NAME.fullmatch(name):
         raise DescriptionError(f"'{name}' is no name", where, "write letters, digits, dots and dashes")
-    entry = {"file": entry} if isinstance(entry, str) else entry
-    check_keys(entry, {"file", "error"}, where := f"{where}.{name}")
-    return read_recorded(named_file(folder, read_text(entry, "file", where)), entry.get("error", {}))
+    given = read_keys("tables", {"file": entry} if isinstance(entry, str) else entry, f"{where}.{name}")
+    return read_recorded(named_file(folder, given["file"]), given["error"])
 
 
 def read_recorded(path: Path, error: Any = None) -> Recorded:

@@ -21,35 +21,19 @@ from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.inertia import TRIANGLE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import (
-    check_keys,
-    check_name,
-    positive,
-    read_flag,
-    read_items,
-    read_names,
-    read_text,
-    read_toml,
-    required,
-)
+from screwgauge.reference.tables import check_keys, positive, read_items, read_toml, required
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
 from screwgauge.scene.grid import GridMotion, check_contours, check_timeless, is_grid, read_grid_motion
 from screwgauge.scene.grounding import grounded
 from screwgauge.scene.idle import Followed, read_given, read_undriven
+from screwgauge.scene.keys import TABLES, read_keys
 from screwgauge.scene.motion import Analytic, Sampled
 from screwgauge.scene.observables import Recorded, read_known, read_observable, read_published, read_tables
-from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
+from screwgauge.scene.scene import RULES, Scene, check_order
 
 FOLDER = Path(__file__).parents[1] / "scenes"
-METHODS = ("DOP853", "Radau", "BDF")
-_GRAVITY = [0, 0, "-9.81"]
-_KEYS = {
-    *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
-    *("engines", "quantities", "tolerances", "models", "figures", "allow"),
-    *("contacts", "stance", "floating", "idle", "springs", "motors"),
-    *("forward", "observables", "reference", "published", "tables", "points"),
-}
+_GRAVITY = TABLES["scene"]["keys"]["gravity"]["default"]
 
 
 def scene_names() -> list[str]:
@@ -80,33 +64,46 @@ def is_scene(name: str) -> bool:
 
 def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
-    check_keys(data, _KEYS, where)
-    allow = read_names(data.get("allow", []), f"{where}, allow")
+    given = read_keys("scene", data, where)
+    _check_kind(data, where)
+    allow, tolerances = given["allow"], given["tolerances"]
     files = [entry for entry in allow if entry == MESHES or "/" in entry]
     tensors = [entry for entry in allow if entry.endswith(f".{TRIANGLE}")]
-    named, floats = read_text(data, "mechanism", where), read_flag(data, "floating", where)
-    file = mechanism_path(named, path.parent, where, [*files, *tensors], floating=floats)
+    file = mechanism_path(given["mechanism"], path.parent, where, [*files, *tensors], floating=given["floating"])
     file, mechanism, data = grounded(file, load_mechanism(file), data, path, _times)
     read = _read_simulated if "forward" in data else _read_given
-    tolerances = data.get("tolerances", {})
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
+    name = path.stem.removesuffix(".scene")
     scene = Scene(
-        name=(stem := path.stem.removesuffix(".scene")),
-        title=read_text(data, "title", where, stem),
-        description=read_text(data, "description", where, ""),
+        name=name,
+        title=name if given["title"] is None else given["title"],
+        description=given["description"],
         mechanism=mechanism,
         mechanism_file=file,
-        engines=read_names(data.get("engines", list(DEFAULT_ENGINES)), where),
+        engines=given["engines"],
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
-        models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
+        models=read_models(given["models"], path.parent, f"{where}, models"),
         figures=read_items(data, "figures", where, read_figure),
         points=read_points(mechanism, data, where),
         allow=tuple(entry for entry in allow if entry not in files),
         file=path,
+        rule=given["rule"],
         **read(data, path, mechanism),
     )
     check_contours(scene.figures, scene.grid, where)
     return scene.beside(**scene.tables) if scene.tables else scene
+
+
+def _check_kind(data: dict[str, Any], where: str) -> None:
+    """Reject keys of the other kind of scene."""
+    kind = "simulated" if "forward" in data else "given"
+    for key in data:
+        one = TABLES["scene"]["keys"][key]
+        if one.get("kind", kind) != kind and kind == "given":
+            raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
+        if one.get("kind", kind) != kind:
+            remedy = one.get("remedy", f"remove [forward] or {key}")
+            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)
 
 
 _built_in = cache(_read)  # what comes with the package does not change
@@ -138,9 +135,6 @@ def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, pa
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """Fields of a scene with a given motion."""
     where = str(path)
-    for key in ("observables", "reference", "published"):
-        if key in data:
-            raise DescriptionError(f"'{key}' belongs to a forward scene", where, "add [forward] or remove it")
     motion = required(data, "motion", where)
     given: Analytic | Sampled | GridMotion
     sampled: Array | None
@@ -153,7 +147,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     applied = _applied(data, mechanism, where)
     if isinstance(given, GridMotion):
         check_timeless(data, applied, where)
-    rule = check_name("rule", data.get("rule", RULES[0]), RULES, where)
+    rule = data.get("rule", RULES[0])
     if rule == "spherical_axial" and mechanism.axial is None:
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
@@ -166,7 +160,6 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     return {
         "applied": applied,
         "task": drive(t),
-        "rule": rule,
         "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, OF_MOTION),
         "drive": drive,
         "tables": tables,
@@ -177,10 +170,6 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
     """Fields of a scene with a simulated motion."""
     where = str(path)
-    for key in ("motion", "rule", "tables", "idle"):
-        if key in data:
-            remedy = "give observables of your own as [reference]" if key == "tables" else f"remove [forward] or {key}"
-            raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)
     observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
     if len(set(names)) < len(names):
@@ -201,7 +190,6 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     return {
         "applied": applied,
         "task": task,
-        "rule": RULES[0],
         "quantities": check_quantities(data.get("quantities", list(SIMULATED)), where, SIMULATED),
         "observables": observables,
         "known": known,
@@ -221,27 +209,19 @@ def _acts(applied: Applied) -> bool:
 
 def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> InitialValue:
     """Reads ``[forward]``."""
-    check_keys(table, {"start", "rates", "method", "rtol", "atol", "near"}, where)
-    home, usual = mechanism.home[mechanism.independent_columns], Integration()
-    name = check_name("method", read_text(table, "method", where, usual.name), METHODS, where)
-    amounts = {key: number(table.get(key, getattr(usual, key)), f"{where}.{key}") for key in ("rtol", "atol", "near")}
-    for key, least, most in (("rtol", 1e-14, 1.0), ("atol", 0.0, 1e3), ("near", 1.0, 1e12)):
-        if not least < amounts[key] < most:
-            what = f"{amounts[key]:g} is not between {least:g} and {most:g}"
-            raise DescriptionError(what, f"{where}.{key}", "give such a number")
+    given, home = read_keys("forward", table, where), mechanism.home[mechanism.independent_columns]
     return InitialValue(
-        start=_state(table, "start", mechanism, home, where),
-        rates=_state(table, "rates", mechanism, np.zeros_like(home), where),
+        start=_state(given["start"], mechanism, home, f"{where}.start"),
+        rates=_state(given["rates"], mechanism, np.zeros_like(home), f"{where}.rates"),
         since=float(t[0]),
         t=t,
-        integration=Integration(name, **amounts),
+        integration=Integration(given["method"], given["rtol"], given["atol"], given["near"]),
     )
 
 
-def _state(table: dict[str, Any], key: str, mechanism: Mechanism, usual: Array, where: str) -> Array:
+def _state(table: Any, mechanism: Mechanism, usual: Array, where: str) -> Array:
     """Label -> value, the usual one where a label is not named. Shape (k,)."""
     values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
-    given = table.get(key, {})
-    check_keys(given, values, f"{where}.{key}")
-    values |= {label: number(value, f"{where}.{key}.{label}") for label, value in given.items()}
+    check_keys(table, values, where)
+    values |= {label: number(value, f"{where}.{label}") for label, value in table.items()}
     return np.array(list(values.values()))

@@ -26,12 +26,13 @@ from screwgauge.reference.tables import check_name
 from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
 from screwgauge.scene.grid import GridMotion
 from screwgauge.scene.idle import Followed, Freedom
+from screwgauge.scene.keys import TABLES, among
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
-RULES = ("min_norm", "spherical_axial")
+RULES = among("scene", "rule")
 LINE = 85  #: Signs of a longer list, which is counted where a scene shows itself.
-DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
+DEFAULT_ENGINES: tuple[str, ...] = tuple(TABLES["scene"]["keys"]["engines"]["default"])
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import ast
 import inspect
+import json
 import os
 import re
 import shlex
@@ -29,6 +30,7 @@ from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism
 from screwgauge.models.content import kinds
 from screwgauge.quantities import NUMBER_TYPES, QUANTITIES
 from screwgauge.reference.mechanism import KINDS
+from screwgauge.scene.keys import TABLES
 from screwgauge.scene.read import load_scene, scene_names
 
 ROOT = Path(__file__).parents[2]
@@ -274,8 +276,41 @@ LEFT_OUT = (
 def made() -> dict[Path, str]:
     """The pages that are made of the program."""
     texts = {"commands.md": _commands(), "python.md": _python(), "compared.md": _compared(), "builtin.md": _builtin()}
-    texts["engines.md"] = _engines()
+    texts |= {"engines.md": _engines(), "scene-keys.md": _scene_keys()}
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
+
+
+SCENE_KEYS = """# Keys of a scene file
+
+Units are SI; numbers, vectors and rotations are written as in a [mechanism](../../models/README.md#the-mechanism-file).
+Unknown keys are errors. A key without a default is required unless its meaning says more.
+[What scenes are](../scenes/README.md)"""
+OF = {"given": " (given motion alone)", "simulated": " (simulation alone)"}
+
+
+def _scene_keys() -> str:
+    """Every table of a scene file with its keys."""
+    parts = [SCENE_KEYS]
+    for table in TABLES.values():
+        parts += [f"## {table['title']}", *([table["about"]] if "about" in table else [])]
+        rows = [
+            f"| `{key}` | {one.get('unit', '')} | {_default(one)} | {_told(one)} |"
+            for key, one in table["keys"].items()
+        ]
+        parts.append("\n".join(["| key | unit | default | meaning |", "|---|---|---|---|", *rows]))
+    return "\n\n".join(parts)
+
+
+def _told(one: dict[str, Any]) -> str:
+    return one["meaning"] + OF.get(one.get("kind", ""), "")
+
+
+def _default(one: dict[str, Any]) -> str:
+    """A default as a file has it, numbers being kept as text."""
+    value = one.get("default")
+    if value in (None, "", {}, []):
+        return ""
+    return f"`{json.dumps(value) if one['shape'] in ('names', 'text', 'flag') else str(value).replace(chr(39), '')}`"
 
 
 def commands() -> dict[str, argparse.ArgumentParser]:
