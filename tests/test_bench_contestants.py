@@ -1,4 +1,4 @@
-"""Every contestant does what its row says, and what cannot work is a row with its reason."""
+"""Contestants of benches."""
 
 from __future__ import annotations
 

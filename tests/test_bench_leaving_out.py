@@ -1,4 +1,4 @@
-"""What was not asked for is not executed: calls are counted, not time. And leaving out changes no number."""
+"""Work that a request leaves out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def calls(monkeypatch) -> Counter[str]:
-    """How often each stage of the solver and of the tree engines is executed."""
+    """Count executions of each stage."""
     found: Counter[str] = Counter()
 
     def count(owner: object, name: str, stage: str) -> None:

@@ -1,4 +1,4 @@
-"""`screwgauge bench` from the command line to the files, whole, cut short and interrupted."""
+"""`screwgauge bench` of given motions."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
 def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write, refused):
     write("own", "not a model")
     said = refused("bench", paper_scene(models='models = { mujoco = "own" }'), "--quick", "--contestants", "floor")
-    assert "scene.toml, models: the bench measures methods on models made from the description and reads none" in said
+    assert "scene.toml, models: " in said
 
 
 @pytest.mark.slow

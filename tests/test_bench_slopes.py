@@ -1,4 +1,4 @@
-"""Errors follow the power laws that they should: fitted slopes within ten per cent of the expected ones."""
+"""Slopes of errors."""
 
 from __future__ import annotations
 

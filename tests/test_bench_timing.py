@@ -1,4 +1,4 @@
-"""The timing protocol, under a clock that only these tests move."""
+"""The timing protocol."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from support.bench import Protocol, enough, measure, once
 
 
 class Clock:
-    """Nanoseconds that pass only when a call says so."""
+    """Clock that only calls move."""
 
     def __init__(self) -> None:
         self.now = 0

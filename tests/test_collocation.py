@@ -1,4 +1,4 @@
-"""The reference for stiff motion, on systems with known solutions."""
+"""The reference of stiff motions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_weights_integrate_polynomials() -> None:
 
 
 def test_a_stiff_linear_system_is_exact_to_rounding() -> None:
-    """Eigenvalues of -1e5 and -1, as at the hardest springs."""
+    # eigenvalues of -1e5 and -1, as at the hardest springs
     times = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 60)])
     matrix = np.array([[-1e5, 1e5 - 1.0], [0.0, -1.0]])
     found = collocate(lambda x: x @ matrix.T, np.array([2.0, 1.0]), times)

@@ -1,4 +1,4 @@
-"""The bench of a forward scene, from the command line to the files, whole, cut short and with a failure."""
+"""`screwgauge bench` of simulations."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_tighter_tolerances_make_smaller_errors(found):
 
 
 def test_a_model_file_of_ones_own_is_refused(scene, tmp_path):
-    with pytest.raises(ScrewgaugeError, match="the bench measures methods on models made"):
+    with pytest.raises(ScrewgaugeError, match=r"models: the bench measures"):
         bench(replace(scene, models={"pinocchio": tmp_path / "own.urdf"}), plan=PLAN, contestants=["screw"])
 
 
@@ -172,7 +172,7 @@ def test_without_a_reference_the_tightest_screw_is_one(scene):
 
 
 def test_bad_input_is_said(scene):
-    with pytest.raises(ScrewgaugeError, match=r"there is no observable to measure errors of"):
+    with pytest.raises(ScrewgaugeError, match="no observable"):
         bench(replace(scene, observables=(), known=None), plan=PLAN)
     with pytest.raises(ScrewgaugeError, match=r"unknown contestant 'screw-RK45'"):
         bench(scene, plan=PLAN, contestants=["screw-RK45"])

@@ -1,4 +1,4 @@
-"""Nothing heavy is imported, and nothing computed, that was not asked for."""
+"""Imports and numbers of a request."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 
 def modules_after(code: str) -> set[str]:
-    """Names of the modules that a fresh Python has loaded after running `code`."""
+    """Return modules that code loads."""
     script = f"{code}\nimport sys\nprint('\\n' + ' '.join(sorted(sys.modules)))"
     return set(printed_by(script).splitlines()[-1].split())
 
@@ -61,7 +61,7 @@ def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
 
 @pytest.mark.slow
 def test_a_reader_who_leaves_changes_no_exit_status(tmp_path, write):
-    """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
+    # as `| head` does
     scene = write(
         "strict.toml",
         'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\nquantities = ["joint_position"]\n'

@@ -1,4 +1,4 @@
-"""What is wrong with a table of one's own is named, sized and proved by putting it right; nothing else is."""
+"""Faults of tables."""
 
 from __future__ import annotations
 
@@ -85,7 +85,6 @@ def test_a_table_in_a_unit_that_its_header_says_is_right(quantity, unit, factor)
 
 
 def other_masses(scene):
-    """The machine with its masses elsewhere."""
     bodies = [
         replace(body, mass=body.mass * factor, com=body.com + 0.02)
         for body, factor in zip(scene.mechanism.bodies, np.linspace(0.7, 1.6, len(scene.mechanism.bodies)), strict=True)
@@ -94,7 +93,6 @@ def other_masses(scene):
 
 
 def other_motion(scene):
-    """The machine on another trajectory."""
     terms = tuple(replace(one, harmonics=one.harmonics * [1.3, 0.8, 0.9]) for one in scene.drive.terms)
     drive = replace(scene.drive, terms=terms)
     return replace(scene, drive=drive, task=drive(scene.t), text={})
@@ -115,7 +113,7 @@ def test_a_table_of_another_machine_is_not_explained(name, change, digits, monke
 
 
 def test_a_constant_apart_from_another_is_no_offset_of_a_sensor():
-    """Any two constants are an offset apart, and a factor: as much was fitted as agrees."""
+    # any two constants are an offset apart, and a factor: as much was fitted as agrees
     scene = screwgauge.load_scene("slider-crank")
     courses = [replace(one, polynomial=one.polynomial[:1], harmonics=one.harmonics[:0]) for one in scene.drive.terms]
     still = replace(scene.drive, terms=tuple(courses))
@@ -125,7 +123,7 @@ def test_a_constant_apart_from_another_is_no_offset_of_a_sensor():
 
 
 def test_rates_in_the_other_chart_of_a_joint_agree():
-    """An S joint has two triples of angles; a log of its joint alone is read as the engine reads it."""
+    # an S joint has two triples of angles
     scene = scene_of("3ups-upu-s", 41)
     q, v = (right(scene, name) for name in ("joint_position", "joint_velocity"))
     names = [f"leg2.q{k}" for k in (4, 5, 6)]
@@ -191,7 +189,7 @@ def test_last_place_is_that_which_was_printed(values, place):
 
 @pytest.fixture
 def spoilt_file(tmp_path):
-    """Writes a table with noise on one column and another one negated; returns the path."""
+    """One column negated, one noisy."""
     scene = scene_of("five-bar")
     table = right(scene, "actuator_force")
     table = table.assign(left=-table["left"], right=table["right"] + 1e-3 * noise(len(table), 1))

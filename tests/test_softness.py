@@ -1,4 +1,4 @@
-"""MuJoCo's soft loops on the loaded default scene: a floor that no time step removes, and the refinement that does."""
+"""MuJoCo's soft loops."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ FILES = model_files("3ups-upu-s", "mujoco")
 
 @pytest.fixture(scope="module")
 def motion() -> Question:
-    """The default scene from t = 1 s on; the loops have given way, to a fraction of a percent, after 0.2 s."""
+    # the loops have given way, to a fraction of a percent, after 0.2 s
     return held(0.2, 3, 1e-11)
 
 
 def step(motion: Question, dt: float, **settings: object) -> dict[str, Array]:
-    """What MuJoCo's own steps lead to. Quantity -> shape (n, m)."""
+    """Return quantities after MuJoCo's steps."""
     solution = Method("mujoco", {"dt": dt, "work": False, **settings}).load(FILES).solve(motion.problem)
     assert not solution.stopped
     return {name: values.array for name, values in motion.read(motion, solution).items()}
@@ -78,7 +78,7 @@ def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_lo
 
 
 def test_what_soft_loops_may_exert_leaves_room_for_another_rounding_of_their_residual(monkeypatch) -> None:
-    """Eight units in the last place of the largest coordinate, however well the loops close."""
+    # eight units in the last place of the largest coordinate, however well the loops close
     scene = screwgauge.load_scene("3ups-upu-s")
     asked, given = list[Array](), MujocoTree.soft_force
 
@@ -96,7 +96,7 @@ def test_what_soft_loops_may_exert_leaves_room_for_another_rounding_of_their_res
 
 
 def test_soft_forces_count_among_the_digits_of_a_verdict():
-    """They have digits, unlike what is zero within rounding, though their tolerance is wider than that of the scene."""
+    # they have digits, though their tolerance is wider than that of the scene
     results = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 1.0, 11)), ("pinocchio", "mujoco"))
     soft = results.pairs[results.pairs["quantity"] == "tree_force_soft"]
     assert results.ok

@@ -1,4 +1,4 @@
-"""Stiff springs in the legs, at reduced size: the reference, accelerations, what is admitted and what is refused."""
+"""Stiff springs in the legs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ def right(stiffness: float, folder: Path) -> tuple[Question, float]:
 
 
 def integrated(stiffness: float, integration: Integration, folder: Path) -> list[Finding]:
-    """`screw` on its own acceleration, by one of scipy's methods."""
     return list(findings(tolerant(right(stiffness, folder)[0], integration, SCREW)))
 
 
@@ -40,7 +39,7 @@ def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs(tmp
 
 @pytest.mark.slow
 def test_the_reference_and_an_explicit_method_agree(tmp_path: Path) -> None:
-    """Two integrators that share nothing but the accelerations; DOP853 at 1e-9 leaves some 1e-10."""
+    # they share nothing but the accelerations; DOP853 at 1e-9 leaves some 1e-10
     for finding in integrated(1e4, Integration("DOP853", 1e-9, 1e-11), tmp_path):
         assert finding.error < GOOD, finding
 
@@ -56,7 +55,7 @@ def test_a_looser_tolerance_is_admitted_to_lose_digits(tmp_path: Path) -> None:
 def test_an_explicit_method_is_refused_with_its_stable_step(tmp_path: Path) -> None:
     position, energy = findings(explicit(*right(1e10, tmp_path)))
     assert position.verdict == energy.verdict == REFUSED
-    assert "eigenvalue of 9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
+    assert "9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
 
 
 @pytest.mark.slow
@@ -84,7 +83,7 @@ def test_engines_agree_on_springs_beside_given_forces_and_take_no_other_ones(tmp
         model = method.load(question.files[method.engine])
         found.append(model.solve(sprung).values["joint_acceleration"].pick(names).array)
         if method is not SCREW:
-            with pytest.raises(ScrewgaugeError, match="states take only gravity and springs along joints of the tree"):
+            with pytest.raises(ScrewgaugeError, match="only gravity and springs"):
                 model.solve(replace(sprung, applied=posed.scene.applied))
             plain = model.solve(question.problem).values["joint_acceleration"].pick(names).array
             assert np.abs(plain - found[0]).max() > 1e-3 * np.abs(found[0]).max()  # springs matter, and only when asked

@@ -1,4 +1,4 @@
-"""Rungs of stress cases, a row each of `claims/stress.toml`."""
+"""Rows of `claims/stress.toml`."""
 
 from __future__ import annotations
 

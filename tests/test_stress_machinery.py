@@ -1,4 +1,4 @@
-"""Ladders, verdicts and what `screwgauge stress` leaves, on a toy case that needs no engine."""
+"""Ladders and verdicts of stress."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ NOWHERE = ModelFiles(Path("nowhere"))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fake(Method):
-    """Answers zero with an error, and admits so much; if that is no number, it raises."""
+    """Engine with a known error."""
 
     error: float = 0.0
     admitted: float = 0.0
@@ -49,7 +49,6 @@ class Fake(Method):
 
 
 def question(*methods: Method, **more: object) -> Question:
-    """What is the force? It is zero."""
     right = Reference("truth", {"force": Values(("f",), ("N",), np.zeros((1, 1)))}, "", {"force": {"N": 1.0}})
     problem = Problem(Applied(), States((), np.zeros((1, 0)), np.zeros((1, 0))), frozenset(("force",)))
     files = dict.fromkeys(("screw", "pinocchio", "mujoco"), NOWHERE)
@@ -58,7 +57,6 @@ def question(*methods: Method, **more: object) -> Question:
 
 
 def ask_toy(severity: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """screw keeps all digits; mujoco loses one a rung and says so; pinocchio loses them silently, then NaN."""
     if severity == 1e3:
         raise ValueError("the third rung\nbreaks")
     yield question(Fake("screw", error=1e-15))
@@ -67,7 +65,6 @@ def ask_toy(severity: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def ask_broken(severity: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Our own solver is wrong without a word."""
     yield question(Fake("screw", error=1.0))
 
 
@@ -152,7 +149,7 @@ def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
 @pytest.mark.slow
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0
-    assert "these give wrong numbers without a word: pinocchio in 1 of 1 cases" in capsys.readouterr().out
+    assert "without a word: pinocchio in 1 of 1 cases" in capsys.readouterr().out
     assert main(["stress", "broken", "--out", str(tmp_path / "broken")]) == 1
 
 

@@ -1,4 +1,4 @@
-"""A question of a quick ladder that went through a pickle is answered to the last bit."""
+"""Pickled questions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of small plots and the report: everything named, each cause once, nothing hidden."""
+"""The report of stress."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def case(name: str, *, falling: bool = False) -> StressCase:
 
 @pytest.fixture
 def found() -> Stress:
-    """Two ladders: screw is good, pinocchio says so, mujoco refuses, its settings are silent."""
+    # screw is good, pinocchio says so, mujoco refuses, its settings are silent
 
     def row(name: str, severity: float, engine: str, quantity: str) -> Finding:
         kind = ENGINES.index(engine)

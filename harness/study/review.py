@@ -33,7 +33,7 @@ PAIRED = 6  # things that act, of which any two may be missing
 
 @dataclass(frozen=True, slots=True)
 class ReviewedColumn:
-    """One column of a table.
+    """Column of a table, beside an engine.
 
     Attributes:
         error: Largest scaled error as the column stands.
@@ -72,7 +72,7 @@ class TableReview:
 
     @property
     def ok(self) -> bool:
-        """Whether all columns agree to the digits that they carry."""
+        """True if all columns agree to the digits that they carry."""
         return bool(self.columns) and all(column.faults == () for column in self.columns)
 
     def __bool__(self) -> bool:
@@ -80,7 +80,7 @@ class TableReview:
 
     @property
     def explained(self) -> bool:
-        """Whether the faults that are named are all."""
+        """True if the named faults explain every column."""
         return all(column.faults is not None for column in self.columns)
 
     @property
@@ -184,7 +184,7 @@ def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> 
 
 
 def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
-    """What an engine says, and by how much that changes under other forces and at other times."""
+    """Return what an engine says, and by how much that changes under other forces and at other times."""
     given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
     dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given
     times = np.union1d(t, dense)

@@ -1,4 +1,4 @@
-"""Golden numbers of studies: rungs of the stress cases, and what leaving out changes."""
+"""Golden rungs."""
 
 from __future__ import annotations
 
@@ -29,13 +29,12 @@ SINGULAR = 1e12
 
 
 def rungs() -> list[str]:
-    """All of quick runs, and of full ones."""
     quick = [f"{name} {severity:.17g} quick" for name, case in CASES.items() for severity in case.quick]
     return quick + [f"{name} {severity:.17g}" for name, case in CASES.items() for severity in case.full]
 
 
 def rung(case: str) -> Iterator[Row]:
-    """What every engine makes of every quantity on a rung: ``CASE SEVERITY`` of a full run, ``... quick``."""
+    """Yield facts of ``CASE SEVERITY [quick]``."""
     name, severity, *quick = case.split()
     study = stress([name], quick=bool(quick), severities=[float(severity)])
     by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)

@@ -1,4 +1,4 @@
-"""The benchmark of engines: contestants, rows and runs."""
+"""Benches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Questions that the stress cases put to engines."""
+"""Questions of stress cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions over singular poses, and next to them."""
+"""Motions over singular poses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHEETS = (-1.3947357802034785, 0.5465492689786025, -0.349340888883658), (-1.4572
 
 
 def three_rpr(x: float, y: float, angle: float) -> PlanarLinkage:
-    """A platform on three legs at a pose, driven by their lengths ``p1``, ``p2``, ``p3``."""
+    """Return a 3-RPR at a pose."""
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     pins, bars = list[PinJoint](), dict[str, float]()
     for i, (foot, head) in enumerate(zip(BASE.tolist(), PLATFORM.tolist(), strict=True), 1):

@@ -1,4 +1,4 @@
-"""Cases in which engines are put under stress, and what came of them."""
+"""Stress cases and their rows."""
 
 from __future__ import annotations
 

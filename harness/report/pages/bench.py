@@ -70,7 +70,7 @@ OTHERS = "published by others"
 
 
 def _banners(bench: Bench) -> list[Banner]:
-    """What time did not suffice for; what is cheapest, with a cross where a slope is off."""
+    """Return banners on rows that were cut short, and on what is cheapest, with a cross where a slope is off."""
     sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
     measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
     lost = [row["rows"] for row in _cut_short(bench)]
@@ -101,7 +101,7 @@ def _quickest(bench: Bench) -> list[Row]:
 
 
 def _first(level: float, candidates: Sequence[Row]) -> list[Row]:
-    """Who of those that reach an error is the first, and how much longer the next family takes; none of none."""
+    """Return the quickest of those that reach an error, and how much longer the next family takes."""
     order = sorted(candidates, key=lambda row: float(row["cost"]))
     second = next((row for row in order if row["family"] != order[0]["family"]), None)
     times = number(second["cost"] / order[0]["cost"], 3) if second else ""
@@ -110,7 +110,7 @@ def _first(level: float, candidates: Sequence[Row]) -> list[Row]:
 
 
 def headline(bench: Bench) -> str:
-    """Which method is cheapest at nine digits, of those that close the loops and of those that are given the motion."""
+    """Name the cheapest methods at nine digits: one that closes the loops, and one that is given the motion."""
     for quantity in SHOWN:
         cheapest = [row for row in _cheapest(bench, quantity) if row["level"] == NINE]
         if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
@@ -119,7 +119,7 @@ def headline(bench: Bench) -> str:
 
 
 def _remarks(bench: Bench) -> list[str]:
-    """How much was measured, what failed, what was cut short."""
+    """Count rows, slopes as expected, and failures."""
     table_rows = rows(bench_table(bench.rows))
     parts = [f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods."]
     if bench.fits:
@@ -155,7 +155,7 @@ def _narrow(bench: Bench) -> list[Row]:
 
 
 def _failed(bench: Bench) -> list[Row]:
-    """What failed: a row for each contestant and reason, with all settings and quantities."""
+    """Return a row for each contestant that failed and reason, with all settings and quantities."""
     failed = [row for row in rows(bench_table(bench.rows)) if row["status"] == FAILED]
     lines = list[Row]()
     for group in grouped(failed, "contestant", "reason").values():
@@ -166,7 +166,7 @@ def _failed(bench: Bench) -> list[Row]:
 
 
 def _cut_short(bench: Bench) -> list[Row]:
-    """What was cut short, one row for each family; what leaving out buys is one of them."""
+    """Return a row for each family with rows that were cut short, and one for leaving out."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
     cut = [row for row in [*rows(bench_table(bench.rows)), *left_out] if row["status"] == CUT]
     families = ((name, [row["contestant"] for row in group]) for (name,), group in grouped(cut, "family").items())
@@ -190,7 +190,7 @@ def _reach(bench: Bench) -> list[Block]:
 
 
 def _leaving(bench: Bench) -> list[Block]:
-    """What each engine saves, with the numbers that remain."""
+    """Return tables of what each engine saves, with the numbers that remain."""
 
     def line(row: Row) -> Row:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
@@ -204,7 +204,7 @@ def _leaving(bench: Bench) -> list[Block]:
 
 
 def _simulated_headline(bench: Bench) -> str:
-    """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
+    """Name the first to reach six digits, or as many as anybody does, its lead, and what failed."""
     t, rows = bench.scene.t, [row for row, _ in pairs(bench.rows)]
     parts, cheapest = list[str](), {row["digits"]: row for row in _quickest(bench)}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):

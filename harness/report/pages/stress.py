@@ -57,7 +57,7 @@ def _banner(stress: Stress) -> Banner:
 
 
 def headline(stress: Stress) -> str:
-    """Who gives wrong numbers without a word and from where on, what our own solver does, and counts."""
+    """Name engines that give wrong numbers without a word and from where on, what our own solver does, and counts."""
     known, parts = {case.name: case for case in stress.cases}, list[str]()
     by_engine, own = grouped(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
     for (engine,), group in grouped(_silent_rows(stress), "who").items():

@@ -39,7 +39,7 @@ def count(n: int, word: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """One method with one setting: one row for each of its quantities.
+    """Method with a setting and a question; makes a row for each of its quantities.
 
     Attributes:
         setting: In words.
@@ -73,7 +73,7 @@ class Contestant:
 
     @property
     def kind(self) -> NumberType:
-        """What it computes in."""
+        """Type of number that the method computes in."""
         return NUMBER_TYPES.get(self.method.settings.get("dtype", ""), number_type(self.method.engine))
 
     @property

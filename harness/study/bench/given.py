@@ -1,4 +1,4 @@
-"""What a bench asks of a scene: its motion, its true states, or a motion that is changed for a purpose.
+"""Questions of benches: the motion of a scene, its true states, or a motion that is changed for a purpose.
 
 Each question is a function of the scene, of the engine and of the wanted quantities. What else it takes
 is bound by `functools.partial`, so that questions pickle.

@@ -134,7 +134,7 @@ class Question:
 
     @property
     def known(self) -> bool:
-        """Whether there are reference values."""
+        """True if there are reference values."""
         return bool(self.right.values)
 
 
@@ -226,7 +226,7 @@ def _measured(
 
 
 def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
-    """Where there is no truth, the largest residual of the judge stands for all quantities."""
+    """Return the largest residual of the judge, which stands for all quantities where there is no truth."""
     table = judge(question.mechanism, question.problem, solution)
     return replace(
         blank,

@@ -48,7 +48,7 @@ BESIDE = "Contestants were measured beside each other, in processes or on worker
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Bench:
-    """What was measured.
+    """Measurements on a scene.
 
     Attributes:
         rows: One for each contestant, setting and quantity; of a simulation those of the observables and the energy.
@@ -335,7 +335,7 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Whether a result from a journal is whole: a failure with its reason, or numbers."""
+    """Check that a result from a journal is whole: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
     first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest and RMS, why there is none

@@ -40,7 +40,7 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchRow(SizedResidual):
-    """One quantity of one contestant; its RMS error is scaled.
+    """Error and times of a contestant in one quantity; its RMS error is scaled.
 
     Attributes:
         seconds: Every measurement, in the order made.
@@ -57,7 +57,7 @@ class BenchRow(SizedResidual):
 
     @property
     def rounds(self) -> int:
-        """How often it was measured."""
+        """Number of measurements."""
         return len(self.seconds)
 
     @property
@@ -180,7 +180,7 @@ RULES = tuple(Rule(**entry) for entry in TABLE["slopes"])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlopeFit:
-    """One rule with its points: parameter `name` and error, shape (n,), and which of them were fitted, shape (n,)."""
+    """Fit of a rule to points: parameter `name`, error, and whether it was used. Shape (n,) each."""
 
     rule: Rule
     name: str

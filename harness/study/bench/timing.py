@@ -43,7 +43,7 @@ QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """How often and how long is measured.
+    """Rounds and deadline of measurements.
 
     Attributes:
         rounds: Times that each contestant is measured.

@@ -181,7 +181,7 @@ def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
 
 
 def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
-    """What is wanted from joint positions on, in their precision.
+    """Compute the wanted quantities from joint positions, in their precision.
 
     Raises:
         TypeError: It was left on the way.
