@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study.bench.stiff import collocate, tableau
+from screwgauge.reference.idle_motion import rule
+from screwgauge.study.bench.stiff import collocate
 
 
 def test_weights_integrate_polynomials() -> None:
-    c, A = tableau(10)
+    c, A = rule(10).points, rule(10).once
     for power in range(10):
         np.testing.assert_allclose(A @ c**power, c ** (power + 1) / (power + 1), rtol=0, atol=1e-14)
 

@@ -95,18 +95,12 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
         write_models(scene.mechanism, folder, gravity=scene.applied.g)
-        known = positions(layout(scene.mechanism), scene.motion.y, scene.motion.t)
-        names, units = scene.mechanism.coordinates, scene.mechanism.units
-        right = {"joint_position": Values(names, units, known).pick(_ANGLES)}
+        mechanism, quantity = scene.mechanism, "joint_position"
+        q = positions(layout(mechanism), scene.motion.y, scene.motion.t)
+        values = {quantity: Values(mechanism.coordinates, mechanism.units, q).pick(_ANGLES)}
+        right = Reference.by_size("closed form", mechanism, values)
         methods = tuple(Method(name, label=f"{name} {step:g} rad") for name in ENGINES)
-        yield put(
-            scene,
-            folder,
-            scene.problem(("joint_position",)),
-            methods,
-            ("joint_position",),
-            Reference.by_size("closed form", scene.mechanism, right),
-        )
+        yield put(scene, folder, scene.problem((quantity,)), methods, (quantity,), right)
 
 
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
@@ -201,86 +195,66 @@ class Passing:
     why: str
 
     def scene(self, folder: Path, samples: int, engines: Sequence[str] = ("screw", "pinocchio", "mujoco")) -> Scene:
-        """Written to a folder and read, at evenly spread times."""
+        """Write a scene at evenly spread times to a folder, and read it."""
         folder.mkdir(parents=True, exist_ok=True)
-        times = np.linspace(0.0, self.lasts, samples).tolist()
-        tables = {
-            "mechanism": "linkage.toml",
-            "gravity": [0.0, -9.81, 0.0],
-            "engines": [*engines],
-            "motion": self.motion,
-            "time": {"times": times},
-        }
+        tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
+        tables |= {"motion": self.motion, "time": {"times": np.linspace(0.0, self.lasts, samples).tolist()}}
         (folder / "linkage.toml").write_text(tomli_w.dumps(self.linkage.table(self.name)), encoding="utf-8")
         (folder / "scene.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
         return load_scene(folder / "scene.toml")
 
 
-def _turning(**coordinates: tuple[float, float]) -> dict[str, Tables]:
-    """Motions at constant rates: where they start, and the rate."""
-    return {name: {"polynomial": [*pair]} for name, pair in coordinates.items()}
+def _turning(
+    name: str, linkage: PlanarLinkage, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
+) -> Passing:
+    """Return a linkage in motion at constant rates.
+
+    Args:
+        rates: Independent coordinate -> where it starts, and its rate.
+        gap: Where branches do not meet, so that one goes on, it is more than 0.
+    """
+    motion = {label: {"polynomial": [*pair]} for label, pair in rates.items()}
+    return Passing(name, linkage, motion, LAST * at, REGULAR if gap > 0.0 else REFUSED, at, why)
 
 
 def known() -> Iterator[Passing]:
-    """Linkages that textbooks name, each through or up to a singular pose."""
-    angle, half = 0.4, float(np.pi / 2)
-    crank = slider_crank(0.3, 0.5, angle, driven="x")
+    """Yield linkages that textbooks name, each in a motion through or up to a singular pose."""
+    half, turn = float(np.pi / 2), float(np.pi)
+    crank = slider_crank(0.3, 0.5, 0.4, driven="x")
     start, end = crank.pins[-1].home, 0.8
     slow = {"x": {"offset": 0.79, "harmonics": [[2.0, -0.01, 0.0]]}}
+    swing = {"x": {"offset": (start + end) / 2, "harmonics": [[turn, (start - end) / 2, 0.0]]}}
     why = "crank and rod are one line: the crank may go on or back"
     yield Passing("dead-centre", crank, slow, LAST, REFUSED, half, why)
-    swing = {"x": {"offset": (start + end) / 2, "harmonics": [[float(np.pi), (start - end) / 2, 0.0]]}}
     yield Passing("fold", crank, swing, LAST, REFUSED, 1.0, why)
-    over = half - 0.7
-    yield Passing(
-        "equal-rods",
-        slider_crank(0.1, 0.1, 0.7),
-        _turning(a=(0.7, 1.0)),
-        LAST * over,
-        REFUSED,
-        over,
-        "rod and crank coincide: the slide may go on, or rest while the rod turns with the crank",
-    )
-    yield Passing(
-        "offset-slider-crank",
-        slider_crank(0.1, 0.25, -half - 0.8, offset=0.15),
-        _turning(a=(-half - 0.8, 1.0)),
-        LAST * 0.8,
-        REFUSED,
-        0.8,
-        "crank and rod are one line across the slide: the slide may go on or back",
-    )
+    why = "rod and crank coincide: the slide may go on, or rest while the rod turns with the crank"
+    yield _turning("equal-rods", slider_crank(0.1, 0.1, 0.7), {"a": (0.7, 1.0)}, half - 0.7, why)
+    why, start = "crank and rod are one line across the slide: the slide may go on or back", -half - 0.8
+    offset = slider_crank(0.1, 0.25, start, offset=0.15)
+    yield _turning("offset-slider-crank", offset, {"a": (start, 1.0)}, 0.8, why)
     bars = "all bars are one line: the rocker may go on in either sense"
-    yield _passing_four_bar("parallelogram", (0.3, 0.5, 0.3, 0.5), float(np.pi), bars)
-    yield _passing_four_bar("kite", (0.5, 0.3, 0.3, 0.5), 0.0, "the ends of coupler and rocker meet: both turn freely")
-    yield _passing_four_bar("rhombus", (0.3, 0.3, 0.3, 0.3), float(np.pi), bars)
-    yield _passing_five_bar("five-bar", (0.2, 0.25), (0.4, 0.45), 0.0, (1.0, 0.7))
+    for name, lengths, singular, why in (
+        ("parallelogram", (0.3, 0.5, 0.3, 0.5), turn, bars),
+        ("kite", (0.5, 0.3, 0.3, 0.5), 0.0, "the ends of coupler and rocker meet: both turn freely"),
+        ("rhombus", (0.3, 0.3, 0.3, 0.3), turn, bars),
+    ):
+        yield _turning(name, four_bar(*lengths, singular - 0.8), {"a": (singular - 0.8, 1.0)}, 0.8, why)
+    yield _spreading_five_bar("five-bar", (0.2, 0.25), (0.4, 0.45), 0.0, (1.0, 0.7))
 
 
-def _passing_four_bar(name: str, lengths: tuple[float, float, float, float], singular: float, why: str) -> Passing:
-    start, answer = singular - 0.8, REFUSED
-    return Passing(name, four_bar(*lengths, start), _turning(a=(start, 1.0)), LAST * 0.8, answer, 0.8, why)
-
-
-def _passing_five_bar(
-    name: str, cranks: tuple[float, float], rods: tuple[float, float], gap: float, rates: tuple[float, float]
+def _spreading_five_bar(
+    name: str, cranks: Sequence[float], rods: Sequence[float], gap: float, rates: Sequence[float]
 ) -> Passing:
-    """Cranks that turn away from each other until the rods are one line but for a gap: the base is as long as that."""
-    base, lasts = sum(rods) - sum(cranks) - gap, 0.7
-    angles = float(np.pi) - lasts * rates[0], -lasts * rates[1]
-    linkage = five_bar(cranks, rods, base, angles)
-    motion = _turning(a=(angles[0], rates[0]), e=(angles[1], rates[1]))
+    """Return a five-bar whose cranks turn away from each other until the rods are one line but for a gap."""
+    base, at = sum(rods) - sum(cranks) - gap, 0.7
+    angles = float(np.pi) - at * rates[0], -at * rates[1]
+    linkage = five_bar((cranks[0], cranks[1]), (rods[0], rods[1]), base, angles)
     why = "cranks and rods are one line: the rods may go on or back"
-    return Passing(name, linkage, motion, LAST * lasts, _answer(gap), lasts, why)
-
-
-def _answer(gap: float) -> str:
-    """Branches meet, or do not reach each other; where they do not meet, one goes on."""
-    return REGULAR if gap > 0.0 else REFUSED
+    return _turning(name, linkage, {"a": (angles[0], rates[0]), "e": (angles[1], rates[1])}, at, why, gap)
 
 
 def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passing]:
-    """Four-bars, slider-cranks and five-bars in turn, at random, past poses where all bars are nearly one line.
+    """Yield four-bars, slider-cranks and five-bars in turn, at random, past poses where bars are nearly one line.
 
     Args:
         gap: By how much the two bars between the others are too long to get there [m]: at 0 two branches meet; below,
@@ -288,38 +262,37 @@ def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passin
     """
     for i in range(count):
         rng = np.random.default_rng([seed, i])
-        make = (_four_bar_near, _slider_crank_near, _five_bar_near)[i % 3]
-        yield make(f"{make.__name__.strip('_').replace('_', '-')}-{i}", rng, gap)
+        kind = ("four-bar", "slider-crank", "five-bar")[i % 3]
+        yield _NEAR[kind](f"{kind}-near-{i}", rng, gap)
 
 
 def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """The crank is the shortest, and it and the longest are as long as the other two but for the gap."""
+    """Return a four-bar whose crank, the shortest, and longest bar are as long as the other two but for the gap."""
     crank, (p, q) = float(rng.uniform(0.15, 0.25)), map(float, rng.uniform(0.3, 0.5, 2))
     longest, which = p + q - gap - crank, int(rng.integers(3))
     coupler, rocker, base = [(longest, p, q), (p, longest, q), (p, q, longest)][which]
     singular = np.pi if which == 2 else 0.0
     start = float(singular - rng.uniform(0.5, 1.0))
     linkage = four_bar(crank, coupler, rocker, base, start, side=float(rng.choice([-1.0, 1.0])))
-    way = float(singular - start)
-    why = "all bars are nearly one line"
-    return Passing(name, linkage, _turning(a=(start, 1.0)), LAST * way, _answer(gap), way, why)
+    return _turning(name, linkage, {"a": (start, 1.0)}, float(singular - start), "all bars are nearly one line", gap)
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """Slider-cranks near a singular pose; one in three has no offset: then the slide may rest."""
+    """Return a slider-crank near a singular pose; one in three has no offset: then the slide may rest."""
     crank = float(rng.uniform(0.1, 0.2))
     offset = 0.0 if rng.random() < 1.0 / 3.0 else float(rng.uniform(0.05, 0.2))
     way = float(rng.uniform(0.5, 1.0))
     start = -float(np.pi) / 2 - way
     linkage = slider_crank(crank, crank + offset + gap, start, offset=offset)
-    why = "crank and rod are nearly one line across the slide"
-    return Passing(name, linkage, _turning(a=(start, 1.0)), LAST * way, _answer(gap), way, why)
+    return _turning(name, linkage, {"a": (start, 1.0)}, way, "crank and rod are nearly one line across the slide", gap)
 
 
 def _five_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
     cranks, rods = rng.uniform(0.15, 0.25, 2).tolist(), rng.uniform(0.4, 0.5, 2).tolist()
-    first, second = rng.uniform(0.6, 1.4, 2).tolist()
-    return _passing_five_bar(name, (cranks[0], cranks[1]), (rods[0], rods[1]), gap, (first, second))
+    return _spreading_five_bar(name, cranks, rods, gap, rng.uniform(0.6, 1.4, 2).tolist())
+
+
+_NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-bar": _five_bar_near}
 
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:

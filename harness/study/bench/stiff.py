@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue, Integration, Problem, States
@@ -23,6 +21,7 @@ from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.idle_motion import rule
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
@@ -226,18 +225,6 @@ Slope = Callable[[Array], Array]
 """Derivatives of states, one a row. Shape (n, m) -> (n, m)."""
 
 
-@lru_cache(maxsize=4)
-def tableau(stages: int) -> tuple[Array, Array]:
-    """Nodes in (0, 1], shape (s,), and weights of Radau IIA, shape (s, s)."""
-    ends = np.zeros(stages + 1)
-    ends[stages - 1 :] = [-1.0, 1.0]
-    x = np.sort(legendre.legroots(ends).real)
-    x[-1] = 1.0
-    values = legendre.legvander(x, stages - 1)
-    integrals = np.column_stack([0.5 * legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(stages)])
-    return 0.5 * (1.0 + x), integrals @ np.linalg.inv(values)
-
-
 def collocate(slope: Slope, state: Array, times: Array) -> Array:
     """Integrates an autonomous system with one step from each time to the next.
 
@@ -260,7 +247,7 @@ def collocate(slope: Slope, state: Array, times: Array) -> Array:
 
 
 def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> Array:
-    A, m = tableau(STAGES)[1], len(state)
+    A, m = rule(STAGES).once, len(state)
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
     slopes = slope(np.concatenate([state + np.diag(size), state - np.diag(size)]))
     J = ((slopes[:m] - slopes[m:]) / (2.0 * size[:, None])).T
