@@ -50,7 +50,7 @@ NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
 NO_STEPS = {"steps": None, "evaluations": None}
 STARTS = {False: "from the independent coordinates by", True: "from given joint motion by"}
-DIGITS = {3: "three", 6: "six", 9: "nine"}
+DIGITS = {"3": "Three", "6": "Six", "9": "Nine", "12": "Twelve"}
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
 ERROR = "largest scaled error [1]"
@@ -80,39 +80,22 @@ def _banners(bench: Bench) -> list[Banner]:
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """The quickest family for each error: of those that close the loops, and of those given the joint motion."""
-    lines = list[Row]()
-    for given, start in STARTS.items():
-        reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and row["given"] is given]
-        priced = [{**row, "cost": row["seconds_per_sample"], "start": start} for row in reached]
-        lines += [line for level in LEVELS for line in _first(level, [row for row in priced if row["error"] == level])]
-    return lines
-
-
-def _quickest(bench: Bench) -> list[Row]:
-    """The quickest simulation methods for three, six and nine digits."""
-    done = [row for row, _ in pairs(bench.rows) if row.status == OK]
-
-    def reached(level: float) -> list[Row]:
-        who = ((row.contestant, row.work_s) for row in done if row.error <= level)
-        return [{"family": one.family, "setting": one.setting, "cost": cost} for one, cost in who]
-
-    return [line for digits in DIGITS for line in _first(10.0**-digits, reached(10.0**-digits))]
-
-
-def _first(level: float, candidates: Sequence[Row]) -> list[Row]:
-    """Return the quickest of those that reach an error, and how much longer the next family takes."""
-    order = sorted(candidates, key=lambda row: float(row["cost"]))
-    second = next((row for row in order if row["family"] != order[0]["family"]), None)
-    times = number(second["cost"] / order[0]["cost"], 3) if second else ""
-    lead = {"next": second["family"] if second else "none", "times_as_long": times}
-    return [{**best, "digits": number(-np.log10(level)), "level": level, **lead} for best in order[:1]]
+    """Return the quickest family for each error, with its lead: of those that close the loops, then of the others."""
+    lines, table = list[Row](), [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity]
+    for (given, level), (best, *others) in grouped(table, "given", "error").items():
+        cost = best["seconds_per_sample"]
+        lead = {"next": "none", "times_as_long": ""}
+        if others:
+            times = number(others[0]["seconds_per_sample"] / cost, 3)
+            lead = {"next": others[0]["family"], "times_as_long": times}
+        lines.append({**best, "cost": cost, "start": STARTS[given], "digits": number(-np.log10(level)), **lead})
+    return sorted(lines, key=lambda line: bool(line["given"]))
 
 
 def headline(bench: Bench) -> str:
     """Name the cheapest methods at nine digits: one that closes the loops, and one that is given the motion."""
     for quantity in SHOWN:
-        cheapest = [row for row in _cheapest(bench, quantity) if row["level"] == NINE]
+        cheapest = [row for row in _cheapest(bench, quantity) if row["error"] == NINE]
         if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
             return f"{words(quantity).capitalize()} to nine digits is cheapest {'; '.join(each)}."
     return "Nothing reached nine digits."
@@ -147,7 +130,7 @@ def _narrow(bench: Bench) -> list[Row]:
             "quantity": row.quantity,
             "digits": digits_text(row.error) + " ✗" * (row.error > bench.rounding[row.quantity]),
             "allowed": digits_text(bench.rounding[row.quantity]),
-            "time": duration(row.per_sample),
+            "time": duration(row.price),
         }
         for row in bench.rows
         if row.contestant.kind is FLOAT32 and row.quantity in bench.rounding and row.status == OK
@@ -206,9 +189,9 @@ def _leaving(bench: Bench) -> list[Block]:
 def _simulated_headline(bench: Bench) -> str:
     """Name the first to reach six digits, or as many as anybody does, its lead, and what failed."""
     t, rows = bench.scene.t, [row for row, _ in pairs(bench.rows)]
-    parts, cheapest = list[str](), {row["digits"]: row for row in _quickest(bench)}
+    parts, cheapest = list[str](), {row["digits"]: row for row in _cheapest(bench, "observable")}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
-        what = f"{DIGITS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
+        what = f"{DIGITS[best['digits']]} digits of the observables are cheapest with"
         lead = f"; {best['next']} takes {best['times_as_long']} times as long" if best["times_as_long"] else ""
         parts.append(f"{what} {best['family']} ({best['setting']}): {duration(best['cost'])} of processor time{lead}.")
     parts.append(f"{len(rows)} contestants on {number(t[-1] - t[0])} s of motion.")
@@ -252,14 +235,14 @@ def make_plots(bench: Bench) -> list[Picture]:
 
 
 def _of_given_motion(bench: Bench) -> Iterator[Picture]:
-    drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.error) and bool(r.per_sample > 0)]
+    drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.error) and bool(r.price > 0)]
     looks, notes = by_camp(row.contestant.line for row in bench.rows), [note.format(bench.reference) for note in NOTES]
     for quantity in QUANTITIES[::-1]:
         points, rows = list[Spec](), [row for row in drawable if row.quantity == quantity]
         for row in rows:
             group = [other.contestant for other in rows if other.contestant.line == row.contestant.line]
             joined = any(other.parameter for other in group) or len({other.name for other in group}) == 1
-            point = _point(row, row.contestant.line, row.per_sample, row.error)
+            point = _point(row, row.contestant.line, row.price, row.error)
             points.append(point | {"hollow": row.contestant.given, "joined": joined})
         axes = f"Error against run time: {WORDS[quantity]}", "run time for each sample delivered", ERROR
         if points:
@@ -385,7 +368,7 @@ SIMULATION = replace(
     },
     values={
         **PAGE.values,
-        "cheapest": _quickest,
+        "cheapest": lambda bench: _cheapest(bench, "observable"),
         "measured": _measured,
     },
 )

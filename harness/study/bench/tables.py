@@ -76,8 +76,10 @@ class BenchRow(SizedResidual):
         return self.cost.cpu_s if np.isfinite(self.cost.cpu_s) else self.cost.wall_s
 
     @property
-    def per_sample(self) -> float:
-        """Run time for each sample delivered [s]."""
+    def price(self) -> float:
+        """Processor time of a simulation, else run time for each sample delivered [s]."""
+        if np.isfinite(self.work_s):
+            return self.work_s
         return self.time_s / self.n_sample if self.n_sample else float("nan")
 
 
@@ -93,22 +95,22 @@ def timing_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Quickest setting of each family for each quantity and error; families that never get there are left out."""
+    """Return the quickest setting of each family for each quantity and error that it reaches."""
     body = []
     for quantity in dict.fromkeys(row.quantity for row in rows if row.quantity != NOTHING):
-        timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.per_sample > 0]
+        timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.status == OK and r.price > 0]
         for level in LEVELS:
             best: dict[str, BenchRow] = {}
-            for row in sorted((r for r in timed if r.error <= level), key=lambda row: row.per_sample):
+            for row in sorted((r for r in timed if r.error <= level), key=lambda row: row.price):
                 best.setdefault(row.contestant.family, row)
             for family, row in best.items():
                 c = row.contestant
-                body.append((quantity, level, family, row.per_sample, c.name, c.setting, c.given))
+                body.append((quantity, level, family, row.price, c.name, c.setting, c.given))
     return pd.DataFrame(body, columns=REACH_COLUMNS)
 
 
 def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
-    """Rows of the observables and of the energy, contestant by contestant."""
+    """Return rows of the observables and of the energy, contestant by contestant."""
     return list(zip(rows[::2], rows[1::2], strict=True))
 
 
