@@ -100,7 +100,7 @@ def reviews(
     errors: pd.DataFrame,
     faulted: Collection[str],
 ) -> dict[str, TableReview]:
-    """Reviews the tables of a scene.
+    """Review the tables of a scene.
 
     Args:
         solutions: Of engines and tables, in one chart.
@@ -126,7 +126,7 @@ def reviews(
 def _reviewed(
     scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame
 ) -> Iterator[ReviewedColumn]:
-    """Columns of one quantity; only where one is out of tolerance is anything else computed.
+    """Yield columns of one quantity; only where one is out of tolerance is anything else computed.
 
     Args:
         readings: The table in the chart of the engine, and as it is: angles in degrees are none of any chart.
@@ -154,7 +154,7 @@ def _reviewed(
 def _columns(
     scene: Scene, quantity: str, right: Values, table: Solution, rows: Rows, known: Mapping[str, Any]
 ) -> dict[str, Column]:
-    """Columns of a table that have a unique value."""
+    """Return columns of a table that have a unique value."""
     given, natural = table.values[quantity].at(rows), natural_scales(scene.mechanism)
     recorded, columns = scene.tables[table.engine], {}
     stated, at = recorded.error.get(quantity, 0.0), same_times(scene.t[rows], recorded.t)[1]
@@ -172,7 +172,7 @@ def _columns(
 
 
 def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> dict[str, Explanation]:
-    """Explanations where all components of a joint that are not zero are negated: those of the other side."""
+    """Explain negated components of a joint, all that are not zero, as those of the other side."""
     found: dict[str, Explanation] = {}
     for joint in {column.component.rpartition(".")[0] for column in columns}:
         some = [c for c in columns if c.component.rpartition(".")[0] == joint and np.abs(c.values).max() > c.tolerance]
@@ -212,7 +212,7 @@ _RESISTS = {"rotor": "rotors", "damping": "damping of joints", "friction": "dry 
 
 
 def _parts(scene: Scene) -> dict[str, Scene]:
-    """Everything that acts, by name, with the scene without it."""
+    """Return everything that acts, by name, with the scene without it."""
     applied, mechanism = scene.applied, scene.mechanism
     parts = {"gravity": replace(scene, applied=replace(applied, gravity=np.zeros(3)))} if applied.g.any() else {}
     for field in ("loads", "springs", "motors"):

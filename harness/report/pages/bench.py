@@ -113,7 +113,7 @@ def _remarks(bench: Bench) -> list[str]:
 
 
 def _reached(bench: Bench) -> list[Row]:
-    """Time to nine digits of each family, in the quantities that a terminal shows."""
+    """Return times to nine digits of each family, in the quantities that a terminal shows."""
     return [
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
         for row in rows(reach(bench.rows))
@@ -122,7 +122,7 @@ def _reached(bench: Bench) -> list[Row]:
 
 
 def _narrow(bench: Bench) -> list[Row]:
-    """Digits of contestants in float32, those that it may leave, and run times."""
+    """Return digits of contestants in float32, those that rounding may leave, and run times."""
     return [
         {
             **{name: getattr(row.contestant, name) for name in ("setting", "family")},
@@ -157,7 +157,7 @@ def _cut_short(bench: Bench) -> list[Row]:
 
 
 def _reach(bench: Bench) -> list[Block]:
-    """A table for each quantity: families by the time to the strictest error that they reach."""
+    """Return a table for each quantity: families by the time to the smallest error that they reach."""
     blocks: list[Block] = []
     head = ("family", *(f"to {level:.0e}" for level in LEVELS), "setting that reaches the smallest")
     for (quantity,), reached in reversed(grouped(rows(reach(bench.rows)), "quantity").items()):
@@ -202,7 +202,7 @@ def _simulated_headline(bench: Bench) -> str:
 
 
 def _measured(bench: Bench) -> list[Row]:
-    """Measurements of a simulation, and published ones."""
+    """Return measurements of a simulation, and published ones."""
     lines = list[Row]()
     for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
@@ -229,7 +229,7 @@ def _rows(*status: str) -> Value:
 
 
 def make_plots(bench: Bench) -> list[Picture]:
-    """All pictures of the report; none where there is nothing to draw."""
+    """Draw all pictures of the report; none where there is nothing to draw."""
     drawn = _of_simulation(bench) if bench.scene.simulated else _of_given_motion(bench)
     return [replace(one, name=f"{i:02d}-{one.name}") for i, one in enumerate(drawn, 1)]
 
@@ -252,7 +252,7 @@ def _of_given_motion(bench: Bench) -> Iterator[Picture]:
 
 
 def _of_simulation(bench: Bench) -> Iterator[Picture]:
-    """Error of the observables and of the energy against processor time."""
+    """Draw errors of the observables and of the energy against processor time."""
     sensible = {r.contestant for r in bench.rows if r.quantity == "observable" and r.error < SENSELESS}
     done = [row for row in bench.rows if row.contestant in sensible and row.work_s > 0.0]
     looks = by_camp(row.contestant.family for row in done)
@@ -280,7 +280,7 @@ def _error_and_time(
     notes: Sequence[str],
     others: Sequence[tuple[float, float, str]] = (),
 ) -> Picture:
-    """Points of families, lines through them, and what others have published: a line where only one thing is known.
+    """Draw points of families, lines through them, and published values: a line where only one number is known.
 
     Args:
         axes: Title, what is along x and along y.
@@ -309,7 +309,7 @@ def _error_and_time(
 
 
 def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
-    """Points over the parameter, and a line of the expected slope through the middle of those that were fitted."""
+    """Draw points over the parameter, and a line of the expected slope through the middle of the fitted ones."""
 
     def panel(fit: SlopeFit) -> Spec:
         x, error, line = fit.x[fit.used], fit.error[fit.used], list[Spec]()

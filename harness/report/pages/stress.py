@@ -49,7 +49,7 @@ def _worst(stress: Stress) -> Iterator[Row]:
 
 
 def _banner(stress: Stress) -> Banner:
-    """Orange where anything is wrong without saying so, red where that is our own solver."""
+    """Return an orange banner where anything is silently wrong, a red one where our own solver is."""
     if not stress.ok:
         return Banner(headline(stress), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
     silent = any(row.verdict == SILENT for row in stress.rows)
@@ -76,12 +76,12 @@ def headline(stress: Stress) -> str:
 
 
 def _first(case: StressCase, group: Sequence[Row]) -> str:
-    """The first rung of some rows."""
+    """Return the first rung of some rows."""
     return number((max if case.falling else min)(row["severity"] for row in group), 3)
 
 
 def _engines(stress: Stress) -> Iterator[Row]:
-    """Digits of each case and engine; for each verdict but ok the first rung, and how many rows there are."""
+    """Yield the digits of each case and engine; for each verdict but ok the number of rows and the first rung."""
     known = {case.name: case for case in stress.cases}
     for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
@@ -93,7 +93,7 @@ def _engines(stress: Stress) -> Iterator[Row]:
 
 
 def _silent(stress: Stress) -> Iterator[Row]:
-    """Each engine of a case once for every cause."""
+    """Yield each engine of a case once for every cause."""
     for group in grouped(_silent_rows(stress), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
         largest = size(np.max([row["error"] for row in group]))
@@ -106,7 +106,7 @@ def _range(group: Sequence[Row]) -> str:
 
 
 def _cases(stress: Stress) -> Iterator[Block]:
-    """Heading, words, and for each quantity a table: a line for each severity, a column for each engine."""
+    """Yield heading, words, and a table for each quantity: a line for each severity, a column for each engine."""
     by_case = grouped(_rows(stress), "case")
     for case in stress.cases:
         rows = by_case.get((case.name,), [])
@@ -129,7 +129,7 @@ def _digits(row: Row) -> str:
 
 
 def make_plots(stress: Stress) -> list[Picture]:
-    """The page, if there is anything to draw."""
+    """Draw the overview and the ladders, if there is anything to draw."""
     drawn = {
         case: [r for r in stress.rows if r.case == case.name and r.quantity in (case.drawn, "judge")]
         for case in stress.cases
@@ -149,7 +149,7 @@ def make_plots(stress: Stress) -> list[Picture]:
 
 
 def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
-    """Looks of engines, plot by plot: bare ones look the same in all plots.
+    """Return looks of engines, plot by plot: engines without settings look the same in all plots.
 
     Args:
         plots: Names of the engines in each plot; what follows a blank is a setting.
@@ -160,7 +160,7 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
 
 
 def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
-    """Panel of one case; `rows` are those of the quantity drawn."""
+    """Draw the panel of one case; `rows` are those of the quantity drawn."""
     severities = sorted({row.severity for row in rows})
     zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # where severity 0 stands
     camps, points = list(dict.fromkeys(look.colour for look in looks.values())), list[Spec]()

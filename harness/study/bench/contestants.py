@@ -32,7 +32,7 @@ NOTHING = "none"
 
 
 def count(n: int, word: str) -> str:
-    """``1 pass``, ``2 passes``."""
+    """Return ``1 pass``, ``2 passes``."""
     ending = "es" if word.endswith("s") else "s"
     return f"{n} {word}{'' if n == 1 else ending}"
 
@@ -82,11 +82,11 @@ class Contestant:
         return f"{self.family} ({self.series})" if self.series else self.family
 
     def ask(self, posed: PreparedScene) -> Trial:
-        """Poses the contestant's question on a scene."""
+        """Pose the contestant's question on a scene."""
         return self.question(posed, self.method.engine, self.quantities)
 
     def scores(self, trial: Trial, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:
-        """Quantity -> largest and RMS scaled error, and why there is none."""
+        """Return quantity -> largest and RMS scaled error, and the reason if there is none."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
             values = joined(solution.values[quantity] for solution in solutions)
@@ -130,12 +130,12 @@ MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
-    """Contestants, family by family. `quick`: settings that take longest are left out."""
+    """Return contestants, family by family. `quick`: settings that take longest are left out."""
     return [*(one for entry in TABLE["lines"] for one in _expanded(entry, quick)), *leaving_out()]
 
 
 def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
-    """The contestants of an entry of ``cases.toml``, whose head explains the entries."""
+    """Yield the contestants of an entry of ``cases.toml``, whose head explains the entries."""
     axes = [
         [value if isinstance(value, dict) else {name: value} for value in values]
         for name, values in entry.get("over", {}).items()
@@ -176,7 +176,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
 
 def leaving_out() -> Iterator[Contestant]:
-    """Each engine with less asked for, to show what that saves; its first contestant computes everything."""
+    """Yield each engine with fewer requests, which shows what that saves; its first contestant computes everything."""
     for engine in ENGINES:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
@@ -200,8 +200,7 @@ def leaving_out() -> Iterator[Contestant]:
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """The named families and contestants, of a quick bench or a full one; by default all but those of engines of
-    extras that are not installed.
+    """Return the named families and contestants; by default all but those of extras that are not installed.
 
     Raises:
         ScrewgaugeError: A name is not known, or there is none.
@@ -226,7 +225,7 @@ def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]
 
 
 def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
-    """Engines by scipy's methods, each a ladder of tolerances."""
+    """Yield engines by scipy's methods, each a ladder of tolerances."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
         for method in METHODS if screw else (usual,):
@@ -243,7 +242,7 @@ def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
-    """The engines' own steppers, each over fixed steps, those of extras where they are installed."""
+    """Yield the engines' own steppers, each over fixed steps, those of extras where they are installed."""
     for stepper in TABLE["steppers"]:
         family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()
         if get_engine(engine).extra and not get_engine(engine).installed:
@@ -255,7 +254,7 @@ def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _label(dt: float) -> str:
-    """A step with its unit."""
+    """Return a step with its unit."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
         if dt >= size:
             return f"{dt / size:.3g} {unit}"

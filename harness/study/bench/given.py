@@ -50,14 +50,14 @@ Question = Callable[[PreparedScene, str, Sequence[str]], Trial]
 
 
 def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Trial:
-    """The given motion. `whole`: at all times of the scene, not only at those that are compared."""
+    """Ask for the given motion. `whole`: at all times of the scene, not only at those that are compared."""
     task = (posed.whole if whole else posed.scene).motion
     rows = np.searchsorted(task.t, posed.t)
     return Trial(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
 def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """The given motion, one sample after the other."""
+    """Ask for the given motion, one sample after the other."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
     return Trial(posed.files(engine), problems, len(tasks), posed.reference)
@@ -66,7 +66,7 @@ def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Tria
 def true_states(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
 ) -> Trial:
-    """The true motion of a tree, for actuator forces.
+    """Ask for actuator forces of the true motion of a tree.
 
     Args:
         pushed: For accelerations under the true forces.
@@ -77,7 +77,7 @@ def true_states(
 
 @lru_cache(maxsize=3)
 def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
-    """The problem of `true_states`, which is that of many methods."""
+    """Return the problem of `true_states`, which many methods share."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
@@ -87,7 +87,7 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
 
 
 def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Accelerations of another mechanism, whose closing rows are redundant."""
+    """Ask for accelerations of another mechanism, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
     reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, sizes(right)))
@@ -95,7 +95,7 @@ def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
 
 
 def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
-    """The motion in steps of about a part of its duration.
+    """Ask for the motion in steps of about a part of its duration.
 
     Args:
         ends: Compared are the samples at the ends, where differences are one-sided.
@@ -122,7 +122,7 @@ def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, par
 
 
 def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
-    """The motion through the same poses at another speed."""
+    """Ask for the motion through the same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
     # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations
@@ -133,7 +133,7 @@ def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: f
 
 
 def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
-    """The motion at the steps of a method that starts from the first pose.
+    """Ask for the motion at the steps of a method that starts from the first pose.
 
     Args:
         part: Step, as a part of the duration.
@@ -153,7 +153,7 @@ def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: f
 def simulation(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0
 ) -> Trial:
-    """A simulation from its start on; the wanted observables follow from the joint coordinates.
+    """Ask for a simulation from its start; the wanted observables follow from the joint coordinates.
 
     Args:
         method, rtol: Of scipy, and its tolerances rtol = atol; those of the scene if there is none.
@@ -174,7 +174,7 @@ def less(
     absent: str = "",
     part: str = "",
 ) -> Trial:
-    """The given motion with fewer quantities or forces, measured against the engine's own full answer.
+    """Ask for the given motion with fewer quantities or forces, measured against the engine's own full answer.
 
     Args:
         computed: Quantities that are computed.
@@ -196,7 +196,7 @@ def less(
 
 @lru_cache(maxsize=3)
 def _everything(posed: PreparedScene, engine: str) -> Reference:
-    """All quantities of a scene by an engine, measured by the largest magnitude of each unit."""
+    """Return all quantities of a scene by an engine, measured by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)

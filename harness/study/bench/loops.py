@@ -73,8 +73,7 @@ _LOCKED = "a closure by whole frames locks the hinge: {notes} of 1, which nothin
 
 
 def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """`constraintDynamics` over mu and the number of iterations, and with the settings by which motions are
-    integrated, whatever mu."""
+    """Ask `constraintDynamics` over mu and iterations, and with the settings that integrate motions, whatever mu."""
     posed = loaded(folder)
     yield push(posed, SCREW)
     yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
@@ -92,7 +91,7 @@ def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
 
 
 def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """More and more loops, three redundant constraints each."""
+    """Ask about more and more loops, with three redundant constraints each."""
     (folder / "mechanism.toml").write_text(four_bars(int(loops), driven=True), encoding="utf-8")
     (folder / "scene.toml").write_text(REGULAR_SCENE, encoding="utf-8")
     posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=REGULAR_SAMPLES)
@@ -104,7 +103,7 @@ def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Q
 
 
 def _forces(posed: PreparedScene) -> Question:
-    """Forces from the motion, only the unique ones of the reactions."""
+    """Ask for forces of the motion, of the reactions only the unique ones."""
     mechanism, motion = posed.scene.mechanism, posed.scene.motion
     lay = layout(mechanism)
     counts = mobility(lay, positions(lay, motion.y[:1], motion.t[:1]))
@@ -154,7 +153,7 @@ _YIELDING = "softness of the loops, ((1 - d) / d)^(passes + 1), of which nothing
 
 
 def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The loaded default scene under constant actuator forces, stepped by MuJoCo's own integrators."""
+    """Step the loaded default scene under constant actuator forces by MuJoCo's own integrators."""
     scene = load_scene(SCENE)
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
@@ -167,7 +166,7 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The last constraint force is applied from outside, and the accelerations are solved for again."""
+    """Apply the last constraint force from outside, and solve for the accelerations again."""
     posed = loaded(folder)
     yield push(posed, SCREW)
     methods = (Method("mujoco", {"solimp": 1.0 - softness, "passes": n}, f"mujoco {x}") for n, x in PASSES.items())
@@ -176,7 +175,7 @@ def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]
 
 @lru_cache(maxsize=4)
 def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
-    """The default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
+    """Pose the default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
 
     Raises:
         ScrewgaugeError: The motion does not lead so far.
@@ -198,7 +197,7 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
 
 
 def in_tree(question: Question) -> Reference:
-    """Reference values of what MuJoCo has: the coordinates of its tree and the forces that close its loops."""
+    """Return reference values of what MuJoCo has: coordinates of its tree and forces that close its loops."""
     values, mechanism = question.right.values, question.mechanism
     closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
     force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))
@@ -206,7 +205,7 @@ def in_tree(question: Question) -> Reference:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
+    """Return loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
     gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
@@ -219,7 +218,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 
 def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
-    """Values as a reference with closed loops, each quantity measured by its largest magnitude."""
+    """Make a reference with closed loops, which measures each quantity by its largest magnitude."""
     gap, force, energy, q = (values[name] for name in QUANTITIES)
     largest = float(np.abs(force.array).max())
     scales = {

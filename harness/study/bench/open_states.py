@@ -56,7 +56,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Joint coordinates and velocities that do not close the loops, like those of a file or of an integration."""
+    """Ask about joint coordinates and velocities that do not close the loops, like those of an integration."""
     scene = moving(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
@@ -89,7 +89,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
 
 
 def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
-    """States of the engines' tree with the cut joints apart by `gap` [m] and parting at `gap` [m/s].
+    """Return states of the engines' tree with the cut joints apart by `gap` [m] and parting at `gap` [m/s].
 
     The independent coordinates and their velocities stay as they are.
 
@@ -122,25 +122,25 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
 
 
 def _direction(shape: tuple[int, ...], phase: float) -> Array:
-    """A pattern without symmetry, its largest component one in every sample."""
+    """Return a pattern without symmetry; its largest component is one in every sample."""
     pattern = np.cos(phase + 1.7 * np.arange(np.prod(shape, dtype=int))).reshape(shape)
     return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
 
 
 def _at(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
-    """Closed states of some coordinates."""
+    """Return closed states of some coordinates."""
     return States(names, *(values[name].pick(names).array for name in ("joint_position", "joint_velocity")))
 
 
 def _forces(given: Question, method: Method, states: States) -> Question:
-    """Actuator forces for the true accelerations, by inverse dynamics of the open tree."""
+    """Ask for actuator forces of the true accelerations, by inverse dynamics of the open tree."""
     task = replace(states, a=given.right.values[ACCELERATION].pick(states.coordinates).array)
     problem = replace(given.problem, task=task, wanted=frozenset(("actuator_force",)))
     return replace(given, problem=problem, methods=(method,), quantities=("actuator_force",), cause=_TAKEN)
 
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
-    """`mj_inverse` with constraints on, against the forces of the closed state, in which constraints have none."""
+    """Ask `mj_inverse` with constraints on; in the closed state, the reference, constraints have no force."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
     problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
@@ -148,7 +148,7 @@ def _soft_forces(given: Question, scene: Scene, method: Method, states: States) 
 
 
 def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
-    """Accelerations under the true actuator forces."""
+    """Ask for accelerations under the true actuator forces."""
     mechanism, names, true = given.mechanism, states.coordinates, given.right
     q = np.zeros((len(states), len(mechanism.coordinates)))
     q[:, mechanism.columns(names)] = states.q
@@ -176,5 +176,5 @@ def reduced_equations(lay: Layout, problem: Problem) -> Solution:
 
 
 def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
-    """A quantity of a solution under the name that it has in this case."""
+    """Return a quantity of a solution under the name that it has in this case."""
     return {question.quantities[0]: solution.values[has]}

@@ -94,7 +94,7 @@ UNKNOWN = Reference("", {}, "", {})
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """The values of a solution as they are."""
+    """Return the values of a solution."""
     return solution.values
 
 
@@ -141,17 +141,17 @@ class Question:
 def put(
     scene: Scene, folder: Path, problem: Problem, methods: tuple[Method, ...], names: tuple[str, ...], right: Reference
 ) -> Question:
-    """A question about quantities of a scene, whose models have been generated in a folder."""
+    """Ask about quantities of a scene whose models a folder holds."""
     return Question(scene.mechanism, files_of(scene, folder, methods), problem, methods, names, right)
 
 
 def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...]) -> dict[str, ModelFiles]:
-    """The models of a scene in a folder, generated there already."""
+    """Return the models of a scene that a folder holds."""
     return {method.engine: model_files(scene, method.engine, folder) for method in methods}
 
 
 def integrated(question: Question, integration: Integration) -> Question:
-    """A question on a simulation, by another method or tolerance."""
+    """Ask about a simulation by another method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
         raise TypeError("the task is no simulation")
@@ -159,7 +159,7 @@ def integrated(question: Question, integration: Integration) -> Question:
 
 
 def findings(question: Question) -> Iterator[Finding]:
-    """A finding for every method and quantity: the error, the admitted one, and why."""
+    """Yield a finding for every method and quantity: the error, the admitted one, and the reason."""
     for method in question.methods:
         yield from _of(question, method)
 
@@ -192,7 +192,7 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
-    """Largest error over its scale S; NaN where there is no number, infinite where that is infinite.
+    """Return the largest error over its scale S; NaN where there is no number, infinite where that is infinite.
 
     Samples for which the reference itself has no number are left out.
 
@@ -207,7 +207,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
 def _measured(
     question: Question, solution: Solution, blank: Finding, values: Values, excuses: Mapping[str, str]
 ) -> Finding:
-    """The error of a quantity, the admitted one, and why."""
+    """Measure the error of a quantity, and find the admitted one and the reason."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, admitted = right.scales[quantity], solution.errors[quantity].absolute if quantity in solution.errors else {}
@@ -239,7 +239,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Quantity -> the singularity for which there is no number; the notes on all of them under no name."""
+    """Return quantity -> the singularity that leaves no number; notes on all of them stand under no name."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -247,7 +247,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 
 def _estimated(solution: Solution, quantity: str) -> float:
-    """Largest error that the engine estimates for a quantity; infinite where it cannot be estimated."""
+    """Return the largest error that the engine estimates for a quantity; infinite where it cannot."""
     return solution.errors[quantity].largest if quantity in solution.errors else 0.0
 
 
@@ -274,17 +274,17 @@ SCREW = Method("screw")
 
 
 def exactly(value: float) -> str:
-    """All digits of a float64: what reads the text exactly gets the number that all others get."""
+    """Return all digits of a float64, so that readers of the exact text get the same number as all others."""
     return format(Decimal(float(value)), "f")
 
 
 def moving(scene: Scene, quick: bool) -> Scene:
-    """The scene at the poses, rates and accelerations of this module, or at the first of them."""
+    """Return the scene at the poses, rates and accelerations of this module, or at the first of them."""
     return still(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
 
 
 def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:
-    """The scene at given states, the same doubles for every engine, one second apart.
+    """Return the scene at given states, the same doubles for every engine, one second apart.
 
     Args:
         y, yd, ydd: Independent coordinates and derivatives; zero by default. Shape (n, k).
@@ -304,7 +304,7 @@ def compare(
     setting: str = "",
     cause: str = "",
 ) -> Question:
-    """A given motion, put to engines. There are no reference values if the truth lacks a sample.
+    """Put a given motion to engines. There are no reference values if the truth lacks a sample.
 
     Args:
         setting: Follows the name of every engine.
@@ -320,12 +320,12 @@ def compare(
 
 
 def loaded(folder: Path) -> PreparedScene:
-    """The default scene, which is loaded, at three instants."""
+    """Pose the default scene, which is loaded, at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Accelerations wanted: of all joints from `screw`, of its tree from another engine."""
+    """Ask for accelerations: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
@@ -334,12 +334,12 @@ def push(posed: PreparedScene, *methods: Method) -> Question:
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
-    """Coordinates of the tree of the engines' models, minimal cut."""
+    """Return coordinates of the tree of the engines' models, minimal cut."""
     return loops_of(mechanism, "minimal").tree
 
 
 def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """Distance [m] and velocity [m/s] between the points that close the loops, child less parent.
+    """Return distance [m] and velocity [m/s] between the points that close the loops, child less parent.
 
     Returns:
         Shape (n, n_point, 3) each.
@@ -355,11 +355,11 @@ def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, A
 
 
 def true_velocities(posed: PreparedScene) -> ClosedMotion:
-    """Closed poses and velocities by `screw`."""
+    """Compute closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
     return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)
 
 
 def loop_condition(at: ClosedMotion) -> float:
-    """Condition number of the closed loops, at its worst."""
+    """Return the worst condition number of the closed loops."""
     return float(at.condition.max())

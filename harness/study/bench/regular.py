@@ -45,7 +45,7 @@ Tables = dict[str, Any]
 
 
 def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
-    """A ladder of the default scene without its load, the tables of its mechanism changed in place.
+    """Make a ladder of the default scene without its load from a function that changes tables of the mechanism.
 
     The change is written as a description, from which every engine's own model file is made as usual.
     """
@@ -62,20 +62,20 @@ def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
 
 
 def speed(w: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Speeds from rest to where centrifugal forces are a million times the weight."""
+    """Ask about speeds from rest to where centrifugal forces are a million times the weight."""
     scene = moving(load_scene(SCENE), quick)
     y, n = scene.motion.y, len(scene.motion)
     yield compare(still(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
 
 
 def load(size: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Loads from none to the weight of a mountain."""
+    """Ask about loads from none to the weight of a mountain."""
     loads = (Load("platform", None, size * _FORCE, size * _TORQUE),)
     yield compare(moving(load_scene(SCENE).under(loads=loads), quick), folder)
 
 
 def _times(texts: list[Any], factor: float) -> list[str]:
-    """Numbers of a description, which may be text, times a factor."""
+    """Multiply numbers of a description, which may be text, by a factor."""
     return [exactly(number(text, "description") * factor) for text in texts]
 
 
@@ -126,7 +126,7 @@ SCHEMES = {
 
 
 def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The default scene for as long as so many samples take."""
+    """Ask about the default scene for as long as so many samples take."""
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _checked(int(count)) * STEP
     files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
@@ -141,7 +141,7 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def _checked(count: int) -> Array:
-    """Numbers of samples, from 1, that the scheme meets too; the last among them."""
+    """Return numbers of samples, from 1, that the scheme meets too; the last among them."""
     stride = round(SCHEME_STEP / STEP)
     return np.unique(np.geomspace(1, count // stride, CHECKED).round().astype(int)) * stride
 

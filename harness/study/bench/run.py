@@ -188,7 +188,7 @@ def check_given(scene: Scene) -> None:
 
 
 def _rounding(posed: PreparedScene) -> dict[str, float]:
-    """Quantity -> largest error by float32 over its scale, of the worst unit."""
+    """Return quantity -> largest error by float32 over its scale, of the worst unit."""
     errors = rounding_errors(posed.scene.mechanism, posed.problem(*QUANTITIES), FLOAT32)
     scales = posed.reference.scales
     return {name: max(size / scales[name][unit] for unit, size in one.absolute.items()) for name, one in errors.items()}
@@ -259,7 +259,7 @@ def _measured(
 
 
 def _present(group: list[Contestant]) -> list[Contestant]:
-    """All settings of a contestant, or one for all of them where its engine is missing."""
+    """Return all settings of a contestant, or one for all of them where its engine is missing."""
     try:
         import_module(get_engine(group[0].method.engine).source.partition(":")[0])
     except ImportError:
@@ -276,7 +276,7 @@ class _Measurements:
         self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
-        """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""
+        """Measure first settings of all contestants, then second ones and so on, so that no budget leaves any out."""
         groups = [list(group) for _, group in groupby(chosen, key=_group)]
         turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
         for i, contestant in enumerate(turns):
@@ -291,7 +291,7 @@ class _Measurements:
         self._measure(self.calls, self.protocol)
 
     def _first(self, contestant: Contestant) -> None:
-        """The error of a contestant, unless an earlier bench has it, and one measured time."""
+        """Find the error of a contestant, unless an earlier bench has it, and measure one time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
             loaded = repr(method), trial.files  # once for all contestants that ask it
@@ -369,7 +369,7 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
 
 
 def address_of(scene: Scene, plan: Plan) -> str:
-    """Address of a bench: mechanism and its text, motion, gravity and loads, and extent; it reads no other files."""
+    """Return the address of a bench: mechanism and its text, motion, gravity, loads, extent."""
     motion, applied = scene.motion, scene.applied
     return address(
         "bench",

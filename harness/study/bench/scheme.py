@@ -55,17 +55,17 @@ class Chains:
     start: Array
 
     def gather(self, q: Array) -> Array:
-        """Coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
+        """Take coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
         return np.where(self.used, q[..., self.columns], 0.0)
 
     def scatter(self, values: Array, n_q: int) -> Array:
-        """The inverse of `gather`; zero for a coordinate that no chain has."""
+        """Invert `gather`; coordinates that no chain has are zero."""
         out = np.zeros((*values.shape[:-2], n_q))
         out[..., self.columns[self.used]] = values[..., self.used]
         return out
 
     def walk(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Unit screws of all freedoms and where each chain puts the platform, eq. (24) with its errors mended.
+        """Find unit screws of all freedoms and where each chain puts the platform, eq. (24) with its errors mended.
 
         Args:
             theta: Coordinates chain by chain. Shape (..., n_chain, m).
@@ -86,7 +86,7 @@ class Chains:
         return S, R[..., m, :, :], p[..., m, :]
 
     def solve(self, S: Array, V: Array) -> Array:
-        """Eq. (26) for every chain, ``w = [S^T S]^-1 S^T V``, as printed.
+        """Solve eq. (26) for every chain, ``w = [S^T S]^-1 S^T V``, as printed.
 
         Args:
             S: Screws. Shape (..., n_chain, m, 6).
@@ -99,7 +99,7 @@ class Chains:
 
 
 def chains(lay: Layout) -> Chains:
-    """The chains of a parallel mechanism.
+    """Return the chains of a parallel mechanism.
 
     Raises:
         DescriptionError: Some joint is in no serial chain from ground to the platform.
@@ -133,7 +133,7 @@ def chains(lay: Layout) -> Chains:
 
 
 def homogeneous(R: Array, p: Array) -> Array:
-    """Homogeneous matrices of rotations (..., 3, 3) and places (..., 3). Shape (..., 4, 4)."""
+    """Return homogeneous matrices of rotations (..., 3, 3) and places (..., 3). Shape (..., 4, 4)."""
     T = np.broadcast_to(np.eye(4), (*p.shape[:-1], 4, 4)).copy()
     T[..., :3, :3], T[..., :3, 3] = R, p
     return T
@@ -145,7 +145,7 @@ _NOTHING: _Freedom = (0, False, False, np.zeros(3), *_REST)
 
 
 def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
-    """(column, used, turns, axis, rotation after it, displacement after it) of each freedom."""
+    """Yield (column, used, turns, axis, rotation after it, displacement after it) of each freedom."""
     for edge, following in zip(chain, [*chain[1:], None], strict=True):
         after = unplaced(*_REST, edge.joint.child_frame)
         if following is not None:
@@ -156,7 +156,7 @@ def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
 
 
 def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Array:
-    """Steps in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
+    """Step in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
 
     Args:
         start: Coordinates chain by chain. Shape (n_chain, m).
@@ -180,7 +180,7 @@ def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Arr
 def integrate(
     lay: Layout, motion: GivenMotion, *, twist: str = "right", method: str = "euler"
 ) -> tuple[Array, Array, Array]:
-    """Runs the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
+    """Run the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
 
     Args:
         motion: Evenly spread in time, at the ends of all parts of the steps. The loops are closed at the first.
@@ -212,12 +212,12 @@ def integrate(
 
 
 def _bias(terms: Array) -> Array:
-    """``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over terms S_j w_j. Shape (..., m, 6) -> (..., 6)."""
+    """Return ``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over S_j w_j. (..., m, 6) -> (..., 6)."""
     return np.asarray(lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
 
 
 def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> tuple[Array, Array]:
-    """Twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
+    """Return twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
     The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
     that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
@@ -240,7 +240,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
-    """Results from the joint with the independent coordinates; None where that leaves a loop open."""
+    """Solve the joint with the independent coordinates alone; return None where that leaves a loop open."""
     q = closed_form_positions(lay, motion.y)
     if q is None or np.abs(gaps(lay, q[:: max(1, len(q) // 16)])).max() > CLOSED:
         return None
@@ -254,11 +254,11 @@ def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | Non
 
 
 def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:
-    """Eq. (60) in structure: first and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
+    """Return derivatives of y as components about fixed axes, as eq. (60) has them. Shapes (n, 6)."""
     to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
     return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 
 
 def subtracted(V: Array, r_P: Array) -> Array:
-    """Eqs. (22)-(23) as printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
+    """Subtract as eqs. (22)-(23) are printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
     return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

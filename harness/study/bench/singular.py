@@ -63,7 +63,7 @@ _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
 
 
 def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
+    """Approach the tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
     a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
     scene = _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1))
     question = compare(scene, folder, cause=_IMPLICIT)
@@ -76,13 +76,13 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
 
 
 def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The tilt of 46.1 degrees at which a leg lies along the first axis of its base joint."""
+    """Approach the tilt of 46.1 degrees at which a leg lies along the first axis of its base joint."""
     y = np.array([BASE_LOCK, 0.0]) + np.array([0.3, 0.1, distance])[:, None] * _towards(-0.6)
     yield compare(_passing(SCENE, y), folder, cause=_SMALL)
 
 
 def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
+    """Pass through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
     for name, lock in WRIST_LOCKS.items():
         scene, setting = _passing(name, _around(lock, distance, 5 if quick else 9)), "" if name == SCENE else "table2"
         yield compare(scene, folder, setting=setting)
@@ -90,7 +90,7 @@ def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Past the lock of leg 4, in steps of several sizes, the last of which is one far pose."""
+    """Pass the lock of leg 4 in steps of several sizes, the last of which is one far pose."""
     for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
@@ -128,7 +128,7 @@ def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Sol
 
 
 def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
-    """The matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
+    """Compute the matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
@@ -148,12 +148,12 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
 
 
 def _towards(angle: float) -> Array:
-    """Direction in the plane of (a, b)."""
+    """Return a direction in the plane of (a, b)."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def _around(lock: float, distance: float, steps: int) -> Array:
-    """Up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
+    """Go up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
     start, sense = (-0.6, -1.0) if lock < 0.0 else (np.pi + 0.6, 1.0)
     angles = start + sense * np.linspace(0.0, np.pi, steps)
     arc = [0.05 * _towards(angle) for angle in angles]
@@ -163,7 +163,7 @@ def _around(lock: float, distance: float, steps: int) -> Array:
 
 
 def _passing(name: str, y: Array) -> Scene:
-    """A mechanism at poses, all with the same rates and accelerations."""
+    """Return a mechanism at poses, all with the same rates and accelerations."""
     scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
@@ -296,7 +296,7 @@ _NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-b
 
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Linkages past poses where their bars are nearly one line; at gap 0 those that textbooks name, too."""
+    """Ask about linkages past poses where their bars are nearly one line; at gap 0 also those of textbooks."""
     some = [*near_change_points(3 if quick else 9, gap), *(known() if gap == 0.0 else ())]
     for one in some:
         place = folder / one.name

@@ -67,7 +67,7 @@ _STEPPERS = (
 
 
 def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """The 3-UPS-UPU-S on four springs: accelerations, and a motion by scipy's methods and the engines' own steps."""
+    """Ask about the 3-UPS-UPU-S on four springs: accelerations, and a motion by scipy's methods and own steppers."""
     yield from accelerations(stiffness, folder)
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
     yield explicit(question, fastest)
@@ -77,7 +77,7 @@ def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ...]:
-    """A spring and damper across every actuated joint, relaxed at home.
+    """Put a spring and damper across every actuated joint, relaxed at home.
 
     Args:
         stiffness: [N/m].
@@ -92,7 +92,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
-    """The loaded default scene with springs that the actuators compensate; each length is known only to eps."""
+    """Ask about the loaded default scene with springs that the actuators compensate, known in length only to eps."""
     posed = loaded(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
@@ -110,7 +110,7 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
 def _sprung(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
-    """The problem with springs, and with actuator forces that compensate those of the springs."""
+    """Return the problem with springs, and with actuator forces that compensate those of the springs."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
         raise TypeError("the task gives no forces")
@@ -127,7 +127,7 @@ def _sprung(
 
 
 def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
-    """Scaled error of joint accelerations that the rounding of the springs' lengths and velocities may cause."""
+    """Return the scaled error of accelerations that rounding of the springs' lengths and velocities may cause."""
     lay = layout(posed.scene.mechanism)
     states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]
     largest = spring.stiffness * np.abs(states.q) + spring.damping * np.abs(states.v)
@@ -141,7 +141,7 @@ def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at:
 
 
 def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
-    """A short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
+    """Return a short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
 
     Reference values are by collocation, in steps that grow with time as the motion gets slower.
     """
@@ -181,7 +181,7 @@ def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
 
 
 def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
-    """The motion by one of scipy's methods, whose tolerance is the admitted error."""
+    """Put the motion to one of scipy's methods, whose tolerance is the admitted error."""
     # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
@@ -194,7 +194,7 @@ def tolerant(question: Question, integration: Integration, *methods: Method) -> 
 
 
 def explicit(question: Question, fastest: float) -> Question:
-    """The motion by DOP853, refused where the step that keeps it stable is too short."""
+    """Put the motion to DOP853, refused where the step that keeps it stable is too short."""
     steps, reason = DURATION * fastest / REACH, ""
     if steps > MOST_STEPS:
         reason = (
@@ -205,7 +205,7 @@ def explicit(question: Question, fastest: float) -> Question:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
+    """Return joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
     moving = _moving(lay, np.concatenate([q, v], axis=1), question.problem.applied)

@@ -84,12 +84,12 @@ class BenchRow(SizedResidual):
 
 
 def bench_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``bench.csv``."""
+    """Return the rows of ``bench.csv``."""
     return frame(rows, {name: _ELSEWHERE.get(name, name) for name in COLUMNS})
 
 
 def timing_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``timings.csv``: shortest and median measurement."""
+    """Return the rows of ``timings.csv``: shortest and median measurement."""
     timed = [row for row in rows if row.seconds]
     return frame(timed, {name: _ELSEWHERE.get(name, name) for name in TIMING})
 
@@ -115,7 +115,7 @@ def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
 
 
 def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
+    """Return the rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
     body = []
     for row, energy in pairs(rows):
         who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
@@ -126,7 +126,7 @@ def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def leaving_out_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """The rows of ``leaving_out.csv``, from one for each quantity that must not change."""
+    """Return the rows of ``leaving_out.csv``, from one for each quantity that must not change."""
     groups: dict[Contestant, list[BenchRow]] = {}
     for row in rows:
         groups.setdefault(row.contestant, []).append(row)
@@ -228,5 +228,5 @@ def _window(rule: Rule, x: Array, error: Array) -> Mask:
 
 
 def slopes_table(fitted: Sequence[SlopeFit]) -> pd.DataFrame:
-    """The rows of ``slopes.csv``."""
+    """Return the rows of ``slopes.csv``."""
     return frame(fitted, SLOPE_COLUMNS)

@@ -66,7 +66,7 @@ class Protocol:
 
 
 def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
-    """Seconds of one call, and what it returned. The garbage collector waits outside."""
+    """Return seconds of one call, and its result. The garbage collector waits outside."""
     on = gc.isenabled()
     gc.disable()
     try:
@@ -86,7 +86,7 @@ def measure(
     known: Mapping[str, list[float]],
     first: Mapping[str, float],
 ) -> list[str]:
-    """Measures all contestants in turn, round after round: what slows the machine for a while slows all alike.
+    """Measure all contestants in turn, round after round: what slows the machine for a while slows all alike.
 
     Args:
         calls: Key -> what is measured; already called once, outside the clock.
@@ -112,7 +112,7 @@ def measure(
 
 
 def enough(seconds: float, rounds: int) -> int:
-    """Rounds for a contestant whose call lasts so long."""
+    """Return the rounds for a contestant whose call lasts so long."""
     for limit, few in ENOUGH:
         if seconds >= limit:
             return min(few, rounds)

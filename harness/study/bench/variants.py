@@ -88,14 +88,14 @@ def given_motion(problem: Problem) -> GivenMotion:
 
 
 def nothing(lay: Layout, problem: Problem) -> Arrays:
-    """An empty loop over the samples."""
+    """Loop over the samples."""
     for _ in range(len(given_motion(problem))):
         pass
     return {}
 
 
 def closed(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
-    """Positions in closed form.
+    """Compute positions in closed form.
 
     Args:
         mended: Newton's method goes on where the closed form leaves the loops open; else nothing corrects it.
@@ -115,7 +115,7 @@ def closed(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
 
 
 def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
-    """Positions by so many steps of Newton's method, from predictions along the path from home.
+    """Compute positions by so many steps of Newton's method, from predictions along the path from home.
 
     Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
     """
@@ -134,7 +134,7 @@ def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
 
 
 def differences(lay: Layout, problem: Problem) -> Arrays:
-    """Derivatives of positions by `numpy.gradient`; the times have to be evenly spread."""
+    """Differentiate positions by `numpy.gradient`; the times have to be evenly spread."""
     motion, out = given_motion(problem), {}
     q = positions(lay, motion.y, motion.t)
     step = float(motion.t[-1] - motion.t[0]) / (len(motion) - 1)
@@ -147,7 +147,7 @@ def differences(lay: Layout, problem: Problem) -> Arrays:
 
 
 def without_drift(lay: Layout, problem: Problem) -> Arrays:
-    """Accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
+    """Compute accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
     motion = given_motion(problem)
     at = loop_equations(lay).closed(positions(lay, motion.y, motion.t))
     a = at.solve(motion.ydd)
@@ -155,7 +155,7 @@ def without_drift(lay: Layout, problem: Problem) -> Arrays:
 
 
 def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
-    """The paper's own scheme, see `screwgauge.study.bench.scheme.integrate`; all but the first pose is integrated.
+    """Run the paper's own scheme from the first pose on, see `screwgauge.study.bench.scheme.integrate`.
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
@@ -175,7 +175,7 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 
 
 def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
-    """The loop equations, and the independent coordinates over their units. Shape (n, k)."""
+    """Return the loop equations, and the independent coordinates over their units. Shape (n, k)."""
     system = loop_equations(lay)
     return system, y / system.sizes[system.y_columns]
 
