@@ -1,7 +1,7 @@
 """The casebook: named discrepancies, with the versions of the engines that showed them.
 
-``casebook.toml`` has their texts, ``shown.toml`` what the reproductions in the project's tests measured, version by
-version. Nothing is run here: what the installed versions do follows from what was measured.
+``casebook.toml`` has their texts, ``shown.toml`` the measurements of the reproductions in the project's tests, version
+by version. Nothing runs here: the behaviour of the installed versions follows from these measurements.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ class Case:
     """A discrepancy that has a name.
 
     Attributes:
-        id: Its name.
-        title: What users see, without numbers.
-        engines: Those that take part.
+        id: Name of the case.
+        title: The symptom, without numbers.
+        engines: Engines that take part.
         symptom, cause, remedy: A sentence in three parts; `{symptom}`, `{expected}`, `{mended}`, `{said}` stand for
-            what was measured.
-        versions: Those that users met it with, as far as known.
-        last: The last version that has it, of the only engine; empty if the newest one has it.
+            measured values.
+        versions: Versions with which users met it, as far as known.
+        last: Last version of the only engine that has it; empty if the newest one does.
         links: Reports of users.
-        touches: Quantities that it makes wrong, all of them, on model files that are right.
+        touches: All quantities that it makes wrong on correct model files.
         shown, not_shown: Versions whose reproduction was measured, by its result.
-        numbers: Placeholder -> what the newest of these gave, as text; no `symptom` where these did not show it.
+        numbers: Placeholder -> value that the newest of these gave, as text; no `symptom` where it was not shown.
     """
 
     id: str
@@ -54,14 +54,14 @@ class Case:
 
     @property
     def sentence(self) -> str:
-        """Symptom, cause and remedy in one sentence, with the numbers that were measured."""
+        """Symptom, cause and remedy in one sentence, with measured numbers."""
         numbers = self.numbers
         symptom = self.symptom.format(**numbers) if "symptom" in numbers else self.title
         cause, remedy = self.cause.format(**numbers), self.remedy.format(**numbers)
         return f"{symptom[0].upper()}{symptom[1:]}, because {cause}; {remedy}."
 
     def shows(self, versions: Sequence[str]) -> bool:
-        """Whether some versions show it: as the newest measured ones do that are not newer."""
+        """True if versions show the case: the newest measured versions up to these did."""
         if self.last and version_key(versions) > version_key([self.last]):
             return False
         measured = [*self.shown, *self.not_shown]
@@ -69,12 +69,12 @@ class Case:
         return bool(older) and max(older, key=version_key) in self.shown
 
     def named(self, versions: Sequence[str]) -> str:
-        """The engines with these versions: ``pinocchio 4.1.0 and mujoco 4.0.0``."""
+        """Name the engines with versions: ``pinocchio 4.1.0 and mujoco 4.0.0``."""
         return " and ".join(map(" ".join, zip(self.engines, versions, strict=True)))
 
 
 def version_key(versions: Sequence[str]) -> list[list[int]]:
-    """A key to sort versions by."""
+    """Return a key to sort versions by."""
     return [[int(part) for part in re.findall(r"\d+", each)] for each in versions]
 
 
@@ -111,16 +111,16 @@ CASES = {entry["id"]: _case({**entry, **_MEASURED.get(entry["id"], {})}) for ent
 
 
 def find(id: str) -> Case:
-    """The case of that name.
+    """Return the case of that name.
 
     Raises:
-        ScrewgaugeError: There is no such case.
+        ScrewgaugeError: The casebook has no such case.
     """
     return CASES[check_choice("discrepancy", [id], CASES, "casebook")[0]]
 
 
 def installed(case: Case) -> Versions | None:
-    """Versions of a case's engines here; None if one is not installed."""
+    """Return the installed versions of a case's engines; None if one is missing."""
     try:
         return tuple(version(_PACKAGES[engine]) for engine in case.engines)
     except PackageNotFoundError:
@@ -128,13 +128,13 @@ def installed(case: Case) -> Versions | None:
 
 
 def shown_here(case: Case) -> bool:
-    """Whether the installed versions show a case."""
+    """True if the installed versions show a case."""
     versions = installed(case)
     return versions is not None and case.shows(versions)
 
 
 def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case]:
-    """Discrepancies that make quantities wrong, but not those that are right, and that installed packages show."""
+    """Yield cases that explain wrong quantities, touch no right one, and that the installed packages show."""
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages and shown_here(case):

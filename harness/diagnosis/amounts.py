@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.diagnosis.properties import word
 from screwgauge.reference.rotations import Array
 
-#: Kind of a link -> what it is.
+#: Kind of a link -> its noun.
 LINKS = {
     "R": "a hinge",
     "P": "a slide",
@@ -23,7 +23,7 @@ LINKS = {
 #: Letter of a freedom, or kind of a joint -> its noun.
 JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
 JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
-#: Event -> what differs, where that is not its own name.
+#: Event -> its noun, if different from its name.
 _NOUNS = {
     "axis": "place of the axis",
     "base": "joints of the base",
@@ -41,22 +41,22 @@ _NOUNS = {
 
 
 def noun(what: str) -> str:
-    """Name what differs."""
+    """Return the noun of a property or event."""
     return _NOUNS.get(what) or word(what)
 
 
 def other(side: str) -> str:
-    """Name the other side."""
+    """Return the other side."""
     return "B" if side == "A" else "A"
 
 
 def listed(nouns: Sequence[str]) -> str:
-    """``a``, ``a and b``, ``a, b and c``."""
+    """Join nouns: ``a``, ``a and b``, ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(nouns[:-1]), nouns[-1])))
 
 
 def counted(n: int, one: str, several: str = "") -> str:
-    """``1 joint``, ``2 joints``."""
+    """Format a count: ``1 joint``, ``2 joints``."""
     return f"{n} {one if n == 1 else several or f'{one}s'}"
 
 
@@ -64,7 +64,7 @@ _AXES = "xyz"
 
 
 def both(what: str, a: Array, b: Array, unit: str) -> str:
-    """Tell two values of a property, and how far apart they are."""
+    """Format two values of a property, and their difference."""
     behind = f" {unit}" if unit else ""
     if np.ndim(a) == 0:
         x, y = float(a), float(b)
@@ -81,7 +81,7 @@ class Axes:
     """Axes in which a rotation or a displacement is stated.
 
     Attributes:
-        name: Whose they are, such as ``link3 in A``.
+        name: Their owner, such as ``link3 in A``.
         R: Their directions in A's world at home, as columns. Shape (3, 3).
     """
 
@@ -89,16 +89,16 @@ class Axes:
     R: Array
 
 
-#: Axes in which places are stated where no body has any.
+#: Axes of places without a body.
 WORLD = Axes("the world in A", np.eye(3))
-#: A part of a step that is smaller than this share of the other one is rounding of that; so is a component of a vector.
+#: Share of a step, or of a vector, below which its other part, or a component, is rounding.
 _SHARE = 1e-5
 
 
 def turn_and_way(
     step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
 ) -> str:
-    """Tell a turn [rad] and a way [m], those that are there, with their directions. Shape (2, 3).
+    """Format a turn [rad] and a way [m] with their directions, unless they vanish. Shape (2, 3).
 
     Args:
         length: Size of the machine [m], by which a turn and a way are compared.
@@ -114,7 +114,7 @@ def turn_and_way(
 
 
 def in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
-    """Tell a step along the one axis that it has, with its sign; else its size, and its vector in the first axes.
+    """Format a step along one axis with its sign; else its size, and its vector in the first axes.
 
     Args:
         step: In A's world [rad or m]. Shape (3,).
@@ -133,13 +133,13 @@ def in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False
 
 
 def shown(value: object) -> str:
-    """A number, or the entries of a vector in brackets."""
+    """Format a number, or the entries of a vector in brackets."""
     array = np.asarray(value, float)
     return f"{array:.6g}" if array.ndim == 0 else f"({', '.join(f'{x:.6g}' for x in array.ravel())})"
 
 
 def percent(factor: float) -> str:
-    """A factor as a change in percent, or as it is where it is far from 1."""
+    """Format a factor as a change in percent, or as a factor if it is far from 1."""
     return f"{100.0 * (factor - 1.0):+.2f} %" if 0.0 < factor < 10.0 else f"x {factor:g}"
 
 
@@ -149,7 +149,7 @@ def _short(vector_: Array) -> str:
 
 
 def _apart(step: Array, unit: str) -> str:
-    """Tell how far apart two vectors of the same axes are: along one of these, if it is one."""
+    """Format the difference of two vectors: along one axis if possible."""
     step_, of = (step * 1e3, "mm") if unit == "m" else (step, unit)
     k = int(np.abs(step_).argmax())
     if np.abs(np.delete(step_, k)).max() <= _SHARE * abs(step_[k]):
@@ -158,7 +158,7 @@ def _apart(step: Array, unit: str) -> str:
 
 
 def digits(value: float, other: float) -> str:
-    """Print a number with as many digits as distinguish it from another one, and two more; 4 at least."""
+    """Format a number with two digits more than distinguish it from another one, at least 4."""
     if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
@@ -168,7 +168,7 @@ def digits(value: float, other: float) -> str:
 
 
 def vector(value: Array, other: Array) -> str:
-    """Entries in brackets."""
+    """Format the entries of a vector in brackets."""
     least = 1e-13 * max(_finite(value), _finite(other))  # rounding beside the largest entry
     pairs = zip(value.ravel(), other.ravel(), strict=True)
     return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
@@ -180,7 +180,7 @@ def _finite(value: Array) -> float:
 
 
 def change(a: float, b: float) -> str:
-    """Tell the change from A to B in percent, or, if large, as a factor."""
+    """Format the change from A to B in percent or, if large, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
@@ -192,7 +192,7 @@ def change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Tell the one entry that differs; else principal moments, and whether only the axes differ."""
+    """Format the only entry that differs; else principal moments, or a change of the axes alone."""
     apart = np.triu(np.abs(a - b))
     entries = np.argwhere(apart > 1e-6 * apart.max())
     if len(entries) == 1:
@@ -213,7 +213,7 @@ def _tensors(a: Array, b: Array) -> str:
 
 
 def _ratio(a: Array, b: Array) -> str:
-    """Tell the ratio of two tensors: one factor, or how much the largest moments differ."""
+    """Format the ratio of two tensors: one factor, or the difference of the largest moments."""
     most, other = (_finite(each) for each in (a, b))
     if not most or not other:
         return change(most, other)
@@ -231,7 +231,7 @@ def link_kind(kind: str) -> str:
 
 
 def freedoms(kinds_: Sequence[str]) -> str:
-    """``3 slides and a ball joint``."""
+    """List freedoms: ``3 slides and a ball joint``."""
     named = [JOINTS.get(kind, kind) for kind in kinds_]
     return listed(
         [f"a {each}" if named.count(each) == 1 else counted(named.count(each), each) for each in dict.fromkeys(named)]

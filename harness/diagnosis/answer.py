@@ -1,4 +1,4 @@
-"""The answer of a diagnosis in words: headline, explanation, differences, causes with their reasons, notes."""
+"""A diagnosis in words: headline, explanation, differences, causes with their slips, notes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 #: Words of a headline at most.
 WORDS = 30
-#: Family of causes -> what they are of; all else is of geometry.
+#: Family of causes -> its properties; all others belong to geometry.
 _FAMILIES = {
     "inertia": ("mass", "com", "inertia", "gravcomp"),
     "rotor": ("armature",),
@@ -45,7 +45,7 @@ class Difference:
     """A fact in words.
 
     Attributes:
-        item_a, item_b: What it is of, as each file calls it; empty of a side that lacks it, and of the model.
+        item_a, item_b: The part, as each file calls it; empty on a side that lacks it, and for the model as a whole.
         what: Property or event.
         a, b: Values in A's frames and counting; a step from A to B is a rotation vector [rad] and a way [m].
         size: Relative, or in lengths of the machine and rad; infinite where a side has none.
@@ -68,15 +68,15 @@ class ToldCause:
     """A cause in words.
 
     Attributes:
-        name: What it is of, in a few words.
-        sentence: What differs, and what somebody may have done; `short` without details.
+        name: The property and its parts, in a few words.
+        sentence: Names the difference and the likely slips; `short` leaves out details.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows; ``small``, several
             of little weight.
         share: Of the torque difference, that cause alone; NaN where no value makes it.
         family: ``geometry``, ``inertia``, ``rotor``, ``friction``, ``spring``, ``actuator``, ``limit``, ``loop``,
             ``environment`` or ``content``; empty of rounding.
         differences: Numbers of its differences.
-        slips: What somebody may have done.
+        slips: Likely mistakes behind it, a phrase each.
     """
 
     name: str
@@ -91,18 +91,18 @@ class ToldCause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Why two models differ, or that they do not.
+    """The answer to two models: differences, causes, proof.
 
     Attributes:
-        found: All that was found, as data.
-        headline: What differs, or that nothing does, in one sentence.
-        explanation: Further sentences: what causes explain, the proof, and what else matters.
+        found: All findings, as data.
+        headline: Names the first difference, or says that there is none, in one sentence.
+        explanation: Further sentences: effect of the causes, proof, and other findings.
         differences: Facts with a sentence each, from the ground outwards.
         causes: Differences by cause, the one that matters most first.
-        notes: What was taken for granted, or not compared.
-        not_compared: What is not compared and could differ, a phrase each, with its side.
-        not_fixed: What the file that `write_fix` writes does not correct, and why.
-        date: When it was made, ISO 8601 in UTC.
+        notes: Assumptions, and content that was not compared.
+        not_compared: Content that could differ and is not compared, a phrase each, with its side.
+        not_fixed: Differences that the file of `write_fix` leaves, each with the reason.
+        date: Time of the comparison, ISO 8601 in UTC.
     """
 
     found: Findings
@@ -138,12 +138,12 @@ class Diagnosis:
 
     @property
     def undecided(self) -> bool:
-        """Nothing differs, and what is in `not_compared` withholds that the two are the same."""
+        """True if nothing differs, but something in `not_compared` might."""
         return self.found.undecided
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What there was no time for."""
+        """Work that the time limit left out."""
         return self.found.left_out
 
     def __bool__(self) -> bool:
@@ -152,28 +152,28 @@ class Diagnosis:
 
     @property
     def exit_status(self) -> int:
-        """Exit status: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
+        """Exit status: 0 the same, 1 different or partly compared, 3 a library failed or the time was over."""
         if self.left_out or any(witness.failed for witness in self.found.witnesses):
             return 3
         return 0 if self.same else 1
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Sentences on numbers of the models that no machine has."""
+        """Sentences on implausible numbers of the models."""
         a, b = (implausible(model.reading) for model in (self.a, self.b))
         both = [f"A and B: {text}" for text in a if text in b]
         ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
         return (*both, *ours, *theirs)
 
     def write_fix(self, out: str | Path, *, force: bool = False) -> Path:
-        """Writes B as it would have to be to agree with A.
+        """Write B, corrected so that it agrees with A.
 
         Args:
-            out: Never B itself.
-            force: Any other file in the way is replaced, whoever wrote it.
+            out: Path of the new file; B itself is refused.
+            force: Replace any other file in the way.
 
         Raises:
-            OutputError: There is nothing to write, or a file is there and was changed or not written here.
+            OutputError: Nothing can be corrected, or a file that another program wrote or changed is in the way.
         """
         fix = self.found.fix
         if fix is None or not fix.text or self.b.file is None:
@@ -185,7 +185,7 @@ class Diagnosis:
 
 
 def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
-    """Make all words of a diagnosis."""
+    """Put findings into words."""
     causes = tuple(_causes(findings))
     first, *rest = [*([headline(findings, causes)] if causes else []), *news(findings)]
     return Diagnosis(
@@ -202,7 +202,7 @@ def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
 
 
 def _not_fixed(findings: Findings) -> Iterator[str]:
-    """Say what the corrected file does not correct, and why."""
+    """List the differences that the corrected file leaves, each with the reason."""
     if findings.fix is not None:
         yield from findings.fix.why_not
         yield from (f"{findings.b.library} reads no {word(what)} from the file" for what in findings.fix.unheard)
@@ -235,7 +235,7 @@ def _causes(findings: Findings) -> Iterator[ToldCause]:
 
 
 def _slips(findings: Findings, cause: Cause) -> Iterator[str]:
-    """Say what somebody may have done to make a cause."""
+    """Name the likely slips behind a cause."""
     facts = {id(fact) for fact in cause.facts}
     if cause.kind != "digits":
         reasons = (each for each in findings.reasons if any(id(fact) in facts for fact in each.facts))
@@ -250,7 +250,7 @@ def _name(speaker: Speaker, cause: Cause) -> str:
 
 
 def family(facts: Sequence[Fact]) -> str:
-    """Family of some facts: that of the first."""
+    """Return the family of the first of some facts."""
     first = facts[0]
     if first.what == "whole" and first.b.length == 1.0 and not first.b.mirrored and not first.b.stands:
         return "inertia"
@@ -273,11 +273,11 @@ def _has(reading: Reading, name: str) -> bool:
     return any(name in room for room in rooms)
 
 
-#: Slips of tensors, where several properties of a body follow from that of one link.
+#: Slips in the tensor of one link, which change several properties of its body.
 _OF_TENSORS = ("about the origin", "not turned", "turned", "turned twice", "turned transposed", "meant transposed")
-#: One of what a property names in the plural.
+#: Singular of properties that are named in the plural.
 _ONE = {"limits": "limit"}
-#: Slip -> sentence: ``it`` is what the facts are of, ``noun`` the first of these, ``part`` the body or joint.
+#: Slip -> sentence: ``it`` stands for the properties, ``noun`` for the first of them, ``part`` for body or joint.
 SLIPS: Mapping[str, str] = {
     "unit": "{it} is in {0}",
     "unit of A": "{it} is as if A were in {0}",
@@ -335,7 +335,7 @@ SLIPS: Mapping[str, str] = {
 
 
 def phrase(reason: Reason) -> str:
-    """Say what somebody may have done."""
+    """Put a slip into words."""
     first, parts = reason.facts[0], {fact.part for fact in reason.facts}
     whats = sorted({fact.what for fact in reason.facts}, key=[*PROPERTIES, *EVENTS].index)
     nouns = [_ONE.get(what) or noun(what) for what in whats]

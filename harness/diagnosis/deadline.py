@@ -1,4 +1,4 @@
-"""The time that a diagnosis may take: when it is over, what is there is reported, and what is not by name."""
+"""The time limit of a diagnosis: when it is over, the answer so far is reported and lists the work left out."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from time import monotonic
 
 from screwgauge.reference.errors import DescriptionError
 
-#: Of a diagnosis, by default [s]: one of the largest public robots takes a minute.
+#: Default limit [s]: the largest public robots take a minute.
 LIMIT = 3600.0
 
 
 @dataclass(slots=True, eq=False)
 class Deadline:
-    """Asked before each piece of work whether there is time for it.
+    """A time limit, checked before each piece of work.
 
     Attributes:
         seconds: From now on [s].
         clock: Returns the time [s].
-        left_out: What there was no time for.
+        left_out: Work for which no time was left.
 
     Raises:
         DescriptionError: The time is no positive number.
@@ -37,7 +37,7 @@ class Deadline:
         self._end = self.clock() + self.seconds
 
     def over(self, work: str) -> bool:
-        """Whether there is no time for a piece of work, which is then noted."""
+        """True if no time is left for a piece of work, which is then noted."""
         if self.clock() < self._end:
             return False
         if work not in self.left_out:

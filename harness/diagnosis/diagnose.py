@@ -1,4 +1,4 @@
-"""Why two models of a machine differ: from two files to facts, causes, words and a fix."""
+"""Diagnosis of two models of a machine: from two files to facts, causes, words and a fix."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from screwgauge.models.content import kinds
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, shown
 
-#: What can be compared alone.
+#: Groups of properties that can be compared alone.
 ONLY = ("rigid",)
-#: Share of joints with a partner below which two models are of different machines; and so many identical names are no
-#: chance: their joints are compared, however much else the two models have.
+#: Share of joints with a partner below which two models are of different machines; and number of identical names that
+#: is no chance: models with so many are compared in any case.
 ALIKE, NO_CHANCE = 0.5, 5
 
 
@@ -45,10 +45,10 @@ def diagnose(
     load: Read = in_process,
     only: str = "",
 ) -> Diagnosis:
-    """Compares two models; what it takes and raises is described at `screwgauge.api.diagnose`.
+    """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Also `model.weighed` of a file where mass comes from meshes.
+        a, b: Files or names; also `model.weighed` copies with mass from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -66,11 +66,11 @@ def diagnose(
 def findings(
     models: tuple[Model, Model], names: Names, seed: int, deadline: Deadline, load: Read, only: str = ""
 ) -> Findings:
-    """Finds what two models differ in.
+    """Compare two models.
 
     Args:
-        names: Joints and bodies that names tell to be the same.
-        only: What alone is compared; empty for all.
+        names: Partners by name.
+        only: The one group of properties to compare; empty for all.
     """
     a, b = models
     marked = partial(rounded, digits=(a.digits, b.digits), longest=(a.longest, b.longest))
@@ -100,25 +100,25 @@ def findings(
 
 
 def _in_one_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
-    """Both readings, one that is silent on gravity with that of the other one."""
+    """Give a reading without gravity that of the other reading."""
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
 
 
 def _is_beyond(found: Findings) -> bool:
-    """Whether nothing differs but what torques of bodies and joints leave out."""
+    """True if nothing differs that torques of bodies and joints depend on."""
     outside = {*kinds(), "density", "viscosity"}
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
 
 def _named(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fact]:
-    """Facts without names that the user gave."""
+    """Drop differences of names that the user mapped."""
     return [fact for fact in facts if not (fact.what == "name" and how.get(fact.part) == "given")]
 
 
 def _with_causes(found: Findings, deadline: Deadline) -> Findings:
-    """Findings with causes, their shares and reasons."""
+    """Add causes, their shares and reasons to findings."""
     facts = found.facts
     if not facts or deadline.over("causes and their shares"):
         return found
@@ -136,7 +136,7 @@ def _with_causes(found: Findings, deadline: Deadline) -> Findings:
 
 
 def _mobility(models: Sequence[Model]) -> tuple[int, int] | None:
-    """Freedoms that loops leave in each; None where neither has loops, or no pose near home closes them."""
+    """Count the freedoms that loops leave in each model; None without loops or without a closed pose near home."""
     readings = [model.posed for model in models]
     if not any(reading.closures or reading.couplings for reading in readings):
         return None
@@ -145,7 +145,7 @@ def _mobility(models: Sequence[Model]) -> tuple[int, int] | None:
 
 
 def _how(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
-    """How each joint of A came by its partner."""
+    """Yield each joint of A with the way in which its partner was found."""
     for name, partner in pair.joints.items():
         if names.joints.get(name) == partner.name:
             yield name, names.how.get(name, "name")
@@ -154,7 +154,7 @@ def _how(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
 
 
 def _comparable(pair: Pair, names: Names) -> bool:
-    """Whether enough has a partner for two models to be of one machine, or names say what is to be compared."""
+    """True if enough joints have partners for a comparison, by names or by geometry."""
     counts = [len(machine.reading.joints) - len(pair.joints) for machine in (pair.a, pair.b)]
     if not pair.joints or pair.alignment.covers(pair.a, pair.b):
         return bool(pair.joints) or not any(machine.reading.joints for machine in (pair.a, pair.b))

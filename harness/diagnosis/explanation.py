@@ -1,4 +1,4 @@
-"""What two machines differ in, told with the fewest causes: as they stand, or with B laid onto A as a whole first."""
+"""Facts of two machines with the fewest causes: as they stand, or with B first laid onto A as a whole."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: What a cause of conventions alone counts, which changes nothing; each fact beside its cause; and a placement, where
-#: a body alone may say the same.
+#: Cost of a cause of conventions alone, which changes nothing; of each fact besides its cause; and of a placement,
+#: which a change of one body may replace.
 CONVENTION, EACH, PLACE = 0.2, 0.02, 0.01
-#: An explanation of one cause is taken at once: nothing is simpler.
+#: Cost of an explanation by one cause, which none can beat.
 ONE = 1.1
-#: Facts of places and of what has no partner, which another alignment may not have; a share of bodies that are most.
+#: Facts of places and of parts without a partner, which another alignment may avoid; and the share of most bodies.
 ELSEWHERE = frozenset({"placement", "axis", "end", "zero", "sign", "start", "kind", "base", "branch", "link", "name"})
 MOST = 0.5
-#: A whole has to be worth its own line.
+#: Cost of a whole besides its cause.
 WHOLE = 0.01
-#: What is believed of where bodies lie, in turn.
+#: Assumptions on the placement of bodies, in the order of trial.
 BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
-#: Placements of what hangs on the ground that are tried as wholes.
+#: Number of placements of links at the ground that are tried as wholes.
 ROOTS = 2
 
 
@@ -49,9 +49,9 @@ class Explanation:
     """Facts of two machines.
 
     Attributes:
-        pair: As the facts tell it; B moved and scaled where a whole is among them.
-        facts: All of them, the whole first.
-        whole: None where B is told as it stands; `standing`: facts of B as it stands where it is not.
+        pair: The pair that the facts describe; B is moved and scaled where a whole is among them.
+        facts: All facts, the whole first.
+        whole: None where B is compared as it stands; else `standing` has the facts of B as it stands.
     """
 
     pair: Pair
@@ -61,9 +61,9 @@ class Explanation:
 
     @cached_property
     def cost(self) -> float:
-        """How much there is to read."""
+        """Length of the explanation, in causes; the shortest one is chosen."""
         groups = grouped(self.real)
-        # a whole explains all, or is a cause as any other one
+        # a whole is light if it explains all
         light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
         causes = sum(CONVENTION if each else 1.0 for each in light)
         places = sum(fact.what == "placement" for fact in self.real)
@@ -72,14 +72,14 @@ class Explanation:
 
     @property
     def real(self) -> list[Fact]:
-        """Facts that are no rounding."""
+        """Facts other than rounding."""
         return [fact for fact in self.facts if fact.kind != "digits"]
 
     @property
     def plain(self) -> bool:
-        """Whether nothing can be told with less: one cause, or conventions alone.
+        """True if no explanation can be shorter: one cause, or conventions alone.
 
-        What sits elsewhere on a body that is round may be a turn of the whole, and so may a left and a right part be.
+        A displacement on a round body may be a turn of the whole, and so may differences of a left and a right part.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
         places = [fact.of for fact in self.real if fact.what == "placement"]
@@ -88,7 +88,7 @@ class Explanation:
 
     @property
     def _settled(self) -> bool:
-        """Whether all is where it is on the other side, so that to lay bodies otherwise cannot tell less.
+        """True if all parts are in the same places, so that another alignment cannot be shorter.
 
         A body of another mass may have another centre; masses of most bodies may be in another unit.
         """
@@ -121,7 +121,7 @@ def explained(
 
 
 def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
-    """As B stands, by what is believed; as a whole; by geometry alone; as what hangs on the ground stands."""
+    """Yield explanations: B as it stands, as a whole, by geometry alone, by the placement of links at the ground."""
     theirs = machine_of(b)
     for believed in BELIEVED:
         yield told(a, theirs, names, believed)
@@ -137,7 +137,7 @@ def compared(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
     """Compare two readings of one machine as they stand.
 
     Args:
-        names: Joints and bodies that are the same; by default those that names tell.
+        names: Partners; by default those by name.
     """
     one, two, names = machine_of(a), machine_of(b), names or partners(a, b)
     return min((told(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
@@ -167,7 +167,7 @@ def _of_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation
 
 
 def _fact(whole: Whole, a: Machine) -> Fact:
-    """The fact of a whole; a turn about the one joint at the ground is of that joint."""
+    """Make the fact of a whole; a turn about the only joint at the ground belongs to that joint."""
     gravity = known_gravity(a.reading.gravity)
     turned = float(np.abs(whole.placement[:3, :3].T @ gravity - gravity).max())
     kind: Kind = "convention" if whole.stands and turned < 1e-9 * float(np.linalg.norm(gravity)) + 1e-12 else "model"
@@ -175,7 +175,7 @@ def _fact(whole: Whole, a: Machine) -> Fact:
 
 
 def _root(T: Array, a: Machine) -> str:
-    """The hinge that alone stands on the ground, if a displacement is a turn about it."""
+    """Return the only hinge at the ground if a displacement turns about it; else an empty name."""
     links = [link for link in a.links if link.joins(GROUND)]
     if len(links) != 1 or links[0].kind != "R" or not links[0].joints:
         return ""
@@ -187,7 +187,7 @@ def _root(T: Array, a: Machine) -> str:
 
 
 def _roots(pair: Pair) -> Iterator[Whole]:
-    """Placements that lay links at the ground onto their partners, the most frequent first."""
+    """Yield placements that lay links at the ground onto their partners, the most frequent first."""
     found: dict[bytes, list[Array]] = {}
     for one, _ in pair.alignment.links:
         T = pair.alignment.placed[one.far]

@@ -1,4 +1,4 @@
-"""All that a diagnosis finds, as data and as ``diagnosis.json``: facts, causes, reasons, and what was compared."""
+"""Findings of a diagnosis, as data and as ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What two models differ in, or that they do not.
+    """Results of a comparison of two models, as data.
 
     Attributes:
         pair: The two machines with partners; `how`: joint of A -> ``given``, ``name``, ``similar name``, ``geometry``
             or ``geometry, against its name``.
-        alike: Whether enough has a partner for the two to be compared.
-        facts: Of bodies, joints, loops and content; a whole first.
-        standing: Facts of B as it stands, where one of the whole is told in their place.
-        causes: Of the facts, ranked; `reasons`: what somebody may have done.
-        torques: What all facts make of the torques of A; `by_joint`: the same for each component, scaled.
-        mobility: Freedoms that loops leave in A and in B; None where neither has any.
-        agreement: Dynamics of both readings compared, where nothing else differs; `together`: those of the libraries as
-            loaded, or None and `why_not`.
-        left_out: What there was no time for in `limit` seconds.
-        only: What was asked to be compared alone; empty for all.
+        alike: True if enough parts have a partner for a comparison.
+        facts: Facts of bodies, joints, loops and content; a whole first.
+        standing: Facts of B as it stands, where a fact of the whole replaces them.
+        causes: Causes of the facts, ranked; `reasons`: likely slips behind them.
+        torques: Largest effect of all facts on the torques of A; `by_joint`: the scaled effect on each component.
+        mobility: Freedoms that loops leave in A and in B; None without loops.
+        agreement: Difference of the dynamics of both readings, where nothing else differs; `together`: that of the
+            libraries as loaded, or None and `why_not`.
+        left_out: Work for which `limit` seconds left no time.
+        only: The one group of properties that was compared; empty for all.
     """
 
     a: Model
@@ -67,13 +67,13 @@ class Findings:
 
     @property
     def open_facts(self) -> tuple[Fact, ...]:
-        """Facts that no value in B's file mends."""
+        """Facts that no value in B's file corrects."""
         open_ = {(fact.what, fact.partner or fact.part) for fact in self.fix.open} if self.fix else set()
         return tuple(f for f in self.facts if {(f.what, f.part), (f.what, f.partner)} & open_)
 
     @property
     def agrees(self) -> bool:
-        """Whether nothing that was compared differs."""
+        """True if nothing that was compared differs."""
         real = [fact for fact in self.facts if fact.what not in IDLE]
         closed = not (self.a.never_closed or self.b.never_closed) and self.mobility_agrees
         dynamics = (self.agreement is None or self.agreement.scaled <= SAME) and (
@@ -87,7 +87,7 @@ class Findings:
 
     @property
     def undecided(self) -> bool:
-        """Nothing differs, and what is not compared withholds that the two are the same."""
+        """True if nothing differs, but something that is not compared might."""
         return self.agrees and bool(self.beyond.withheld or self.why_not)
 
     @property
@@ -96,12 +96,12 @@ class Findings:
 
 
 SCHEMA = 3
-#: What shares of causes are of.
+#: Quantity of which causes have shares.
 SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What ``diagnosis.json`` has; `differences` of causes are numbers in the list of all."""
+    """Return the content of ``diagnosis.json``; `differences` of causes are indices into the list of all."""
     found = diagnosis.found
     return {
         "schema": SCHEMA,
@@ -148,7 +148,7 @@ def _model(model: Model) -> dict[str, Any]:
 
 
 def _partners(found: Findings) -> Mapping[str, Any]:
-    """Which parts are partners, and which have none."""
+    """List partners, and parts without one."""
     pair, alone = found.pair, (found.pair.alignment.only_a, found.pair.alignment.only_b)
     joints = {name: pair.partner(name).name for name in found.how}
     missing = {

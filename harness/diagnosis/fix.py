@@ -1,4 +1,4 @@
-"""The fix: facts read from B to A are what B's file has to say; the proof is that nothing differs once it is read."""
+"""The fix: a copy of B's file with A's values, and the proof that it agrees once it is read again."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from screwgauge.reference.rotations import Array
 _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
 #: Rounding of a computed number, relative to the largest entry.
 DUST = 1e-15
-#: Ends of a closure that are further apart at home do not meet [m].
+#: Largest gap of a closure that is closed at home [m].
 DERIVED = 1e-9
 ONE_FILE = "A and B are one file, which two libraries read differently"
 NO_FILE = "B has no file of a format that is changed here"
@@ -50,11 +50,11 @@ class Fix:
     """A copy of B's file that agrees with A.
 
     Attributes:
-        text: The file; empty where nothing can be written.
-        left: Facts that still differ when it is read again; None where it was not read.
-        why_not: Why something is not in it, a sentence each.
-        unheard: Properties that are in the file and that B's library does not read.
-        open: Facts of B against A that no value mends.
+        text: Text of the file; empty where nothing can be written.
+        left: Facts that remain when it is read again; None where it was not read.
+        why_not: Reasons why changes are missing, a sentence each.
+        unheard: Properties in the file that B's library does not read.
+        open: Facts of B against A that no value corrects.
     """
 
     text: str
@@ -65,17 +65,17 @@ class Fix:
 
     @property
     def proved(self) -> bool:
-        """Whether nothing differs any more."""
+        """True if nothing differs any more."""
         return self.left is not None and not self.left
 
 
 def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, only: str = "") -> Fix:
-    """Write B as it would have to be to agree with A, and read it again.
+    """Write a copy of B that agrees with A, and read it again.
 
     Args:
         pair: A and B with their partners.
-        moved: Whether B of the pair was laid onto A as a whole.
-        only: What alone is compared; empty for all.
+        moved: True if B of the pair was laid onto A as a whole.
+        only: The one group of properties to compare; empty for all.
     """
     if b.file is None or not b.text:
         form = b.reading.form.upper()
@@ -111,7 +111,7 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
 
 
 def _backwards(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
-    """B against A as it stands: facts of which each change gives B the value of A."""
+    """Compare B with A as it stands, so that each change gives B the value of A."""
     if not moved:
         return of_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
@@ -124,12 +124,12 @@ def _names(pair: Pair, again: Reading) -> Names:
 
 
 def _bodies(pair: Pair) -> dict[str, str]:
-    """Bodies of A with those of B, without the ground."""
+    """Return the partners of A's bodies, without the ground."""
     return {name: other for name, other in pair.alignment.bodies.items() if name != GROUND}
 
 
 def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
-    """Changes in the pose of the file, where they are known in another one."""
+    """Convert changes from the pose of the comparison to that of the file."""
     q = {name: joint.home for name, joint in posed.joints.items() if written.joints[name].home != joint.home}
     _, before, after = rehomed(written, q)
     at_home = [_at_home(change, _carrier(change, written, before, after), written, posed) for change in changes]
@@ -137,14 +137,14 @@ def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> 
 
 
 def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-    """How the body is displaced that a change of a joint is on: the one before it, or that which is seated on it."""
+    """Return the displacement of the body that holds a changed joint: its parent, or its child for a seat."""
     if change.what == "seat":
         return after[written.moved_by(change.item)]
     return before.get(change.item, np.eye(4))
 
 
 def _derived(target: Reading) -> Iterator[Change]:
-    """Second ends of closures that a file derives from the first ones, where the bodies are now."""
+    """Yield changes of second ends of closures that a file derives from the first ones."""
     for name, closure in target.closures.items():
         (_, one), (_, other) = target.ends(name)
         way = other[:3, :3].T @ (one - other)[:3, 3]
@@ -153,7 +153,7 @@ def _derived(target: Reading) -> Iterator[Change]:
 
 
 def _at_home(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
-    """A change of a joint on a body that is displaced by X, shape (4, 4), from the pose of the file."""
+    """Convert a change of a joint on a body that is displaced by X, shape (4, 4), to the pose of the file."""
     value = change.value
     if change.what in ("placement", "seat"):
         value = np.linalg.inv(X) @ value @ X
@@ -167,7 +167,7 @@ def _at_home(change: Change, X: Array, written: Reading, posed: Reading) -> Chan
 
 
 def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
-    """What is read from a file if its text is another one; the file stays as it is.
+    """Read a file with another text; the file itself stays as it is.
 
     Raises:
         ScrewgaugeError: The text cannot be read.
@@ -180,9 +180,9 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
 
 
 def _bring(source: Path, folder: Path, text: str) -> None:
-    """Copies what an MJCF includes or attaches, and what that does, if it lies in the folder of the file."""
+    """Copy files that an MJCF includes or attaches, recursively, if they lie in its folder."""
     home, target = source.resolve(), folder.resolve()
-    waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # looked for where, by which element, its name
+    waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # folder, element and name
     seen = set[Path]()
     while waiting:
         base, tag, name = waiting.pop()
@@ -203,11 +203,11 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 
     Args:
         b: The user's file.
-        inputs: What else was read.
-        force: Any other file in the way is replaced.
+        inputs: Other files that were read.
+        force: Replace any other file in the way.
 
     Raises:
-        OutputError: It is B's own, has the ending of another format, is in the way, or cannot be written.
+        OutputError: The path is B's own, has the ending of another format, is taken, or cannot be written.
     """
     if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
@@ -219,7 +219,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 
 
 def speller(text: str) -> Callable[[str], str]:
-    """Prints computed numbers as the numbers of a file, else as the decimals of `EXACT` digits, that they nearly are.
+    """Make a function that prints computed numbers as nearly equal numbers of a file, else as short decimals.
 
     Products of frames leave rounding in the last digits, and next to larger entries of a vector in place of a zero.
 
@@ -245,7 +245,7 @@ def speller(text: str) -> Callable[[str], str]:
 def _spelled(entries: Sequence[float], numbers: Sequence[float], nothing: float) -> Iterator[str]:
     most = max(map(abs, entries), default=0.0)
     for x in entries:
-        if LEAST <= x <= np.nextafter(LEAST, 1.0):  # written in place of a moment of zero
+        if LEAST <= x <= np.nextafter(LEAST, 1.0):  # stands for a moment of zero
             yield number_text(x)
             continue
         k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)

@@ -1,7 +1,6 @@
-"""What the libraries compute: each on the model that it has read, and both models, as loaded, against each other.
+"""Torques of the libraries: each against the dynamics of its reading, and both models, as loaded, against each other.
 
-Both are compared along the motions that loops leave: which torques hold the loops does not matter there, nor does where
-a file cuts them.
+They are compared along the motions that loops leave, where neither the forces that hold loops matter nor the cuts.
 """
 
 from __future__ import annotations
@@ -29,28 +28,28 @@ from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clea
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
-#: Libraries that have dynamics, and what asks them.
+#: Library with dynamics -> module that asks it.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.raw_queries", "mujoco": "screwgauge.engines.mujoco.raw_queries"}
-#: Those of them that answer for loops, too.
+#: Libraries that also answer for loops.
 CLOSING = ("mujoco",)
-#: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
+#: Content whose passive forces no option switches off.
 _UNKNOWN = {"flexible bodies", "plugins"}
 
 
 def answers(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Answers of one library on a file, at states of the tree that it reads from it.
+    """Ask one library for the dynamics of a file, at states of the tree that it reads.
 
     Args:
-        whole: With all that acts as the file is loaded, also what no reading holds.
+        whole: Include all forces of the file as loaded, also those that no reading holds.
     """
     ask: Ask = import_module(ASKED[library]).ask
     return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
 
 
 def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointStates]:
-    """States by joint."""
+    """Split states by joint."""
     numbers = {name: i for i, name in enumerate(tree.reading.joints)}
     return {
         name: JointStates(
@@ -89,16 +88,16 @@ class Compared:
 
 
 def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
-    """Quantities of the open tree."""
+    """Compare quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
-    force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
+    force = float(np.abs(ours.tau).max())  # scale of forces that vanish
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
     by_name = {"tau": Compared(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
         by_name[name] = Compared(getattr(theirs, name), getattr(ours, name), least)
     by_name["acceleration"] = Compared(theirs.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
-        del by_name["tau"], by_name["bias"]  # own dynamics know no medium
+        del by_name["tau"], by_name["bias"]  # own dynamics have no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
         del by_name["tau"]
     return by_name
@@ -107,22 +106,22 @@ def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, C
 def loop_pairs(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
 ) -> dict[str, Compared]:
-    """Quantities of closures and couplings where these are closed, whichever rows state them.
+    """Compare quantities of closed loops, independent of the rows that state them.
 
-    They count for less where loops are nearly singular.
+    States near singular poses have less weight.
     """
     soft = [each.softness for each in tree.reading.closures.values()]
     soft += [each.softness for each in tree.reading.couplings.values()]
-    if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
+    if library not in CLOSING or not soft or not all(soft):  # the library does not know loops of another file
         return {}
-    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, it is rounding
+    drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding alone
     states, fits = closed(tree, states)
     states = states.at(clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
         return {}
     rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
-    if rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+    if rows.shape != own.rows.shape:  # the library has constraints that no reading holds
         return {}
     (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
     # least squares amplify rounding, of rows and of gaps, by the square of the condition number
@@ -136,9 +135,9 @@ def loop_pairs(
     }
 
 
-#: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
+#: Largest rounding of an engine against the dynamics of its reading, scaled; 1e-14 is usual.
 ROUNDING = 1e-11
-#: States at which libraries are compared.
+#: Number of states at which libraries are compared.
 STATES = 10
 
 
@@ -149,8 +148,8 @@ class LibraryCheck:
     Attributes:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
-        failed: Why it has no answer; empty if it has.
+        omits: Forces that its inverse dynamics leave out; `adds`: forces that they contain besides inertia and weight.
+        failed: Error message; empty if the library answered.
     """
 
     side: str
@@ -162,12 +161,12 @@ class LibraryCheck:
 
     @property
     def agrees(self) -> bool:
-        """Whether the engine computes the dynamics of its reading."""
+        """True if the engine computes the dynamics of its reading."""
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
 def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
-    """Each library that has dynamics, on what it has read."""
+    """Check each library that has dynamics against its own reading."""
     for side, model in zip("AB", models, strict=False):
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
@@ -193,7 +192,7 @@ def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers
     return theirs, {**pairs(theirs, tree, states), **loops}
 
 
-#: Where rows of loops tell less well than this, see `admissible_projector`, torques along motions count for less.
+#: Torques lose weight where loops are conditioned worse than this, see `admissible_projector`.
 SURE = 0.01
 #: Torques of a tree at its states. Shape (n, n_freedom).
 _Dynamics = Callable[[ReadingTree, TreeStates], Array]
@@ -204,10 +203,10 @@ class Together:
     """The libraries' own torques of both models, as loaded: they contain also what no reading holds.
 
     Attributes:
-        row: Their largest difference, projected on the motions that loops leave.
-        calls: Of A and of B; empty of a description or a reader without dynamics.
-        states: How many were compared.
-        largest: The largest torque of the same unit.
+        row: Largest difference, projected on the motions that loops leave.
+        calls: Functions that were called for A and B; empty for a description or a reader without dynamics.
+        states: Number of compared states.
+        largest: Largest torque of the same unit.
     """
 
     row: Largest
@@ -217,12 +216,12 @@ class Together:
 
     @property
     def agrees(self) -> bool:
-        """Whether rounding is all that is between them."""
+        """True if the torques differ by rounding alone."""
         return self.row.scaled <= ROUNDING
 
 
 def together(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Together | None, str]:
-    """Compare the libraries' own torques, or say why they are not compared; empty where loops leave no motion."""
+    """Compare the libraries' own torques, or return the reason why they cannot be compared."""
     try:
         found = _compared(pair, seed, models)
     except (ScrewgaugeError, ValueError, LookupError) as error:
@@ -238,7 +237,7 @@ def agreement(pair: Pair, seed: int, only: str = "") -> Largest | None:
     """Compare the torques of both readings; None where B follows A at no state.
 
     Args:
-        only: What alone is compared; empty for all.
+        only: The one group of properties to compare; empty for all.
     """
     if only:
         a, b = (replace(machine, reading=bare(machine.reading)) for machine in (pair.a, pair.b))
@@ -248,10 +247,10 @@ def agreement(pair: Pair, seed: int, only: str = "") -> Largest | None:
 
 
 def _compared(pair: Pair, seed: int, models: tuple[Model, Model] | None = None) -> tuple[Largest, float, int] | None:
-    """The largest difference of torques, the largest torque of its unit, and how many states were compared.
+    """Return the largest difference of torques, the largest torque of its unit, and the number of states.
 
     Args:
-        models: Of which the libraries compute the torques; by default, readings do.
+        models: Models whose libraries compute the torques; by default the dynamics of readings do.
     """
     torques = Torques(weighed(pair.a.reading), seed)
     sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
@@ -271,12 +270,12 @@ def _compared(pair: Pair, seed: int, models: tuple[Model, Model] | None = None) 
 
 
 def _states(torques: Torques) -> TreeStates:
-    """Some of the states: what a library adds to a reading shows at all of them."""
+    """Select some states: forces that a library adds to a reading appear at all of them."""
     return torques.states.at(slice(STATES))
 
 
 def _along(torques: Torques, reading: Reading, partners: Partners, of: _Dynamics) -> tuple[Array, NDArray[np.bool_]]:
-    """Torques of a reading that follows A, along the velocities of A, and where it does. (n, n_freedom), (n,)."""
+    """Return torques of a reading that follows A, along A's velocities, and flags of success. (n, n_freedom), (n,)."""
     tree = plant(weighed(reading))
     there = followed(plant(torques.reading), _states(torques), tree, partners)
     tau = of(tree, there.states)
@@ -284,7 +283,7 @@ def _along(torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
 
 
 def _of_library(model: Model) -> _Dynamics:
-    """All that motors have to give, as a library computes it for the file as it is."""
+    """Make a function that has a library compute the torques of all motors for the file as it is."""
 
     def tau(tree: ReadingTree, states: TreeStates) -> Array:
         if model.library not in ASKED or model.file is None or model.retyped:
@@ -297,7 +296,7 @@ def _of_library(model: Model) -> _Dynamics:
 
 
 def _admissible(torques: Torques, tau: Array) -> Array:
-    """Torques along motions that loops leave; less of them where loops are nearly singular. Shape (n, n_freedom)."""
+    """Project torques on the motions that loops leave, with less weight near singular poses. (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
     P, sure = admissible_projector(equations(plant(reading), _states(torques)).rows, slides, size(reading))
     units = np.where(slides, size(reading), 1.0)

@@ -1,4 +1,4 @@
-"""A side of a diagnosis: a model file, by the library that is to read it."""
+"""A side of a diagnosis: a model file as a library reads it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from screwgauge.scene.default import gravity_of
 
 #: Reads a file by a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
-#: What closes the loops of URDFs: one file for all, or one for each side.
+#: Loops files of URDFs: one file for all, or one for each side.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
 #: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
@@ -42,21 +42,21 @@ class Model:
     """A model as one library reads it.
 
     Attributes:
-        label: As it was given.
-        file: None of a mechanism built in.
-        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` of a description.
-        floating: Whether the base of a URDF is read as moving freely.
-        digits: That its numbers are cut to.
-        sha256: Of the file; empty without one.
-        loops: File with the closures of a URDF; `loops_sha256` of it.
+        label: Name as the user gave it.
+        file: Model file; None for a built-in mechanism.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` for a description.
+        floating: True if the base of a URDF is read as moving freely.
+        digits: Number of digits that its numbers are cut to.
+        sha256: Digest of the file; empty without one.
+        loops: File with the closures of a URDF; `loops_sha256`: its digest.
         own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
-        as_read: What the library itself has of the file, without these and without joints of which a file beside it
-            changes the types; None where that is the reading.
-        retyped: Whether a file beside it changes types of joints, or adds rotors, of which the library knows nothing.
-        open_by: How far its loops are open at home as written, in words; empty where they are closed.
-        never_closed: Which loops close from no start, in words; empty where all do.
-        says_closures: Whether its files can hold closures; a URDF alone cannot.
-        remarks: What was changed when it was read, a sentence each.
+        as_read: The library's own reading, without closures and joint types of a file beside it; None if that is
+            `reading`.
+        retyped: True if a file beside it changes types of joints, or adds rotors, which the library does not know.
+        open_by: Gaps of its loops at home as written, in words; empty where they are closed.
+        never_closed: Loops that close from no start, in words; empty where all close.
+        says_closures: True if its files can hold closures; a URDF alone cannot.
+        remarks: Changes made by the reader, a sentence each.
     """
 
     label: str
@@ -78,7 +78,7 @@ class Model:
 
     @property
     def described(self) -> bool:
-        """Whether it is a description, and no model file."""
+        """True for a description, False for a model file."""
         return not self.reading.form
 
     @property
@@ -101,7 +101,7 @@ class Model:
         return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
-        """What its library reads from a file in its place."""
+        """Read another file in its place, by the same library."""
         reading = load(file, self.library, self.floating)
         return with_loops(reading, self.loops) if self.loops else reading
 
@@ -116,8 +116,8 @@ class Weighed:
     """A side of a diagnosis, and a copy of it with mass and inertia of meshes.
 
     Attributes:
-        given: What the user gave.
-        copy: Of the file; the file itself where no mass comes from meshes.
+        given: Name as the user gave it.
+        copy: Copy of the file; the file itself where no mass comes from meshes.
     """
 
     given: str
@@ -128,10 +128,10 @@ class Weighed:
 
 
 def weighed(given: str | Path, folder: Path) -> Weighed:
-    """A side of a diagnosis with mass and inertia from meshes, if some come from there.
+    """Give a side of a diagnosis mass and inertia from meshes, where the file has some.
 
     Args:
-        folder: Of the copy.
+        folder: Folder of the copy.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -142,12 +142,12 @@ def weighed(given: str | Path, folder: Path) -> Weighed:
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:
-    """Reads in this process."""
+    """Read a file in this process."""
     return read(file, library, floating=floating)
 
 
 def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | None = None) -> Model:
-    """Loads one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
+    """Load one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
 
     Args:
         loops: Closures of a URDF, in place of the file in its folder.
@@ -176,17 +176,17 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
 
 
 def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
-    """Kinds and rotors of all joints."""
+    """Return kind and rotor of each joint."""
     return {name: (joint.kind, joint.armature) for name, joint in reading.joints.items()}
 
 
 def each_loops(
     loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
 ) -> tuple[Path | None, Path | None]:
-    """The loops file of each side: of a pair, or one for every side that is a URDF.
+    """Return the loops file of each side, from a pair, or one file for every URDF.
 
     Raises:
-        ScrewgaugeError: It is neither, or there is none.
+        ScrewgaugeError: The value is neither, or no side is a URDF.
     """
     if loops is None:
         return None, None
@@ -204,7 +204,7 @@ def each_loops(
 
 
 def _asked(given: str | Path | Weighed) -> tuple[str, str]:
-    """File or name of a side, and the library that is wanted; empty where none is."""
+    """Split a side into file or name and the requested library; empty without one."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
@@ -240,15 +240,15 @@ def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
 
 
 def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
-    """Both, a description cut as the other one's file is, and a URDF's base floating where the other one's does."""
+    """Cut a description as the other side's file is cut, and free the base of a URDF if the other side's is free."""
     return _like(a, b, load), _like(b, a, load)
 
 
 def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
-    """Both models, with how far their loops are open at home and whether they close at all.
+    """Measure the gaps of the loops of both models at home, and try to close them.
 
     Raises:
-        ClosureError: Loops of neither close from any start.
+        ClosureError: Neither model closes from any start.
     """
     measured, refused = list[Model](), list[ClosureError]()
     for model in models:

@@ -1,6 +1,6 @@
-"""Moves one tree as another one moves: wherever their loops are cut, bodies of the one follow their partners.
+"""Moves one tree as another one moves, wherever their loops are cut.
 
-All bodies at once tell the coordinates, velocities and accelerations of the tree that they are part of.
+Poses of all bodies together determine coordinates, velocities and accelerations of the tree.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, newton_s
 from screwgauge.witness.kinematics import Moving, move
 from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
 
-#: Poses of partners, and closures, fit where they differ by no more [rad or lengths of the machine]: places of partners
-#: are known to 1e-9.
+#: Largest misfit of poses of partners, and of closures [rad or lengths of the machine]: places of partners are exact to
+#: 1e-9.
 FITS = 1e-8
-#: From here one step of Newton's method ends at rounding [rad or lengths of the machine].
+#: Misfit from which one Newton step ends at rounding [rad or lengths of the machine].
 NEAR = 1e-8
 
 
@@ -41,7 +41,7 @@ class Partners:
 
 
 def partners_of(pair: Pair) -> Partners:
-    """Give the partners of A's bodies, all that are one of B; bodies without mass follow from the others."""
+    """Return the partners of A's bodies, and all members of each."""
     poses = pair.b.reading.poses
     bodies = [
         (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.alignment.placed[name] @ poses[member])
@@ -52,19 +52,19 @@ def partners_of(pair: Pair) -> Partners:
 
 
 def namesakes(reading: Reading) -> Partners:
-    """Partners of a reading in the same model, at another home."""
+    """Return the partners of a reading in the same model, at another home."""
     bodies = [(name, name, np.eye(4)) for name in reading.bodies]
     return Partners(bodies, {name: Partner(name) for name in reading.joints})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """How a tree follows another one.
+    """Motion of a tree that follows another one.
 
     Attributes:
-        states: Of the follower.
-        velocities: Velocities of the leader -> those of the follower. Shape (n, n_freedom, n_freedom of the leader).
-        fits: Whether all bodies follow their partners, and all loops are closed. Shape (n,).
+        states: States of the follower.
+        velocities: Matrix from velocities of the leader to those of the follower. Shape (n, n_freedom, n_leader).
+        fits: True where all bodies follow their partners, and all loops are closed. Shape (n,).
     """
 
     states: TreeStates
@@ -84,7 +84,7 @@ def followed(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partner
         off, (Q, R) = _off(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
         step = newton_step(R, (np.swapaxes(Q, 1, 2) @ off[..., None])[..., 0])
         there = replace(there, q=stepped(tree, there.q, step))
-        if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # steps are quadratic: this one ended at rounding
+        if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # convergence is quadratic: this step ended at rounding
             break
     Q, R = np.linalg.qr(_rows(move(tree, there).jacobian(own, wanted.p)))
     back = np.linalg.pinv(R, rcond=DEPENDENT) @ np.swapaxes(Q, 1, 2)
@@ -98,7 +98,7 @@ def followed(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partner
 
 
 def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
-    """A frame in that of a body, fixed to its link. Shape (4, 4)."""
+    """Fix a frame to a body. T: shape (4, 4)."""
     if body == GROUND:
         return FixedFrame().placed(T[:3, :3], T[:3, 3])
     number = [*tree.reading.bodies].index(body)
@@ -106,7 +106,7 @@ def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
 
 
 def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> TreeStates:
-    """States at rest, at the coordinates of partners, and at home where there are none."""
+    """Return states at rest, at the coordinates of partners, and at home for joints without one."""
     n = len(states.q)
     still = home(tree.reading)
     q, rest = still.q.repeat(n, axis=0), np.zeros((n, tree.freedom))
@@ -119,11 +119,11 @@ def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners:
 
 
 def _off(here: Moving, wanted: Moving) -> Array:
-    """Rotation vectors [rad] and ways [m] from wanted poses. Shape (n, 6 m)."""
+    """Return rotation vectors [rad] and ways [m] from wanted poses. Shape (n, 6 m)."""
     off = np.concatenate([rotation_vector(here.R @ wanted.R.swapaxes(2, 3)), here.p - wanted.p], axis=2)
     return off.reshape(len(off), -1)
 
 
 def _rows(J: Array) -> Array:
-    """Jacobians of all bodies as one. Shape (n, m, 6, n_freedom) -> (n, 6 m, n_freedom)."""
+    """Stack Jacobians of all bodies. Shape (n, m, 6, n_freedom) -> (n, 6 m, n_freedom)."""
     return J.reshape(len(J), -1, J.shape[-1])

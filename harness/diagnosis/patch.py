@@ -1,4 +1,4 @@
-"""A model file with its reading, and changes of that reading written into its text, and nothing else."""
+"""Writes changes of a reading into the text of its model file, and nothing else."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from screwgauge.models.poses import matrix, relative, shortest_step
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
 
-#: Tag of the outermost element -> who writes such a file.
+#: Tag of the outermost element -> module that writes such a file.
 WRITERS: Mapping[str, ModuleType] = {"robot": urdf, "mujoco": mjcf}
 
 
@@ -26,11 +26,11 @@ class Opened:
     """A model file about to be changed.
 
     Attributes:
-        xml: Its text.
-        writer: What writes such a file.
-        links: Its links, each after the one before it.
-        owner: Body that each link is part of; empty of the ground's, and of massless links between two joints.
-        reading: What was read from it.
+        xml: Parsed text.
+        writer: Module that writes its format.
+        links: Links, parents first.
+        owner: Body of each link; empty for the ground's, and for massless links between two joints.
+        reading: Reading of the file.
     """
 
     xml: XmlText
@@ -44,26 +44,26 @@ class Opened:
         return self.writer is urdf
 
     def of(self, body: str) -> list[int]:
-        """The links that make up a body; the one that its joints lead to is the first."""
+        """Return the links of a body; the link that its joints move is the first."""
         return [i for i, owner in enumerate(self.owner) if owner == body]
 
     def parts(self, body: str) -> dict[int, Matter]:
-        """What each of its links adds to a body, in the frame of the body."""
+        """Return the matter of each link of a body, in the frame of the body."""
         whole = self.reading.bodies[body]
         links = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
         parts = {i: displaced(matter, T) for i, (matter, T) in links.items() if matter is not None}
         silent = [i for i in links if i not in parts]
-        if silent:  # the geoms of one of them are what is left
+        if silent:  # the remainder belongs to the geoms of one of them
             parts[silent[0]] = remainder(whole, parts.values())
         return parts
 
 
 def opened(text: str, reading: Reading) -> Opened:
-    """Pairs a file with its reading.
+    """Open a file with its reading.
 
     Raises:
         DescriptionError: The file is no XML.
-        UnpatchableError: It is no URDF or MJCF, or not that of the reading.
+        UnpatchableError: The file is no URDF or MJCF, or does not match the reading.
     """
     xml = XmlText(text, reading.name)
     if xml.root.tag not in WRITERS:
@@ -71,7 +71,7 @@ def opened(text: str, reading: Reading) -> Opened:
     writer = WRITERS[xml.root.tag]
     links, ends = writer.links(xml), {body.joints[-1]: name for name, body in reading.bodies.items()}
     known = {joint for link in links for joint in link.joints}
-    floating = [name for joint, name in ends.items() if joint not in known]  # a base freed when it was read
+    floating = [name for joint, name in ends.items() if joint not in known]  # a base that the reader freed
     owner = list[str]()
     for link in links:
         if unknown := [joint for joint in link.joints if joint not in reading.joints]:
@@ -85,22 +85,22 @@ def opened(text: str, reading: Reading) -> Opened:
 
 
 def frames_of(file: Opened, target: Reading) -> list[Array]:
-    """Frames of the links in the world, at home, if the machine were as in another reading of it. Shape (4, 4) each."""
+    """Return the frames of the links in the world at home, for another reading of the machine. Shape (4, 4) each."""
     D, frames = list[Array](), list[Array]()
     for link, owner in zip(file.links, file.owner, strict=True):
         D.append(_displacement(file.reading, target, link, owner, D))
         F = D[-1] @ link.frame
-        if file.urdf and link.joints:  # in a URDF the axis goes through the origin of the link
+        if file.urdf and link.joints:  # the axis of a URDF passes through the origin of the link
             F = F @ matrix(_off_axis(F, target.joints[next(iter(link.joints))]), np.eye(3))
         frames.append(F)
     return frames
 
 
 def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Array]:
-    """Writes placements and axes of another reading of the same machine.
+    """Write placements and axes of another reading of the same machine.
 
     Args:
-        gone: TextLinks that are to be taken out: what hangs on them is hung, where it is, on an ancestor.
+        gone: Links to remove: their children are attached, in place, to an ancestor.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
@@ -127,7 +127,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
 
 
 def _rehung(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
-    """A link on the one before it that stays; itself where that is the one before it."""
+    """Attach a link to its nearest ancestor that stays."""
     while link.near in gone:
         before = file.links[link.near]
         link = replace(link, near=before.near, base=before.base @ link.base)
@@ -139,7 +139,7 @@ def _same(old: Array, new: Array) -> bool:
 
 
 def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str, near: list[Array]) -> Array:
-    """Displacement of a link in the world."""
+    """Return the displacement of a link in the world. Shape (4, 4)."""
     if owner:
         old, new = reading.bodies[owner].pose, target.bodies[owner].pose
         return np.eye(4) if np.array_equal(old, new) else np.asarray(new @ np.linalg.inv(old))
@@ -150,7 +150,7 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:
-    """Vector from the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
+    """Return the vector from a frame's origin to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
     along, r = joint.direction, joint.centre - F[:3, 3]
@@ -159,7 +159,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
 
 
 def _turned_back(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
-    """Displacement from home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
+    """Return the displacement from home, the zero of the file, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
@@ -169,11 +169,11 @@ def _turned_back(file: Opened, target: Reading, link: TextLink, F: Array) -> Arr
 
 
 def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
-    """Axis of a joint and a point on it, in a frame. Shape (3,) each."""
+    """Return the axis of a joint and a point on it, in a frame. Shape (3,) each."""
     return F[:3, :3].T @ joint.direction, F[:3, :3].T @ (joint.centre - F[:3, 3])
 
 
-#: Changes that take parts out.
+#: Changes that remove parts.
 LESS = ("branch", "link")
 
 
@@ -198,13 +198,13 @@ def patched(
     plain: bool = False,
     spell: Callable[[str], str] = str,
 ) -> Patch:
-    """A model file with changes made.
+    """Make changes in a model file.
 
     Args:
-        text: Of the file.
-        reading: What was read from it; the changes are those of it.
-        plain: Whole inertials in the axes of their links instead of the least change.
-        spell: The value of an attribute -> as it is to be written.
+        text: Text of the file.
+        reading: Reading of the file, to which the changes refer.
+        plain: Write whole inertials in the axes of their links instead of the least change.
+        spell: Formats the value of an attribute.
 
     Raises:
         DescriptionError: The file is no XML.
@@ -236,7 +236,7 @@ def patched(
 
 
 def _check(file: Opened, change: Change) -> None:
-    """Whether the file can say it.
+    """Check that the file can hold a change.
 
     Raises:
         UnpatchableError: It cannot.
@@ -251,7 +251,7 @@ def _check(file: Opened, change: Change) -> None:
 
 
 def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) -> None:
-    """Args: gone: TextLinks that are to be taken out."""
+    """Write all parts of the target that differ. `gone`: links to remove."""
     frames, reading = move(file, target, gone), file.reading
     elements = {name: element for link in file.links for name, element in link.joints.items()}
     for name, body in target.bodies.items():
@@ -268,7 +268,7 @@ def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) ->
 
 
 def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> None:
-    """Writes properties of joints, couplings and gears. `elements`: of the joints."""
+    """Write properties of joints, couplings and gears. `elements`: those of the joints."""
     reading = file.reading
     for name, joint in target.joints.items():
         for what in file.writer.JOINT:
@@ -283,7 +283,7 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
 
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
-    """Writes closures, and how soft constraints are."""
+    """Write closures, and the softness of constraints."""
     ends = {name: tuple(frame for _, frame in target.ends(name)) for name in target.closures}
     for name, closure in target.closures.items():
         old = file.reading.closures[name]
@@ -302,7 +302,7 @@ def _constraints(reading: Reading) -> Iterator[tuple[str, ClosureReading | Coupl
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
-    """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
+    """Write the mass properties of a body, by the simplest change of one of its links if possible."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     new = _changed(parts, old, body)
@@ -315,7 +315,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
 
 
 def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
-    """What a body is made of when it changes: one part, if that can be, else all of them."""
+    """Change one part of a body, if that is possible, else all of them."""
     if same(old, new):
         return parts
     chosen, matter = plainest(parts, old, new)
@@ -326,14 +326,14 @@ def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Ma
 
 
 def _moved(file: Opened, joint: str) -> list[int]:
-    """The links of the body that a joint moves, and those without mass between its joints."""
+    """Return the links of the body that a joint moves, and massless ones between its joints."""
     name = file.reading.moved_by(joint)
     joints = {*file.reading.bodies[name].joints}
     return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]
 
 
 def _carried(file: Opened, joint: str) -> list[TextLink]:
-    """Links that descend from a joint."""
+    """Return the links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):
         if joint in link.joints or link.near in gone:

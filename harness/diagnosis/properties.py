@@ -1,4 +1,4 @@
-"""Properties of the parts of a model, each one entry of one table; a change gives one another value."""
+"""The table of properties of parts of a model, and changes of their values."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ UNITS: dict[str, dict[float, str]] = {
 
 
 def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
-    """Bodies that a joint carries, and the joints that it carries, itself first."""
+    """Return the bodies that a joint carries, and the joints, itself first."""
     bodies: list[str] = []
     joints: list[str] = []
     for name, body in reading.bodies.items():
@@ -51,7 +51,7 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
 
 
 def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
-    """A hinge or slide on another axis. Shape (3,) both."""
+    """Put a hinge or slide on another axis. Shape (3,) both."""
     parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
     return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
@@ -66,13 +66,13 @@ def carried(reading: Reading, joint: str, T: Array) -> Reading:
 
 
 def seated(reading: Reading, joint: str, T: Array) -> Reading:
-    """A reading with all that a joint carries displaced on it, the joint left where it is. T: shape (4, 4)."""
+    """Displace the bodies that a joint carries, and leave the joint in place. T: shape (4, 4)."""
     moved_ = carried(reading, joint, T)
     return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
 
 
 def counted_back(reading: Reading, name: str) -> Reading:
-    """A joint that counts the other way, and so do the couplings with it."""
+    """Reverse the coordinate of a joint, also in its couplings."""
     joint = reading.joints[name]
     low, high = joint.limits
     new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
@@ -84,7 +84,7 @@ def counted_back(reading: Reading, name: str) -> Reading:
 
 
 def counted_from(reading: Reading, name: str, home: float) -> Reading:
-    """A joint whose coordinate at home is another one, and with it its limits, its rest and the couplings with it."""
+    """Shift the coordinate of a joint to another home, also in its limits, its rest and its couplings."""
     joint = reading.joints[name]
     step = home - joint.home
     low, high = joint.limits
@@ -97,13 +97,13 @@ def counted_from(reading: Reading, name: str, home: float) -> Reading:
 
 
 def without(reading: Reading, joint: str) -> Reading:
-    """A reading without a joint and what it carries. Joints before it, of the same body, go with it."""
+    """Remove a joint, the other joints of its body and all that it carries."""
     bodies, joints = outwards(reading, joint)
     return _lacking(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
 
 
 def spliced(reading: Reading, joint: str) -> Reading:
-    """A reading without the body that a joint moves; what hangs on that hangs, where it is, on its parent."""
+    """Remove the body that a joint moves; its children are attached, in place, to its parent."""
     name = reading.moved_by(joint)
     gone = reading.bodies[name]
     bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
@@ -111,7 +111,7 @@ def spliced(reading: Reading, joint: str) -> Reading:
 
 
 def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
-    """A reading without some bodies and joints, and without what is of them."""
+    """Remove bodies and joints, with their closures, couplings and actuators."""
 
     def stays(body: str) -> bool:
         return body not in bodies
@@ -131,7 +131,7 @@ Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 SPRINGS = "pin-mjcf-springs"
 #: Library -> its call for inverse dynamics.
 CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
-#: Owner -> where a reading has all of its kind.
+#: Owner -> attribute of a reading that holds its kind.
 ROOMS = {
     "body": "bodies",
     "joint": "joints",
@@ -146,18 +146,18 @@ class Property:
     """A property that parts of a model have.
 
     Attributes:
-        owner: What has it.
-        shape: Of its value; None of what no value changes.
-        unit: SI; of a joint that turns, then, behind a bar, of one that slides.
-        noun: What it is called, if not by its name.
-        part: Whether it is a part of the machine that is there or not.
-        scales: Whether one factor may change it in many parts.
-        default: Value where a file does not state it; None where every file does.
-        urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where that format cannot.
-        entry: What a reading calls it, if not by its name.
-        write: Makes the reading with another value of a part, where that is more than an entry of the part.
-        cases: Library that does not use it -> case of the casebook.
-        call: Case of the casebook where one library's call for inverse dynamics contains it and another one's does not.
+        owner: Kind of part that has it.
+        shape: Shape of its value; None where no value changes it.
+        unit: SI unit; of a joint that turns and, behind a bar, of one that slides.
+        noun: Noun, if different from its name.
+        part: True for the presence of a part.
+        scales: True if one factor may change it in many parts.
+        default: Value where a file states none; None where every file states one.
+        urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where the format cannot.
+        entry: Name of the entry in a reading, if different.
+        write: Returns the reading with another value of a part, where that changes more than one entry.
+        cases: Library that ignores it -> case of the casebook.
+        call: Case of the casebook on inverse dynamics that contain it in one library and not in another.
     """
 
     owner: Owner
@@ -211,11 +211,10 @@ def _hanging(less: Callable[[Reading, str], Reading]) -> Property:
 
 
 #: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
-#: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
-#: of the joint and of all beyond it, ``seat`` of all beyond it alone; ``axis`` and ``centre`` move the screw alone;
-#: ``zero`` is the coordinate at home; ``sign`` -1 counts the coordinate the other way, limits and rest with it;
-#: ``branch`` 0 takes a joint away and all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that
-#: hangs on its parent.
+#: ``pose`` moves the frame of a body with its matter; ``placement`` displaces a joint and all that it carries, ``seat``
+#: only the bodies that it carries; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at home;
+#: ``sign`` -1 reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint and all that it carries,
+#: ``link`` 0 a joint and the body that it moves, whose children are attached to its parent.
 #: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", scales=True),
@@ -275,16 +274,16 @@ PROPERTIES: dict[str, Property] = {
     ),
     "medium": Property(owner="model", shape=(2,), unit="kg/m^3, Pa s", default=0.0, mjcf="option"),
 }
-#: Of matter; what joints exert by themselves; what files need not state.
+#: Mass properties; passive forces of joints; properties that files may omit.
 INERTIAL = tuple(name for name, each in PROPERTIES.items() if each.urdf == "inertial")
 PASSIVE = tuple(name for name, each in PROPERTIES.items() if each.owner == "joint" and each.scales)
 OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is not None)
-#: Of closures and couplings, which hold a tree together and are not in its own torques; parts of a machine.
+#: Properties of closures and couplings, on which torques of the open tree do not depend; parts of a machine.
 CLOSING = frozenset(name for name, each in PROPERTIES.items() if each.owner in ("closure", "coupling"))
 PARTS = frozenset(name for name, each in PROPERTIES.items() if each.part)
 
 
-#: What rigid bodies and their joints are, without what acts on them.
+#: Properties and events of rigid bodies and their joints, without forces.
 RIGID = frozenset(
     {*INERTIAL, "placement", "axis", "end", "zero", "sign", "whole", "kind", "base", "start", "fixed", "branch", "link"}
     | {"held", "coupling", "polynomial", "leading joint"}
@@ -292,12 +291,12 @@ RIGID = frozenset(
 
 
 def word(what: str) -> str:
-    """What a property is called."""
+    """Return the noun of a property."""
     return (PROPERTIES[what].noun if what in PROPERTIES else "") or what
 
 
 def unit_of(what: str, joint: JointReading | None = None) -> str:
-    """Unit of a property, by what the joint does."""
+    """Return the unit of a property, for a joint that turns or slides."""
     turns, _, slides = PROPERTIES[what].unit.partition("|")
     unit = slides if slides and joint is not None and joint.kind == "slide" else turns
     return "" if unit == "1" else unit
@@ -305,12 +304,12 @@ def unit_of(what: str, joint: JointReading | None = None) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """A property and the value that it should have.
+    """A property and its new value.
 
     Attributes:
         item: Body, joint, closure, coupling or actuator of the reading; empty for the model.
-        what: One of `PROPERTIES`.
-        value: Its value, of the shape that the property has.
+        what: Key of `PROPERTIES`.
+        value: New value, of the shape of the property.
     """
 
     item: str
@@ -318,12 +317,12 @@ class Change:
     value: Array
 
 
-#: Changes of places, of which outer ones are made before those that carry them; and what takes parts away, last.
+#: Changes of places, applied from the outermost part inwards; and removals, applied last.
 _FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branch", "link")
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:
-    """Changes of facts, which go from the ground outwards, in the order in which they are to be made."""
+    """Sort the changes of facts, which go from the ground outwards, into the order of application."""
     changes = [change for each in several for change in each.changes]
     places = [change for change in changes if change.what in _FIRST]
     lost = [change for change in changes if change.what in _LAST]
@@ -331,7 +330,7 @@ def sequence(several: Iterable[Any]) -> list[Change]:
 
 
 def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
-    """A reading with changes made, one after the other.
+    """Apply changes to a reading, one after the other.
 
     Raises:
         UnknownNameError: The reading has no such item, or an item no such property.
@@ -346,7 +345,7 @@ def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
 def _changed(reading: Reading, change: Change) -> Reading:
     what, each = change.what, PROPERTIES[change.what]
     value: Any = float(change.value) if each.shape == () else change.value
-    if what in ("limits", "softness", "medium"):  # which a reading has as tuples
+    if what in ("limits", "softness", "medium"):  # tuples in a reading
         value = tuple(map(float, value))
     if each.owner == "model":
         return replace(reading, **{what: value})

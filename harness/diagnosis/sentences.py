@@ -1,4 +1,4 @@
-"""English for what a diagnosis finds besides facts: effect and proof, loops, libraries, agreement, what is left out."""
+"""Sentences on findings other than facts: effect, proof, loops, libraries, agreement, limits of the comparison."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.shares import Largest
 
 _NAMED = 3
-#: What is in the libraries' own torques alone, besides content.
+#: Properties that only the libraries' own torques depend on, besides content.
 _MEDIUM = ("density", "viscosity")
-#: What holds loops together.
+#: Facts on the closing of loops.
 _LOOPS = CLOSING | {"held"}
 #: Quantity that a library computes differently from its reading -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 
 
 def news(found: Findings) -> Iterator[str]:
-    """Tell what no fact tells, the worst first; last that all else agrees."""
+    """Yield sentences on findings without a fact, the worst first, the agreement last."""
     if not found.alike:
         yield from _strange(found)
         return
@@ -62,7 +62,7 @@ def news(found: Findings) -> Iterator[str]:
 
 
 def _gravity(found: Findings) -> Iterator[str]:
-    """Tell where libraries that are called as they are take another gravity for a file that states none."""
+    """Warn if libraries assume another gravity for a file that states none."""
     side = other_gravity(found.a.reading, found.b.reading)
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
@@ -71,7 +71,7 @@ def _gravity(found: Findings) -> Iterator[str]:
 
 
 def explanation(found: Findings) -> Iterator[str]:
-    """Tell what the facts make of the torques, and what proves them."""
+    """Yield sentences on the effect of the facts on torques, and on the proof."""
     few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
     if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
         yield _partly(found)
@@ -105,12 +105,12 @@ def _partly(found: Findings) -> str:
 
 
 def _pairs(found: Findings) -> str:
-    """Some joints with their partners."""
+    """Name some joints with their partners."""
     return first_few((f"{name} = {found.pair.partner(name).name}" for name in found.how), _NAMED)
 
 
 def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
-    """Tell how much causes change torques, and why some do not."""
+    """Yield sentences on the effect of causes on torques, and on causes without one."""
     seen = [each for each in causes if each.kind != "unseen" and not math.isnan(each.share)]
     if seen and found.torques.scaled > UNSEEN:
         most = max(seen, key=lambda each: each.share)
@@ -141,21 +141,21 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
 
 
 def _force(found: Findings, *, several: bool = False) -> str:
-    """Name what the joints of A exert: torques, forces, or both."""
+    """Name the forces of A's joints: torques, forces, or both."""
     units = {unit for _, unit in components(found.pair.a.reading)}
     names = [f"{name}{'s' * several}" for name, unit in (("torque", "N m"), ("force", "N")) if unit in units]
     return (" and " if several else " or ").join(names)
 
 
 def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
-    """Subject and verb of a sentence on some of the causes."""
+    """Return subject and verb of a sentence on some of the causes."""
     if len(some) < len(causes):
         return f"{len(some)} of these causes change{'s' * (len(some) == 1)}"
     return "It changes" if len(some) == 1 else "They change"
 
 
 def _outside(causes: Sequence[Cause]) -> Iterator[str]:
-    """Tell which differences torques leave out."""
+    """Name differences on which torques do not depend."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
         yield f"Torques of bodies and joints leave out {listed(whats)}."
@@ -168,7 +168,7 @@ def _is_outside(fact: Fact) -> bool:
 
 
 def _of_loops(fact: Fact) -> bool:
-    """Whether a fact is of what closes loops; an end may also be one of a joint."""
+    """True if a fact concerns the closing of loops; an end may also belong to a joint."""
     return fact.what in _LOOPS or (fact.what == "end" and all(change.what in CLOSING for change in fact.changes))
 
 
@@ -177,7 +177,7 @@ def _left_out(cause: Cause) -> bool:
 
 
 def _proof(found: Findings) -> Iterator[str]:
-    """Tell what is left when B's file is put right."""
+    """Report the differences that remain in the corrected copy of B's file."""
     fix = found.fix
     if fix is None:
         return
@@ -192,7 +192,7 @@ def _proof(found: Findings) -> Iterator[str]:
 
 
 def does_not_use(library: str, whats: Iterable[str]) -> str:
-    """Tell which properties a library leaves in a file."""
+    """Name properties of a file that a library ignores, with their cases."""
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
@@ -200,7 +200,7 @@ def does_not_use(library: str, whats: Iterable[str]) -> str:
 
 
 def _unread(found: Findings) -> Iterator[str]:
-    """Tell what one library reads from a file and the other one ignores."""
+    """Name properties that one library reads from a file and the other one ignores."""
     for k, model in enumerate((found.a, found.b)):
         whats = [
             fact.what for fact in found.facts if fact.what in OPTIONAL and _ignored((fact.a, fact.b), k, fact.what)
@@ -210,7 +210,7 @@ def _unread(found: Findings) -> Iterator[str]:
 
 
 def _ignored(values: tuple[object, object], k: int, what: str) -> bool:
-    """Whether one value is the default, and the other one is not."""
+    """True if the value of side k is the default, and the other one is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]
@@ -226,7 +226,7 @@ def _loops(found: Findings) -> Iterator[str]:
 
 
 def _agreement(found: Findings) -> Iterator[str]:
-    """Tell what agrees where no real difference is found, and what withholds that all does."""
+    """Report the agreement where nothing differs, and content that was not compared."""
     if not found.agrees:
         return
     reading = found.a.reading
@@ -245,7 +245,7 @@ def _agreement(found: Findings) -> Iterator[str]:
 
 
 def _as_loaded(both: Together) -> str:
-    """Tell how far apart the libraries' own torques are."""
+    """Report the difference of the libraries' own torques."""
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
     forces = "forces" if both.row.unit == "N" else "torques"
     return (
@@ -266,12 +266,12 @@ def _witness(witness: LibraryCheck) -> str:
 
 
 def _amount(largest: Largest) -> str:
-    """A difference of torques, with its component and its share of the largest torque."""
+    """Format a difference of torques, with its component and its share of the largest torque."""
     return f"{largest.value:.4g} {largest.unit} at {largest.component} ({largest.scaled:.3g} of the largest)"
 
 
 def percent(share: float) -> str:
-    """A share with as many digits as a reader needs."""
+    """Format a share in percent."""
     return f"{100.0 * share:.{'2g' if abs(share) < 0.1 else '1f'}} %"
 
 
@@ -283,7 +283,7 @@ _NAMED = 3
 
 
 def notes(found: Findings) -> Iterator[str]:
-    """Tell what was taken for granted, a sentence each; once where it is so of both sides."""
+    """Yield assumptions on the models, a sentence each; once for both sides where they share it."""
     sides = dict[str, list[str]]()
     for side, model in zip("AB", (found.a, found.b), strict=True):
         for sentence in _of_side(model, found):
@@ -298,21 +298,21 @@ def notes(found: Findings) -> Iterator[str]:
 
 
 def not_compared(found: Findings) -> Iterator[str]:
-    """Tell what is not compared and could differ, with its side."""
+    """Name content that could differ and is not compared, with its side."""
     yield from sided(found.beyond.withheld)
     if found.why_not:
         yield f"torques of the libraries as loaded: {found.why_not}"
 
 
 def sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
-    """Content in words, with the sides that have it."""
+    """Name content with the sides that have it."""
     of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
     for text in dict.fromkeys((*of["A"], *of["B"])):
         yield f"{text} in {' and '.join(side for side in 'AB' if text in of[side])}"
 
 
 def _of_side(model: Model, found: Findings) -> Iterator[str]:
-    """Tell what was taken for granted of one model."""
+    """Yield assumptions on one model."""
     readings = (found.a.reading, found.b.reading)
     yield from (*model.remarks, *(remark.rstrip(".") for remark in model.reading.remarks))
     if model.open_by:
@@ -335,7 +335,7 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
 
 
 def _calls(found: Findings) -> Iterator[str]:
-    """Tell which passive forces one library's inverse dynamics contain and those of the other leave out."""
+    """Name passive forces that the inverse dynamics of one library contain and those of the other omit."""
     pairs = ((x, y) for x in found.witnesses for y in found.witnesses if x.library != y.library)
     for more, less in pairs:
         if what := sorted({*more.adds} & {*less.omits}):

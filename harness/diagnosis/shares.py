@@ -1,4 +1,4 @@
-"""Torques of A with some of B's values at motions that A's loops admit, and in the joint order of another library."""
+"""Torques of A with some of B's values, along motions that A's loops admit, and in other orders of the joints."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from screwgauge.witness.constraints import DEPENDENT, closed, equations
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
-#: How many states are drawn: more than the ten inertial parameters of a body need to be distinguished.
+#: Number of random states: more than the ten inertial parameters of a body require.
 STATES = 24
-#: Scaled torques that differ by no more are the same: own dynamics leave 1e-14, MuJoCo's tensors 5e-14.
+#: Largest rounding of scaled torques: own dynamics leave 1e-14, MuJoCo's tensors 5e-14.
 UNSEEN = 1e-11
-#: Scaled torques of readings that agree: loops are closed to about 1e-11.
+#: Largest difference of scaled torques of equal readings: loops are closed to about 1e-11.
 SAME = 1e-9
 
 
 def weighed(reading: Reading) -> Reading:
-    """A reading with gravity, also of a file that cannot say it."""
+    """Return a reading with the standard gravity where its file states none."""
     return replace(reading, gravity=known_gravity(reading.gravity))
 
 
 def freedom_left(reading: Reading, seed: int = 0) -> int:
-    """Freedoms that closures and couplings leave at poses near home; -1 where none closes."""
+    """Count freedoms that closures and couplings leave at poses near home; -1 where no pose closes."""
     tree = plant(reading)
     if not (reading.closures or reading.couplings):
         return reading.freedom
@@ -51,18 +51,18 @@ def freedom_left(reading: Reading, seed: int = 0) -> int:
 
 
 def _slides(reading: Reading) -> NDArray[np.bool_]:
-    """Which velocities are of slides. Shape (n_freedom,)."""
+    """Return True for each velocity of a slide. Shape (n_freedom,)."""
     kinds = [joint.kind for joint in reading.joints.values() for _ in range(FREEDOMS[joint.kind])]
     return np.array([kind == "slide" for kind in kinds], dtype=bool)
 
 
 def _units(reading: Reading) -> Array:
-    """What counts as 1 of each velocity. Shape (n_freedom,)."""
+    """Return the unit by which each velocity is scaled. Shape (n_freedom,)."""
     return np.where(_slides(reading), _reach(reading), 1.0)
 
 
 def _reach(reading: Reading) -> float:
-    """Largest distance of a body's centre of mass from that of all, whatever the frames of the file are [m]."""
+    """Return the largest distance of a body's centre of mass from that of all, independent of frames [m]."""
     bodies = [body for body in reading.bodies.values() if body.mass > 0.0]
     if not bodies:
         return 1.0
@@ -72,7 +72,7 @@ def _reach(reading: Reading) -> float:
 
 
 def components(reading: Reading) -> list[tuple[str, str]]:
-    """Name and unit of the force along each velocity."""
+    """Return name and unit of the force along each velocity."""
     ends = {"hinge": ("",), "slide": ("",), "ball": (".x", ".y", ".z"), "free": (".wx", ".wy", ".wz", ".x", ".y", ".z")}
     return [
         (name + end, "N" if joint.kind == "slide" or (joint.kind == "free" and k > 2) else "N m")
@@ -83,7 +83,7 @@ def components(reading: Reading) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Largest:
-    """The largest difference of torques: scaled, and as it is, with component and unit."""
+    """The largest difference of torques: scaled, and unscaled with component and unit."""
 
     scaled: float
     value: float
@@ -93,11 +93,11 @@ class Largest:
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques of a machine and of what it becomes, at the same motions, which its loops admit.
+    """Torques of a machine, before and after changes, at motions that its loops admit.
 
     Attributes:
         reading: The machine, with gravity.
-        seed: Of the states.
+        seed: Seed of the random states.
     """
 
     reading: Reading
@@ -105,7 +105,7 @@ class Torques:
 
     @cached_property
     def states(self) -> TreeStates:
-        """Random states; of loops, closed ones near home, with velocities and accelerations that these admit."""
+        """Random states; with loops, closed ones near home, with admissible velocities and accelerations."""
         tree = plant(self.reading)
         if not (self.reading.closures or self.reading.couplings):
             return draw(self.reading, STATES, self.seed)
@@ -113,7 +113,7 @@ class Torques:
 
     @cached_property
     def bases(self) -> list[Array] | None:
-        """Motions that loops leave at each state, in `_units`, shape (n_freedom, m); None of an open tree."""
+        """Basis of admissible motions at each state, in `_units`, shape (n_freedom, m); None for an open tree."""
         if not (self.reading.closures or self.reading.couplings):
             return None
         units = _units(self.reading)
@@ -121,12 +121,12 @@ class Torques:
 
     @cached_property
     def own(self) -> Array:
-        """Of the machine as it is. Shape (n, n_freedom)."""
+        """Torques of the machine as it is. Shape (n, n_freedom)."""
         return inverse_dynamics(plant(self.reading), self.states)
 
     @cached_property
     def scale(self) -> Array:
-        """The largest torque of the same unit. Shape (n_freedom,)."""
+        """Largest torque of the same unit, for each component. Shape (n_freedom,)."""
         slides, most = _slides(self.reading), np.abs(self.own).max(axis=0, initial=0.0)
         scale = np.ones(len(most))
         for which in (slides, ~slides):
@@ -134,18 +134,18 @@ class Torques:
         return scale
 
     def effect(self, facts: Iterable[Fact]) -> Array | None:
-        """What facts make of the torques; None where no value does, or there is no number. Shape (n, n_freedom)."""
+        """Return the change of torques by facts; None where it cannot be computed. Shape (n, n_freedom)."""
         try:
             tau = inverse_dynamics(plant(self.changed(facts)), self.states)
-        except (ScrewgaugeError, LookupError, ValueError):  # of a part that another change takes away
+        except (ScrewgaugeError, LookupError, ValueError):  # another change removes the part
             return None
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
 
     def changed(self, facts: Iterable[Fact]) -> Reading:
-        """The machine with B's values, the whole last.
+        """Return the machine with B's values, a whole applied last.
 
         Raises:
-            ScrewgaugeError: A part is gone that a change is of.
+            ScrewgaugeError: A change refers to a part that another change removes.
         """
         facts = list(facts)
         reading = applied(self.reading, sequence(facts))
@@ -155,11 +155,11 @@ class Torques:
 
     @property
     def names(self) -> list[str]:
-        """Of the components."""
+        """Names of the components."""
         return [name for name, _ in components(self.reading)]
 
     def scaled(self, effect: Array) -> Array:
-        """An effect over the largest torques of its units, along motions that the loops leave; all in one row."""
+        """Scale an effect by the largest torques of its units, along admissible motions, as one row."""
         if self.bases is None:
             return np.asarray(effect / self.scale).ravel()
         units = _units(self.reading)
@@ -168,7 +168,7 @@ class Torques:
         return np.concatenate([np.zeros(0), *parts])
 
     def largest(self, effect: Array) -> Largest:
-        """Where an effect is largest."""
+        """Return the component where an effect is largest."""
         if not effect.size:
             return Largest(0.0, 0.0, "", "")
         off = np.abs(effect).max(axis=0)
@@ -178,7 +178,7 @@ class Torques:
 
 
 def bare(reading: Reading) -> Reading:
-    """A reading of rigid bodies alone: without what joints exert by themselves, in one gravity."""
+    """Return a reading without passive forces, in standard gravity."""
     joints, bodies = reading.joints.items(), reading.bodies.items()
     nothing: dict[str, Any] = dict.fromkeys(PASSIVE, 0.0)
     return replace(
@@ -190,14 +190,14 @@ def bare(reading: Reading) -> Reading:
 
 
 def able(facts: Sequence[Fact]) -> bool:
-    """Whether values make all of some facts, whatever joints are called."""
+    """True if changes of values make all of some facts, apart from names."""
     real = [fact for fact in facts if fact.what != "name"]
     return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)
 
 
-#: So many joints are named in a sentence.
+#: Number of joints that a sentence names.
 _NAMED = 3
-#: A sentence has the permutation of so many joints; `Order.permutation` and ``diagnosis.json`` have all.
+#: Largest permutation that a sentence states; `Order.permutation` and ``diagnosis.json`` have all.
 PASTED = 12
 
 
@@ -207,10 +207,10 @@ class Order:
 
     Attributes:
         first, second: Joints in either order, by the names of the first.
-        sentence: Which library has which, and what it costs.
-        value: Largest difference of torques that are compared by index, in `unit`, of which `largest` is the largest.
-        joints: That it is of: the one that has this index in the first order, and in the second.
-        permutation: ``q_b = q_a[permutation]`` of forces and velocities, and of coordinates but for balls.
+        sentence: Names the libraries, their orders and the cost of a comparison by index.
+        value: Largest difference of torques that are compared by index, in `unit`; `largest`: largest torque.
+        joints: The two joints with the index of that difference, in the first order and in the second.
+        permutation: ``q_b = q_a[permutation]`` for forces and velocities, and for coordinates without balls.
     """
 
     first: tuple[str, ...]
@@ -247,7 +247,7 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
     """Warn where libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
-        meshes: It was imported with mass from meshes.
+        meshes: True if it was imported with mass from meshes.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
@@ -266,7 +266,7 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
 
 
 def _first_other(first: Sequence[str], second: Sequence[str]) -> int:
-    """The first index at which two orders differ; 0 where they do not."""
+    """Return the first index at which two orders differ; 0 where they agree."""
     return next((k for k, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1]), 0)
 
 
@@ -280,7 +280,7 @@ def _order(
     """Compare two orders of joints of a reading by the torques of its dynamics at the same random states.
 
     Args:
-        phrases: Which library has which order, in words.
+        phrases: Library and order, in words.
     """
     first, second = orders
     if first == second:

@@ -1,4 +1,4 @@
-"""English for facts and causes: a sentence each, made once, from data alone."""
+"""Sentences on facts and causes, made from data alone."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND
 
 _NAMED = 3
-#: Axes in which a whole is told.
+#: Axes in which a whole is described.
 _THERE = replace(WORLD, name="the world")
-#: Owner of a property -> several of them.
+#: Owner of a property -> plural.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
-#: What one side lacks, of several joints.
+#: Event of several joints -> predicate; the side follows.
 _SUBTREES = {
     "branch": "joints are missing, with all that they carry, from",
     "fixed": "joints do not move in",
@@ -53,15 +53,15 @@ class Speaker:
     """Makes sentences on facts of two machines.
 
     Attributes:
-        a: Machine in whose frames facts are told.
-        brief: Whether sentences leave out lists, vectors and what follows from the rest.
+        a: Machine in whose frames facts are stated.
+        brief: True to leave out lists, vectors and consequences.
     """
 
     a: Machine
     brief: bool = False
 
     def cause(self, cause: Cause) -> str:
-        """Tell one cause."""
+        """Describe a cause."""
         first, *rest = cause.groups
         if cause.kind == "digits":
             return self._digits(cause.facts)
@@ -77,7 +77,7 @@ class Speaker:
         return f"{self.group(first)}; partly cancelled by: {'; '.join(map(self.group, rest[:2]))}{more}"
 
     def group(self, facts: Sequence[Fact]) -> str:
-        """Tell facts that one edit would make."""
+        """Describe facts that one edit would make."""
         parts = list(dict.fromkeys(fact.part for fact in facts))
         if len(parts) > 1:
             return self._several(facts, parts)
@@ -87,7 +87,7 @@ class Speaker:
         return self.sentence(facts[0]) + (f"; its {listed(also)} differ{'s' * (len(also) == 1)}, too" if also else "")
 
     def sentence(self, fact: Fact) -> str:
-        """Tell one fact."""
+        """Describe a fact."""
         if fact.what in kinds():
             return _content(fact, 1 if self.brief else _NAMED)
         if (tell := _TOLD.get(fact.what)) is not None:
@@ -101,7 +101,7 @@ class Speaker:
         return text.format(fact=fact, step=step, at=at, value=value, other=other(fact.side))
 
     def name(self, facts: Sequence[Fact]) -> str:
-        """Name what a group of facts is of: ``mass of upper``."""
+        """Name the properties and parts of a group of facts: ``mass of upper``."""
         first, parts = facts[0], dict.fromkeys(fact.part for fact in facts)
         if first.what in kinds():
             return first.of if len(facts) == 1 else f"{first.what} ({len(facts)})"
@@ -117,11 +117,11 @@ class Speaker:
         return listed([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
-        """Tell what many parts have in common, or the first of what they have not."""
+        """Describe facts of several parts by what they share, else by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
             return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
-        if len({sideless(part) for part in parts}) == 1:  # a left and a right one
+        if len({sideless(part) for part in parts}) == 1:  # a left and a right part
             likewise = f"; {first_few(parts[1:], _NAMED)} likewise"
             return self.group([fact for fact in facts if fact.part == first.part]) + likewise
         if first.what == "name":
@@ -164,13 +164,13 @@ class Speaker:
         return f"{len(cause.groups)} small differences make {share}{names}"
 
     def axes(self, *names: str) -> list[Axes]:
-        """Axes of bodies, then those of the world."""
+        """Return the axes of bodies, then those of the world."""
         bodies = self.a.reading.bodies
         own = {name: Axes(f"{name} in A", bodies[name].pose[:3, :3]) for name in names if name in bodies}
         return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:
-        """Tell the step of a place, in the axes of the body that it is on, else of the one that it carries."""
+        """Describe the step of a place, in the axes of its body, else of the body that it carries."""
         joint = fact.part.partition("/")[0]
         carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
         return turn_and_way(np.asarray(fact.b), self.axes(fact.of, *carried), self.a.length, turned, brief=self.brief)
@@ -185,7 +185,7 @@ def _of(fact: Fact, text: str) -> str:
 
 
 def _values(fact: Fact) -> str:
-    """Tell a property that both sides have, or one."""
+    """Describe the values of a property."""
     if fact.side:
         own = f"{shown(fact.a if fact.side == 'A' else fact.b)} {fact.unit}".rstrip()
         return _of(fact, f"no {noun(fact.what)} in {other(fact.side)}; {own} in {fact.side}")
@@ -193,7 +193,7 @@ def _values(fact: Fact) -> str:
 
 
 def _alike(facts: Sequence[Fact], *, several: bool) -> str:
-    """Tell what many facts have in common, after their nouns; nothing where they have nothing."""
+    """Describe what many facts share, as a predicate; empty where they share nothing."""
     factor, verb = factor_of(facts[0]), "are" if several else "is"
     if factor is not None and all(factor_of(fact) == factor for fact in facts):
         return f"in B {verb} {factor:g} times {'those' if several else 'that'} in A ({percent(factor)})"
@@ -209,13 +209,13 @@ def _alike(facts: Sequence[Fact], *, several: bool) -> str:
 
 
 def _any(fact: Fact, side: str) -> bool:
-    """Whether a side has another value than 0, or one that is no number."""
+    """True if a side has a value other than 0, or one that is no number."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
 
 
 def nouns(facts: Sequence[Fact]) -> str:
-    """Name all that some facts are of, once each."""
+    """List the nouns of some facts, once each."""
     order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
     whats = sorted({fact.what for fact in facts}, key=[*order].index)
     return listed([noun(what) for what in whats])
@@ -295,14 +295,14 @@ def _leads(speaker: Speaker, fact: Fact) -> str:
 
 
 def _is_unit(factor: float, unit: str) -> bool:
-    """Whether a factor is that of a unit that people mix up."""
+    """True if a factor is that of a unit that people mix up."""
     return factor == 1.0 or any(
         math.isclose(factor, x, rel_tol=1e-4) or math.isclose(factor, 1.0 / x, rel_tol=1e-4) for x in UNITS[unit]
     )
 
 
 def _whole(speaker: Speaker, fact: Fact) -> str:
-    """Tell how B as a whole is made from A."""
+    """Describe the transformation from A to B as a whole."""
     whole = fact.b
     assert isinstance(whole, Whole)
     mirror, step = whole.step
@@ -322,7 +322,7 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     return f"B as a whole is {listed(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
 
 
-#: Event or property -> sentence; a brief one leaves out what is in brackets.
+#: Event or property -> sentence; brief sentences omit the text in brackets.
 _SENTENCES = {
     "sign": "{fact.part} counts the other way in B[ (its axis is reversed)]",
     "placement": "{fact.part} sits elsewhere in B[, with all that it carries]: {step}",
@@ -335,7 +335,7 @@ _SENTENCES = {
     "actuator": "actuator {fact.part} of {fact.of} is in {fact.side} only",
     "driven joint": "actuator {fact.part} drives {fact.b} in B, {fact.a} in A",
 }
-#: Property -> what is added where it is convention alone.
+#: Property -> addition for a convention.
 _SAME = {
     "gear": "; the same motor, as its joint counts the other way",
     "limits": "; the same numbers, counted from another zero",
@@ -351,5 +351,5 @@ _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "polynomial": _polynomial,
     "leading joint": _leads,
 }
-#: Events that are told and are no properties.
+#: Events other than properties.
 EVENTS = tuple(what for what in (*_TOLD, *_SENTENCES) if what not in PROPERTIES)

@@ -16,7 +16,7 @@ from screwgauge.models.catalog import (
 from screwgauge.models.home import at_closed_home
 from screwgauge.reference.content import same_content
 from screwgauge.reference.couplings import Coupling, PolynomialSum
-from screwgauge.reference.description import read_mechanism, read_tables
+from screwgauge.reference.description import read_tables
 from screwgauge.reference.graph import serial_chains, spanning_tree
 from screwgauge.reference.lint import Solid, all_too_wide, implausible, of_bodies, suspicious, too_wide
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names

@@ -1,4 +1,4 @@
-"""Causes: facts that one edit would make, with their share of the torque difference, the first that matters most."""
+"""Causes: facts that one edit would make, with their share of the torque difference, ranked."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from screwgauge.diagnosis.shares import UNSEEN, Torques, able
 from screwgauge.models.content import kinds
 from screwgauge.reference.rotations import Array
 
-#: From how many parts on a factor, or what all lack, is one cause; and how far each may be from the factor, relative.
+#: Least number of parts that share a factor, or a lack, as one cause; and relative tolerance of the factor.
 SEVERAL, FACTOR = 3, 1e-5
 
 
 def grouped(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list[tuple[Fact, ...]]:
-    """All facts, each in one group; the largest groups first.
+    """Group facts that one edit would make; each fact is in one group.
 
     Args:
-        known: Facts of which something else tells that they are one, such as an edit that makes them all.
+        known: Facts that a single slip explains.
     """
     left, groups = list(facts), list[tuple[Fact, ...]]()
     for some in known:
@@ -47,7 +47,7 @@ def grouped(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list
 
 
 def _mirrored(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
-    """Groups, those of a left and a right part that differ alike as one."""
+    """Merge the groups of a left and a right part that differ in the same way."""
     alike = defaultdict[Hashable, list[tuple[Fact, ...]]](list)
     for i, group in enumerate(groups):
         parts = {fact.part for fact in group}
@@ -59,12 +59,12 @@ def _mirrored(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
 
 
 def sideless(name: str) -> str:
-    """A name without what distinguishes left and right."""
+    """Return a name without its marks of left and right."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))
 
 
 def factor_of(fact: Fact) -> float | None:
-    """B's value over A's, where that is one number other than 1; None elsewhere."""
+    """Return the factor from A's value to B's; None where there is no common factor other than 1."""
     if fact.what not in PROPERTIES or not (PROPERTIES[fact.what].scales or fact.what == "com"):
         return None
     if fact.a is None or fact.b is None:
@@ -74,12 +74,12 @@ def factor_of(fact: Fact) -> float | None:
         return None
     factor = float(np.vdot(a, b) / np.vdot(a, a))
     fits = factor > 0.0 and np.linalg.norm(b - factor * a) <= FACTOR * np.linalg.norm(b)
-    more = float(f"{factor - 1.0:.4g}")  # a factor near one has as many digits as another one
+    more = float(f"{factor - 1.0:.4g}")  # a factor near 1 keeps as many digits
     return (1.0 + more if abs(more) < 0.1 else float(f"{factor:.5g}")) if fits and more else None
 
 
 def _weight(fact: Fact) -> Hashable:
-    """The factor of mass and inertia in one, as of another density."""
+    """Key of masses and inertias that share a factor, as with another density."""
     return factor_of(fact) if fact.what in ("mass", "inertia") else None
 
 
@@ -89,14 +89,14 @@ def _scaled(fact: Fact) -> Hashable:
 
 
 def _moved(fact: Fact) -> Hashable:
-    """One value that many parts have and others have none of."""
+    """Key of a property that one side lacks, with the value on the other side."""
     lacks = _lacks(fact)
     value = fact.b if fact.a is None or not np.any(fact.a) else fact.a
     return lacks and (*lacks, str(value))
 
 
 def _lacks(fact: Fact) -> tuple[str, ...] | None:
-    """The property that one side lacks, and which side."""
+    """Key of a property that one side lacks: the property and the side."""
     if fact.what == "limits":
         return (fact.what, fact.side, fact.unit) if fact.side else None
     if fact.what not in PROPERTIES or PROPERTIES[fact.what].shape != () or fact.a is None or fact.b is None:
@@ -108,7 +108,7 @@ def _lacks(fact: Fact) -> tuple[str, ...] | None:
 
 
 def _absent(fact: Fact) -> Hashable:
-    """What one side lacks, by which side and in which way."""
+    """Key of a part that one side lacks, or fixes."""
     return (fact.what, fact.side) if fact.what in ("branch", "fixed", "link") else None
 
 
@@ -121,7 +121,7 @@ def _named(fact: Fact) -> Hashable:
 
 
 def _part(fact: Fact) -> Hashable:
-    """A body with its mass properties; a joint with its place; a joint with what counts from it; all else by itself."""
+    """Key of one part: mass properties of a body, place of a joint, coordinate of a joint, or a single property."""
     if fact.kind == "convention" and fact.what in ("zero", "limits", "rest"):
         return "zero", fact.part
     if fact.what in INERTIAL:
@@ -143,14 +143,14 @@ _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
 )
 
 
-#: A share beyond these, or an effect so many times that of all, is of something that another cause cancels: such causes
-#: are shown together.
+#: Bounds of a share, and of an effect relative to the total; causes beyond them cancel each other and are shown
+#: together.
 CANCELS = -0.5, 1.5
-#: Where the sum is below this share of the largest effect, all cancel.
+#: All causes cancel if the total is below this share of the largest effect.
 NOTHING = 1e-6
-#: Causes below this share are one line where there are several; so are those of one property that no torque shows.
+#: Share of a small cause, and number of small, or unseen, causes that are merged.
 SMALL, SEVERAL = 1e-4, 3
-#: What leads whatever its share: what one side lacks.
+#: Facts on missing parts, which lead whatever their share.
 STRUCTURE = PARTS | {"held", "coupling", "leading joint", "fixed"}
 
 
@@ -159,10 +159,10 @@ class Cause:
     """Facts with one cause.
 
     Attributes:
-        groups: Facts, several groups where they are shown together.
+        groups: Groups of facts; more than one where their effects cancel and they are shown together.
         share: Of the torque difference, that cause alone; NaN where no value makes it.
-        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows; ``small``, several
-            of little weight.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, without effect on torques; ``small``,
+            several of little weight.
     """
 
     groups: tuple[tuple[Fact, ...], ...]
@@ -175,10 +175,10 @@ class Cause:
 
 
 def causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
-    """The whole, what one side lacks, the largest shares; then what no value makes, what is unseen, and rounding.
+    """Rank causes: the whole, missing parts, the largest shares; then conventions, unseen facts and rounding.
 
     Args:
-        known: Facts that one edit makes.
+        known: Facts that a single slip explains.
     """
     digits = sorted((fact for fact in facts if fact.kind == "digits"), key=lambda fact: -fact.size)
     ranked = _ranked([fact for fact in facts if fact.kind != "digits"], torques, known)
@@ -187,7 +187,7 @@ def causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fac
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Row:
-    """Groups that are shown together, and what they make of torques, scaled; None where no value makes them."""
+    """Groups that are shown together, with their scaled effect on torques; None where no value makes them."""
 
     groups: tuple[tuple[Fact, ...], ...]
     effect: Array | None
@@ -197,7 +197,7 @@ class _Row:
         return 0.0 if self.effect is None else float(np.linalg.norm(self.effect))
 
     def share(self, total: Array) -> float:
-        """Projection on the effect of all, as a part of it."""
+        """Return the projection on the total effect, as a share of it."""
         return 0.0 if self.effect is None else float(np.vdot(total, self.effect) / np.vdot(total, total))
 
 
@@ -225,7 +225,7 @@ def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
 
 
 def _shared(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
-    """Give each row its share; as long as rows cancel each other, the largest is shown with what cancels most of it."""
+    """Give each row its share; merge the largest row with the one that cancels it best until no share is absurd."""
     size = float(np.linalg.norm(total))
     if size < NOTHING * max(row.size for row in rows):
         return [Cause(tuple(group for row in rows for group in row.groups), math.nan)]
@@ -258,7 +258,7 @@ def _order(cause: Cause) -> tuple[object, ...]:
 
 
 def _few(causes_: list[Cause]) -> list[Cause]:
-    """Causes of little weight as one line, and those of one property that no torque shows."""
+    """Merge causes of little weight, and unseen causes of one property."""
     tiny = [each for each in causes_ if each.kind == "cause" and 0.0 < abs(each.share) < SMALL]
     whats = dict.fromkeys(each.facts[0].what for each in causes_ if each.kind == "unseen")
     unseen = [[c for c in causes_ if c.kind == "unseen" and c.facts[0].what == what] for what in whats]

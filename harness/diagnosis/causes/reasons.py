@@ -1,4 +1,4 @@
-"""Reasons of facts: what somebody may have done to make B's values of A's, by a table of slips."""
+"""Reasons of facts: slips that turn A's values into B's."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from screwgauge.models.poses import relative
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Where joints are, in steps and not in numbers of a file.
+#: Places of joints, which are steps and no numbers of a file.
 PLACED = ("placement", "axis", "centre", "zero", "sign")
 
 #: Bodies at the ends of a link.
@@ -31,13 +31,13 @@ Ends = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reason:
-    """What somebody may have done.
+    """A likely mistake, such as a wrong unit, that explains facts.
 
     Attributes:
-        slip: Key of `phrases.SLIPS`.
-        facts: All that it explains.
-        values: Names and numbers that its words need.
-        part: Link that is fixed to the body of the facts, if the slip is of that alone.
+        slip: Key of `answer.SLIPS`.
+        facts: Facts that it explains.
+        values: Names and numbers that its sentence needs.
+        part: Fixed link of the body, if the slip concerns that link alone.
     """
 
     slip: str
@@ -48,7 +48,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """Facts that have no reason yet, their machines, and what the two files say."""
+    """Unexplained facts, the two machines and the texts of their files."""
 
     facts: Sequence[Fact]
     pair: Pair
@@ -56,11 +56,11 @@ class Case:
 
     @property
     def loose(self) -> float:
-        """What the digits of the files leave of a value, relative."""
+        """Relative error that the printed digits of the files allow."""
         return max(each.loose for each in self.files)
 
     def of(self, *whats: str) -> list[Fact]:
-        """Facts of some properties."""
+        """Return the facts of some properties."""
         return [fact for fact in self.facts if fact.what in whats]
 
 
@@ -81,7 +81,7 @@ def reasons(facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | 
 
 
 def _gathered(some: Iterable[Reason]) -> list[Reason]:
-    """Reasons of one slip as one."""
+    """Merge reasons with equal slips."""
     groups = defaultdict[object, list[Reason]](list)
     for each in some:
         groups[each.slip, each.values, each.part].append(each)
@@ -89,7 +89,7 @@ def _gathered(some: Iterable[Reason]) -> list[Reason]:
 
 
 def _whole(case: Case) -> Iterator[Reason]:
-    """Units of B as a whole."""
+    """Find units that scale B as a whole."""
     for fact in (each for each in case.of("whole") if isinstance(each.b, Whole)):
         for factor, si in ((fact.b.length, "m"), (fact.b.mass, "kg"), (fact.b.inertia, "kg m^2")):
             for value, name in UNITS[si].items():
@@ -99,7 +99,7 @@ def _whole(case: Case) -> Iterator[Reason]:
 
 
 def _geoms(case: Case) -> Iterator[Reason]:
-    """Mass and inertia that one side alone takes from its geoms."""
+    """Find bodies whose mass properties one side alone takes from geoms."""
     for fact in case.of(*INERTIAL):
         names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
         sides = zip(case.files, names, machines, strict=True)
@@ -109,7 +109,7 @@ def _geoms(case: Case) -> Iterator[Reason]:
 
 
 def _weighed(case: Case) -> Iterator[Reason]:
-    """All masses and inertias by one factor: the total that a compiler is told, or another density of all geoms."""
+    """Explain one factor of all masses and inertias: by a total mass, or by another density of all geoms."""
     machines = case.pair.a, case.pair.b
     wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
     facts = wholes or case.of("mass", "inertia")
@@ -133,7 +133,7 @@ def _weighed(case: Case) -> Iterator[Reason]:
 
 
 def _reordered(case: Case) -> Iterator[Reason]:
-    """Joints that follow each other in another order: axes are elsewhere where names are in each other's place."""
+    """Find joints in another order: their names are permuted and axes or kinds differ."""
     names = {fact.part: fact.b for fact in case.of("name")}
     cycles = [cycle for cycle in _cycles(names) if any(fact.part in cycle for fact in case.of("axis", "kind"))]
     whats = ("name", "axis", "kind", *PASSIVE, "limits")
@@ -144,7 +144,7 @@ def _reordered(case: Case) -> Iterator[Reason]:
 
 
 def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
-    """Names that stand in each other's place, each of these once, in their order."""
+    """Find cycles of a permutation of names, each in the order of the names."""
     left = [*names]
     while left:
         cycle = [left[0]]
@@ -156,7 +156,7 @@ def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
 
 
 def _exchanged(case: Case) -> Iterator[Reason]:
-    """Values of two parts in each other's place."""
+    """Find two parts whose values are exchanged."""
     numbers = [fact for fact in case.facts if _is_number(fact)]
     sizes = {id(fact): (np.linalg.norm(fact.a), np.linalg.norm(fact.b)) for fact in numbers}
     for one, other in combinations(numbers, 2):
@@ -169,7 +169,7 @@ def _exchanged(case: Case) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """Whether both sides have a number, vector or tensor that a file states."""
+    """True if both sides have a number, vector or tensor that a file states."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -179,7 +179,7 @@ def _trial(case: Case, a: object, b: object, unit: str = "") -> Trial:
 
 
 def _geared(case: Case) -> Iterator[Reason]:
-    """Armature, damping or friction of the motor in the place of that of the joint."""
+    """Find armature, damping or friction that one side states before the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
         gears = {abs(side[name]) for side, name in zip(sides, (fact.part, fact.partner), strict=True) if name in side}
@@ -194,7 +194,7 @@ def _geared(case: Case) -> Iterator[Reason]:
 
 
 def _bodies_apart(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
-    """Machine, body, other machine, matter there and here in the frame of the body, and facts: from either side."""
+    """Yield bodies that differ, from either side: machine, body, other machine, both matters in its frame, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
         other = pair.alignment.bodies[name]
@@ -206,13 +206,13 @@ def _bodies_apart(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, M
 
 
 def _to_a(pair: Pair, name: str) -> Array:
-    """Frame of a body's partner in its own. Shape (4, 4)."""
+    """Return the frame of a body's partner, in the frame of the body. Shape (4, 4)."""
     other = pair.b.bodies[pair.alignment.bodies[name]]
     return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
 
 
 def _merged(case: Case) -> Iterator[Reason]:
-    """Links that the other side has merged into their body, wrongly: all of them at once, or one."""
+    """Find fixed links that the other side merged into their body with a mistake: all of them, or one."""
     for own, name, there, old, new, facts in _bodies_apart(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
@@ -224,7 +224,7 @@ def _merged(case: Case) -> Iterator[Reason]:
 
 
 def _same(one: Matter, other: Matter, loose: float) -> bool:
-    """Whether two have the same mass properties, each to a share of its own size."""
+    """True if two bodies have equal mass properties, each up to a share of its size."""
     pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
     return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
 
@@ -232,7 +232,7 @@ def _same(one: Matter, other: Matter, loose: float) -> bool:
 def _mergers(
     frames: Mapping[str, Array], parts: Mapping[str, Matter], names: Sequence[str], whole: Matter
 ) -> Iterator[tuple[list[str], Matter]]:
-    """A body without some parts, or with these merged wrongly, and the slips; fewer slips first."""
+    """Yield slips and the body that they make of some parts; fewer slips first."""
     own = remainder(whole, (parts[name] for name in names))
     yield ["missing part"], own
     local = {name: displaced(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
@@ -259,7 +259,7 @@ def _mergers(
 
 
 def _placed(case: Case) -> Iterator[Reason]:
-    """Placements by rotations that mean something else: as the file of either side reads with another meaning."""
+    """Find placements that agree once the rotations of one file are read in another convention."""
     moved = [*_joints_apart(case)]
     told = set[tuple[str | float, str]]()
     for k, side in ((1, "B"), (0, "A")) if moved else ():
@@ -275,14 +275,14 @@ def _placed(case: Case) -> Iterator[Reason]:
 
 
 def _local(file: Written, machine: Machine, ends: Ends) -> Array:
-    """The far body in the frame of the near one as the file has it; at the pose of the machine where it has not."""
+    """Return the far body in the frame of the near one, as the file states it, else at the home of the machine."""
     written = file.plain
     near, far = (written[n] if {*ends} <= written.keys() else machine.bodies[n].pose for n in ends)
     return relative(near, far)
 
 
 def _joints_apart(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
-    """Facts of where a link places what it carries, the bodies at its ends, and one in the other, in A and in B."""
+    """Yield facts on the placement of a link, the bodies at its ends, and its placement in A and in B."""
     for one, other in case.pair.alignment.links:
         names = {"/".join(one.joints), *one.joints}
         facts = [f for f in case.of("placement", "zero") if f.part in names]
@@ -294,7 +294,7 @@ def _joints_apart(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, En
 
 
 def _alone(case: Case) -> Iterator[Reason]:
-    """Slips of one value each."""
+    """Find slips of single values."""
     for facts, _, places in _joints_apart(case):
         if any(fact.what == "placement" for fact in facts):
             yield from _of_placement(case, facts, *places)
@@ -313,7 +313,7 @@ def _of_placement(case: Case, facts: tuple[Fact, ...], a: Array, b: Array) -> It
 
 
 def _trials(case: Case) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
-    """Trials of single values with their facts, link and property; each link alone of a body that both files divide."""
+    """Yield single values with their facts, link and property; link by link where both files divide a body alike."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -328,7 +328,7 @@ def _trials(case: Case) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
 
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
-    """Links of a body that both files divide alike, in the frame of each in A: matter of A, properties of B."""
+    """Yield the links of a body that both files divide alike: name, matter in A and properties in B, in its frame."""
     bodies = pair.a.bodies[name], pair.b.bodies[pair.alignment.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:

@@ -1,4 +1,4 @@
-"""What slips of one value make of it, by a table of guesses, and what else the text of a model file may mean."""
+"""Slips of single values, tried one by one, and other meanings of the text of a model file."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: What a slip may leave of B's value, relative, and in units of the last digit that a file prints.
+#: Largest misfit of a slip, relative, and in units of the last printed digit.
 LEFT, SUM = 1e-6, 5.0
-#: Density of geoms that state none [kg/m^3].
+#: Default density of geoms [kg/m^3].
 WATER = 1000.0
-#: Sequences of Euler angles as MJCF names them; capitals are about axes that stay, as in URDF.
+#: Sequences of Euler angles in MJCF's notation; capitals denote fixed axes, as in URDF.
 URDF = "XYZ"
 _SEQUENCES = [text for order in permutations("xyz") for text in ("".join(order), "".join(order).upper())]
 
-#: Key of a slip, and the names and numbers that its words need.
+#: Key of a slip, with the names and numbers of its sentence.
 Slip = tuple[str | float, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Written:
-    """The text of a model file; nothing where there is none.
+    """The parsed text of a model file; empty without a file.
 
     Attributes:
         form: ``urdf`` or ``mjcf``.
-        links: Each after the one that carries it.
-        options: Of all ``<compiler>`` elements.
-        densities: That its geoms state [kg/m^3]; `total`: mass to which all is scaled [kg], 0 where it is not.
-        loose: What its printed digits leave of a value, relative.
+        links: Links, parents first.
+        options: Attributes of all ``<compiler>`` elements.
+        densities: Densities that its geoms state [kg/m^3]; `total`: mass to which all is scaled [kg], else 0.
+        loose: Relative error that its printed digits allow.
     """
 
     form: str = ""
@@ -54,16 +54,16 @@ class Written:
     total: float = 0.0
 
     def link(self, name: str) -> TextLink | None:
-        """The link of that name."""
+        """Return the link of that name."""
         return next((link for link in self.links if link.name == name), None)
 
     @property
     def plain(self) -> dict[str, Array]:
-        """Frames of all links as written, and of the ground. Shape (4, 4) each."""
+        """Frames of the ground and of all links, as written. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{link.name: link.frame for link in self.links}} if self.links else {}
 
     def meanings(self, holder: Element | None) -> Iterator[tuple[Slip, Array]]:
-        """What else the rotation in an element may mean; none where it is a single angle in another place."""
+        """Yield the rotation of an element in other conventions: units, sequence, place of w."""
         place = holder and (holder.find("origin") if self.form == "urdf" else holder)
         text = place and place.get("rpy" if self.form == "urdf" else "euler")
         if place and self.form == "mjcf" and (quat := place.get("quat")):
@@ -80,7 +80,7 @@ class Written:
                 yield ("sequence", own, other), _rotation({"euler": text}, {"eulerseq": other, "angle": units[0]})
 
     def frames(self) -> Iterator[tuple[Slip, dict[str, Array]]]:
-        """Frames of all links, with all placements taken in another meaning. Shape (4, 4) each."""
+        """Yield frames of all links with placements read in another convention. Shape (4, 4) each."""
         others = [dict(self.meanings(link.mount)) for link in self.links]
         for slip in dict.fromkeys(slip for each in others for slip in each):
             frames: list[Array] = []
@@ -94,7 +94,7 @@ class Written:
             yield slip, {GROUND: np.eye(4), **{link.name: F for link, F in zip(self.links, frames, strict=True)}}
 
     def from_geoms(self, name: str, library: str) -> str:
-        """Slip by which mass and inertia of a link come from its geoms; empty where they do not."""
+        """Return the slip by which a link has its mass properties from geoms; empty where the file states them."""
         link = self.link(name)
         geoms = [each for each in link.element.children if each.tag in ("geom", "collision")] if link else []
         if geoms and library == "mujoco" and self.options.get("inertiafromgeom") == "true":
@@ -106,7 +106,7 @@ class Written:
 
 
 def written(file: Path | None) -> Written:
-    """Read what a file says; one that is no URDF or MJCF says nothing."""
+    """Parse a model file; a file that is no URDF or MJCF gives an empty record."""
     try:
         text = read_file(file) if file else ""
         xml = XmlText(text, "the model file")
@@ -126,11 +126,11 @@ def _rotation(attributes: dict[str, str], compiler: Mapping[str, str]) -> Array:
     return mjcf.pose(Element("body", attributes, 0, None), compiler)[:3, :3]
 
 
-#: Share of a difference that a slip may leave, whatever digits are printed.
+#: Largest share of a difference that a slip may leave, whatever the printed digits.
 SHARE = 1e-2
-#: Digits of a number that somebody rounded; angles are known by three, as 1.57 for 90 degrees.
+#: Digits of a rounded number; angles may have three, as 1.57 for 90 degrees.
 FEWEST, MOST = 4, 8
-#: Moments of inertia that differ by less are equal, relative; turns below are none [degrees].
+#: Largest relative difference of equal moments of inertia; least turn [degrees].
 EQUAL, TURN = 1e-3, 0.01
 _AXES = "xyz"
 
@@ -142,12 +142,12 @@ class Trial:
     """A value in both models, seen from one frame.
 
     Attributes:
-        a, b: Its values.
-        unit: SI.
-        loose: What digits of the files leave of it, relative.
-        matter: Of the body in A, of which it is one.
-        frames: In which either file writes it, shape (3, 3) each.
-        turns: Slips of these frames -> what turns the axes of A's value. Shape (3, 3) each.
+        a, b: Values in A and in B.
+        unit: SI unit.
+        loose: Relative error that printed digits allow.
+        matter: Matter of the body in A that has the value.
+        frames: Axes in which either file writes the value. Shape (3, 3) each.
+        turns: Slips in these axes, with the rotation that each applies to A's value. Shape (3, 3) each.
     """
 
     a: Array
@@ -159,13 +159,13 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """Whether a value is B's, to the digits of the files, and nearer to it by far than A's is."""
+        """True if a value equals B's to the digits of the files and is far nearer to it than A's."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
 
     def slips(self, what: str) -> list[Slip]:
-        """Slips of a property that make B's value, the first of each kind; later entries only where no earlier fits."""
+        """Return slips that give B's value, one of each kind; later entries are tried if no earlier one fits."""
         for entry in ENTRIES.get(what, NUMBER):
             found = dict[str | float, Slip]()
             guesses = [((entry,), PLAIN[entry](self.a))] if isinstance(entry, str) else entry(self)
@@ -178,23 +178,23 @@ class Trial:
 
 
 def rounding(*values: Array, least: int = FEWEST) -> float:
-    """Half a unit of the last digit of numbers that somebody rounded, relative; `LEFT` where none is."""
+    """Return half a unit of the last digit of rounded numbers, relative; `LEFT` where no number is rounded."""
     digits = (re.sub(r"e.*|\.", "", f"{abs(float(x)):.12g}").strip("0") for each in values for x in np.ravel(each))
     return max([LEFT, *(0.5 / int(text) for text in digits if least <= len(text) <= MOST)])
 
 
 def units(t: Trial) -> Guesses:
-    """B in another unit, or A."""
+    """Try the units of either side."""
     least = 3 if UNITS.get(t.unit) is ANGLE else FEWEST
     near = Trial(t.a, t.b, t.unit, max(t.loose, rounding(t.a, t.b, least=least)))
     for factor, name in UNITS.get(t.unit, {}).items():
         for slip, value in ((("unit", name), factor * t.a), (("unit of A", name), t.a / factor)):
             if t.b.any() and near.fits(value):
-                yield slip, t.b  # as near as the digits tell
+                yield slip, t.b  # equal to the digits of the files
 
 
 def one_number(t: Trial) -> Guesses:
-    """One number of the other sign, or with its decimal point elsewhere."""
+    """Try one number with the other sign, or with its decimal point moved."""
     for i in map(tuple, np.argwhere(t.a)):
         guesses = [("decimal point", places) for places in (1, -1, 2, -2, 3, -3)]
         for slip, factor in ((("other sign",), -1.0), *((slip, 10.0 ** slip[1]) for slip in guesses)):
@@ -206,7 +206,7 @@ def one_number(t: Trial) -> Guesses:
 
 
 def vector(t: Trial) -> Guesses:
-    """Entries of a vector mirrored, in another order, or in another frame."""
+    """Try a vector mirrored, permuted, or rotated into another frame."""
     for n in (1, 2, 3):
         for axes in combinations(np.flatnonzero(t.a), n):
             value = t.a.copy()
@@ -220,7 +220,7 @@ def vector(t: Trial) -> Guesses:
 
 
 def polynomial(t: Trial) -> Guesses:
-    """Offset and multiplier exchanged, inverted, or in degrees."""
+    """Try offset and multiplier exchanged, inverted, or in degrees."""
     offset, multiplier, *more = (*t.a, 0.0)
     if len(t.a) > 1 and multiplier and not any(more):
         guesses = {
@@ -233,14 +233,14 @@ def polynomial(t: Trial) -> Guesses:
 
 
 def direction(t: Trial) -> Guesses:
-    """A vector of the same length in another direction."""
+    """Try a vector of equal length in another direction."""
     a, b = (float(np.linalg.norm(each)) for each in (t.a, t.b))
     if a and b and abs(a - b) < t.loose * a:
         yield ("turned", float(np.degrees(np.arctan2(np.linalg.norm(np.cross(t.a, t.b)), t.a @ t.b)))), t.b
 
 
 def tensor(t: Trial) -> Guesses:
-    """Slips of the point, the axes and the entries of a tensor about the centre of mass."""
+    """Try slips in the reference point, the axes and the entries of an inertia tensor."""
     away = t.matter.mass * steiner(t.matter.com)
     yield ("about the origin",), t.a + away
     yield ("parallel axis twice",), t.a - away
@@ -262,7 +262,7 @@ def tensor(t: Trial) -> Guesses:
 
 
 def _entries(I: Array) -> Guesses:
-    """Slips with the entries of a tensor, in the axes in which it is written."""
+    """Try slips in the entries of a tensor, in the axes in which it is written."""
     moments = np.diag(np.diag(I))
     yield ("products of other sign",), 2.0 * moments - I
     yield ("no products",), moments
@@ -278,7 +278,7 @@ def _entries(I: Array) -> Guesses:
 
 
 def axes(t: Trial) -> Guesses:
-    """A tensor of the same moments about other axes."""
+    """Try a tensor with equal moments about other axes."""
     (one, V), (two, W) = np.linalg.eigh(t.a), np.linalg.eigh(t.b)
     if np.abs(one - two).max() > min(t.loose * np.abs(t.b).max(), SHARE * np.abs(t.a - t.b).max()):
         return
@@ -286,7 +286,7 @@ def axes(t: Trial) -> Guesses:
     if apart.all():
         turns = [W @ np.diag(signs) @ V.T for signs in product((1.0, -1.0), repeat=3)]
         angle = min(float(np.linalg.norm(rotation_vector(R))) for R in turns if np.linalg.det(R) > 0.0)
-    else:  # a turn about the axis of two equal moments is none
+    else:  # ignore turns about the axis of two equal moments
         k = 2 if apart[1] else 0
         angle = float(np.arccos(min(1.0, abs(float(V[:, k] @ W[:, k])))))
     if np.degrees(angle) > TURN:
@@ -294,12 +294,12 @@ def axes(t: Trial) -> Guesses:
 
 
 def one_entry(t: Trial) -> Guesses:
-    """One entry of a tensor of the other sign, or with its decimal point elsewhere, in the axes of either file."""
+    """Try one entry of a tensor with the other sign, or with its decimal point moved, in the axes of either file."""
     for R in (t.frames or {"": np.eye(3)}).values():
         yield from ((slip, R @ value @ R.T) for slip, value in one_number(Trial(R.T @ t.a @ R, t.b)))
 
 
-#: Slips that need nothing but A's value.
+#: Slips that depend on A's value alone.
 PLAIN: Mapping[str, Callable[[Array], Array]] = {
     "left out": np.zeros_like,
     "upside down": np.negative,
@@ -308,7 +308,7 @@ PLAIN: Mapping[str, Callable[[Array], Array]] = {
     "no rotation": lambda a: np.eye(3),
 }
 Entry = str | Callable[[Trial], Guesses]
-#: Of a number; property -> entries, the likely ones first: later ones are tried where no earlier one fits.
+#: Entries of a number, and of other properties, the likely ones first: later ones are tried if no earlier one fits.
 NUMBER: Sequence[Entry] = (units, one_number)
 ENTRIES: Mapping[str, Sequence[Entry]] = {
     "mass": (units, "left out", one_number),

@@ -1,4 +1,4 @@
-"""Facts of bodies: mass, centre of mass, inertia, and the share of weight that something compensates."""
+"""Facts of bodies: mass, centre of mass, inertia, and the compensated share of weight."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matte
 
 
 def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
-    """Size of the difference of each property; 0 where it is rounding."""
+    """Return the size of the difference of each property; 0 where it is rounding."""
     solid = min(ours.mass, theirs.mass) > NO_MASS
     most = max(float(np.abs(ours.inertia).max()), float(np.abs(theirs.inertia).max()))
     # a tensor about another centre is only as exact as that centre
@@ -57,7 +57,7 @@ def _beyond(size: float) -> float:
 
 
 def _changes(machine: Machine, name: str, whole: Matter) -> dict[str, Change]:
-    """Changes of the heaviest member of a body that give the whole a matter, in A's world."""
+    """Return the changes of the heaviest member of a body that give the whole body a matter, in A's world."""
     members, bodies = machine.bodies[name].members, machine.reading.bodies
     main = max(members, key=lambda each: bodies[each].mass)
     others = (displaced(bodies[each], bodies[each].pose) for each in members if each != main)

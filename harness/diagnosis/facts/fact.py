@@ -19,13 +19,13 @@ from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: What two files may differ by and be one machine: relative, or in lengths of the machine and rad. Rounding of readers
-#: leaves 1e-14, Newton's method that closes loops 1e-11.
+#: Differences up to this are none: relative, or in lengths of the machine and rad. Rounding of readers leaves 1e-14,
+#: Newton's method that closes loops 1e-11.
 TOLERANCE = 1e-9
-#: Gravity of a file that cannot say it [m/s^2].
+#: Gravity of a file that states none [m/s^2].
 STANDARD = np.array(PROPERTIES["gravity"].default)
 
-#: Facts that leave all motions and coordinates as they are: a free body starts where its coordinates say.
+#: Facts without effect on motions and coordinates: coordinates determine where a free body starts.
 IDLE = ("start",)
 
 Kind = Literal["model", "convention", "digits"]
@@ -33,7 +33,7 @@ Kind = Literal["model", "convention", "digits"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fact:
-    """One physical difference.
+    """A physical difference.
 
     Attributes:
         part: Body, joint, closure or actuator by its name in A, in B where A has none; empty of the model.
@@ -43,10 +43,10 @@ class Fact:
         unit: SI; empty of a number without one.
         size: Relative, or in lengths of the machine and rad; infinite where a side has none.
         kind: ``model``; ``convention``, which changes no motion; ``digits``, rounding of printed numbers.
-        changes: Give A the value of B; none where no value does.
+        changes: Changes that give A the value of B; empty where no value does.
         partner: Name of the part in B; empty where it has none.
-        of: What else the fact is of: the body in whose axes a step is told, the joint of an actuator.
-        more: Names that belong to it, such as what a lost link carries.
+        of: A second part: the body in whose axes a step is stated, the joint of an actuator.
+        more: Further names, such as the bodies that a lost link carries.
     """
 
     part: str
@@ -63,7 +63,7 @@ class Fact:
 
     @property
     def side(self) -> str:
-        """The one side that has it; empty where both do."""
+        """The only side that has a value; empty where both have one."""
         return "A" if self.b is None and self.a is not None else "B" if self.a is None and self.b is not None else ""
 
 
@@ -92,37 +92,37 @@ class Pair:
 
     @property
     def inverse(self) -> Pair:
-        """B and A."""
+        """The pair with A and B exchanged."""
         lost = tuple(replace(fact, a=fact.b, b=fact.a) for fact in self.lost)
         return Pair(self.b, self.a, self.alignment.inverse, lost=lost)
 
     @property
     def back(self) -> Mapping[str, str]:
-        """Joints of B with those of A."""
+        """Joint of B -> joint of A."""
         return {partner.name: name for name, partner in self.joints.items()}
 
     def displacement(self, near: str, far: str) -> Array:
-        """How the far body of B stands against that of A, seen from the near ones. Shape (4, 4)."""
+        """Return the displacement from the far body of A to that of B, with the near ones aligned. Shape (4, 4)."""
         placed = self.alignment.placed
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
     def crosses_names(self, joint: str) -> bool:
-        """Whether a joint of A or its partner has the name of another joint on the other side."""
+        """True if a joint of A or its partner has the name of a different joint on the other side."""
         other = self.joints[joint].name
         return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
 
     def partner(self, joint: str) -> Partner:
-        """The partner of a joint of A; one of its name where it has none."""
+        """Return the partner of a joint of A; its namesake where it has none."""
         return self.joints.get(joint, Partner(joint))
 
 
 def known_gravity(gravity: Array | None) -> Array:
-    """Gravity that is stated, or the usual one where a file cannot say it [m/s^2]. Shape (3,)."""
+    """Return the stated gravity, or the standard one where a file states none [m/s^2]. Shape (3,)."""
     return STANDARD if gravity is None else gravity
 
 
 def other_gravity(a: Reading, b: Reading) -> str:
-    """The side that is silent on gravity where the other one states another than the usual one; empty elsewhere."""
+    """Return the side without gravity if the other side states a non-standard one; else an empty name."""
     if (a.gravity is None) == (b.gravity is None):
         return ""
     usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
@@ -130,47 +130,47 @@ def other_gravity(a: Reading, b: Reading) -> str:
 
 
 def among(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
-    """Facts of what alone is compared; all of them where nothing is named."""
+    """Keep the facts of one group of properties; all facts for an empty name."""
     return tuple(fact for fact in facts if not only or fact.what in RIGID)
 
 
 def apart(a: float, b: float, least: float = 0.0) -> float:
-    """Relative difference of two numbers, 0 where it is rounding.
+    """Return the relative difference of two numbers, 0 where it is rounding.
 
     Args:
-        least: Magnitude that smaller ones are compared with.
+        least: Smallest magnitude to divide by.
     """
     size = abs(a - b) / max(abs(a), abs(b), least, 1e-300)
     return size if size > TOLERANCE else 0.0
 
 
 def step_of(T: Array, point: Array) -> Array:
-    """A displacement as a rotation vector and the way of a point. Shape (4, 4) -> (2, 3)."""
+    """Return a displacement as a rotation vector and the way of a point. Shape (4, 4) -> (2, 3)."""
     return np.array([rotation_vector(np.asarray(T[:3, :3])), T[:3, :3] @ point + T[:3, 3] - point])
 
 
-#: Digits of numbers that are not printed shorter than they are.
+#: Digits of numbers in full precision.
 ALL = 15
 #: Digits of numbers of 32 bits.
 SINGLE = 8
-#: Share of a file's longer numbers that have as many digits as the longest, if a program has cut them; and how many it
-#: leaves at least: one or two are somebody's edit.
+#: Least share of a file's longer numbers that have as many digits as the longest if a program cut them, and their least
+#: number: one or two are somebody's edit.
 CUT, FEWEST = 0.3, 5
-#: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
+#: Numbers of fewer digits are intended, those of more are exact; and rounding appears in several places.
 MEANT, EXACT, SEEN = 5, 12, 4
-#: What is made of several numbers is off by so many units of the last digit.
+#: Rounding of a value computed from several numbers, in units of the last digit.
 SUM = 5.0
-#: What stands in a file as it is.
+#: Properties that a file states directly.
 ITSELF = {"mass", *PASSIVE}
-#: Case of tensors that MuJoCo's compiler turns inexactly, and more than it changes of them.
+#: Case of tensors that MuJoCo's compiler rotates inexactly, and a bound of its error.
 AXES, INEXACT = "mj-axes-before-3.14", 1e-6
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)?(?![\w.])")
 
 
 def digits_of(text: str) -> int:
-    """Digits that the numbers in the attributes of a file are cut to, at most `ALL`.
+    """Return the number of digits that a program cut the numbers of a file to; `ALL` if none did.
 
-    A program that cuts leaves many numbers of the same length and none that is longer; people do not.
+    A program leaves many numbers of the same length and no longer one; people do not.
     """
     counts = _counts(text)
     long = {n: count for n, count in counts.items() if n > 3}
@@ -181,23 +181,23 @@ def digits_of(text: str) -> int:
 
 
 def longest(text: str) -> int:
-    """Digits of the longest number in the attributes of a file."""
+    """Count the digits of the longest number in the attributes of a file."""
     return max(_counts(text), default=0)
 
 
 def numbers_in(text: str) -> list[float]:
-    """All numbers in the attributes of a file."""
+    """Return all numbers in the attributes of a file."""
     return [float(match[0]) for value in _values(text) for match in _NUMBER.finditer(value)]
 
 
 def _counts(text: str) -> Counter[int]:
-    """How many numbers have how many digits; those of comments do not count."""
+    """Count numbers by their digits, without those in comments."""
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     return Counter(_significant(match.group(0)) for value in _values(text) for match in _NUMBER.finditer(value))
 
 
 def _values(text: str) -> list[str]:
-    """Values of all attributes, and texts of elements, where an SDF has its numbers."""
+    """Return the values of all attributes, and the texts of elements, which hold the numbers of an SDF."""
     return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
 
 
@@ -228,10 +228,10 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
 
 
 def _cut_off(fact: Fact, n: int, side: str) -> bool:
-    """Half a unit of the last digit of a number itself; of what is made of several numbers, some of them.
+    """True if a fact is within half a unit of the last digit, or a few units if it is computed from several numbers.
 
     Args:
-        n: Digits of the file that has fewer; `side`: which one that is.
+        n: Digits of the file with fewer digits; `side`: its side.
     """
     unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
@@ -244,7 +244,7 @@ def _cut_off(fact: Fact, n: int, side: str) -> bool:
 
 
 def _printed(fact: Fact, n: int) -> bool:
-    """Whether all numbers of one side are those of the other one in n digits, such as degrees that became radians."""
+    """True if the numbers of one side are those of the other, rounded to n digits, as after a change of units."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

@@ -23,7 +23,7 @@ from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
 
-#: Coordinates [rad or m] beyond which a limit is none: writers say 1000 where they mean none, 180 is in degrees.
+#: Limits beyond this are none [rad or m]: writers put 1000 for none, while 180 is a limit in degrees.
 BOUNDLESS = 900.0
 
 
@@ -50,12 +50,12 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _single(link: Link) -> bool:
-    """Whether hinges and slides of the file are all that a link consists of."""
+    """True if a link consists of hinges and slides of the file alone."""
     return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
 
 
 def _lost_passive(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """What joints exert of which the other side has points alone."""
+    """Yield passive forces of joints that the other side replaces by points."""
     if bool(one.joints) == bool(other.joints):
         return
     side, reading, joints = ("A", pair.a.reading, one.joints) if one.joints else ("B", pair.b.reading, other.joints)
@@ -68,7 +68,7 @@ def _lost_passive(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Joints that are fixed on the other side; else two kinds of link, which may leave the same motions in loops."""
+    """Yield joints that the other side fixes; else the two kinds of link, which may be equivalent in loops."""
     met = [*_in_place(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
@@ -84,7 +84,7 @@ def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterat
 
 
 def _in_place(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
-    """Joints of two links of different kinds that lie in one place, in the same order."""
+    """Match joints of two links of different kinds that have equal axes, in order."""
     if len(one.elements) == len(other.elements):
         return
     left, T = [*other.elements], pair.alignment.placed[one.near]
@@ -97,7 +97,7 @@ def _in_place(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Ele
 
 
 def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """A free body: by which joints it is free, and where it starts."""
+    """Compare the joints of a free body, and its start."""
     ours, theirs = (tuple(each.kind for each in link.elements) for link in (one, other))
     if ours != theirs:
         yield Fact(one.far, "base", ours, theirs, kind="convention", partner=other.far)
@@ -131,7 +131,7 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _moved(pair: Pair, one: Link, other: Link) -> Array:
-    """How the far body of B stands against that of A, seen from the near ones, with open loops closed at the link."""
+    """Return the displacement from the far body of A to that of B, with open loops closed at the link."""
     D = pair.displacement(one.near, one.far)
     D = (
         D
@@ -142,8 +142,8 @@ def _moved(pair: Pair, one: Link, other: Link) -> Array:
 
 
 def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
-    """Tell which way each joint of B counts against its partner."""
-    R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]  # which a placement takes along
+    """Return the sense of each joint of B against its partner, 1 or -1."""
+    R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]
     return [
         (1.0 if x.direction @ (R @ y.direction) >= 0.0 else -1.0) * (-1.0 if x.turned != y.turned else 1.0)
         for x, y in zip(one.elements, other.elements, strict=True)
@@ -151,10 +151,10 @@ def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
 
 
 def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequence[float]:
-    """Steps of the joints of a link that displace by D, as nearly as they can.
+    """Return the steps of the joints of a link that come nearest to a displacement D.
 
     Args:
-        same: Steps at which both have the same coordinates, which are believed if they explain as much.
+        same: Steps to equal coordinates, preferred if they explain as much.
     """
     fitted = steps_of(link, D, length)
     if (
@@ -181,7 +181,7 @@ def _entries(E: Array, length: float) -> Array:
 
 
 def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
-    """What steps of the joints leave of a displacement, shape (4, 4), and its size."""
+    """Return the remainder of a displacement after steps of the joints, shape (4, 4), and its size."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):
         T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions come first
@@ -197,7 +197,7 @@ def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
             far ones where the link does not move. Shape (4, 4) each.
     """
     ends = {body for body, *_ in _shifted(pair, one, other)}
-    far = ends == {one.far} if ends else one.elements[0].turned  # shifted along its axis it shows on neither
+    far = ends == {one.far} if ends else one.elements[0].turned  # a shift along its axis shows on neither body
     body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
     X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
     change = _on(one, body, X)
@@ -216,7 +216,7 @@ def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
 
 
 def _on(link: Link, body: str, X: Array) -> Change:
-    """The change that displaces the end of joints on one of their bodies."""
+    """Return the change that displaces the end of joints on one of their bodies."""
     far = body == link.far
     element = link.elements[-1 if far else 0]
     if element.turned == far:  # the file leads from this body to the other one
@@ -225,7 +225,7 @@ def _on(link: Link, body: str, X: Array) -> Change:
 
 
 def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
-    """Which way a joint counts, and from where."""
+    """Compare the sense and the zero of a joint."""
     name, partner = x.joint, pair.joints[x.joint]
     if partner.sign < 0.0:
         change = Change(name, "sign", np.array(-1.0))
@@ -239,7 +239,7 @@ def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
 
 
 def _passive(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
-    """What a joint exerts by itself, and its limits, those of B as A counts."""
+    """Compare passive forces and limits of a joint, with B's coordinate counted as A's."""
     partner = pair.joints[name]
     a, b = pair.a.reading.joints[name], pair.b.reading.joints[partner.name]
     for what in PASSIVE:
@@ -254,7 +254,7 @@ def _passive(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
 
 
 def _as_b(name: str, what: str, value: object) -> Change:
-    """B's own numbers, for a joint that counts as B does: zero and sense are changed before."""
+    """Make a change to B's own number, for a joint whose zero and sense are already those of B."""
     return Change(name, what, np.asarray(value, float))
 
 
@@ -265,10 +265,10 @@ def _entry(name: str, what: str, a: object, b: object, joint: JointReading, size
 
 
 def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, described: bool) -> Iterator[Fact]:
-    """Limits, those that nothing reaches being none; a joint that counts from elsewhere may keep its numbers.
+    """Compare limits, of which unreachable ones count as none; a joint with another zero may keep its numbers.
 
     Args:
-        described: Whether a side is a description: files are written without its limits.
+        described: True if a side is a description, whose files omit limits.
     """
     theirs = sorted(partner.sign * (x - partner.zero) for x in b.limits)
     first, second = (np.clip(each, -BOUNDLESS, BOUNDLESS) for each in (a.limits, theirs))
@@ -293,10 +293,10 @@ def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, de
 
 
 def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact]:
-    """Where a link sits on either of its bodies, and whether what it carries sits there, too.
+    """Compare the places of a link on its two bodies.
 
     Args:
-        moved: What the link carries stands elsewhere, which is told.
+        moved: True if a displacement of the carried body is already a fact.
     """
     sides = [*_shifted(pair, one, other)]
     if not sides or (moved and len(sides) < 2):
@@ -326,7 +326,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
 
 
 def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
-    """Features of a link that lie elsewhere on a body of A than on its partner, and how far."""
+    """Yield features of a link whose places on a body and on its partner differ, with the distance."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
             y = y.placed(pair.alignment.placed[body])
@@ -336,7 +336,7 @@ def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature,
 
 
 def _step(x: Feature, y: Feature) -> Array:
-    """Turn and way from one feature to another, none along a line. Shape (2, 3)."""
+    """Return turn and way from one feature to another, without motion along a line. Shape (2, 3)."""
     way = y.point - x.point
     way = {"R": way - (way @ y.direction) * y.direction, "S": way, "P": np.zeros(3)}[x.kind]
     sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
@@ -347,7 +347,7 @@ def _step(x: Feature, y: Feature) -> Array:
 
 
 def _axis(joint: str, x: Feature, y: Feature, step: Array, length: float) -> Iterator[Change]:
-    """Changes by which the axis of a joint alone moves."""
+    """Yield the changes that move the axis of a joint alone."""
     if np.linalg.norm(step[0]) > TOLERANCE:
         sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
         yield Change(joint, "axis", sense * y.direction)

@@ -1,4 +1,4 @@
-"""Facts of what closes loops: ends of closures, couplings as functions of A's coordinates, and their softness."""
+"""Facts of loops: ends of closures, couplings as functions of A's coordinates, and softness."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.linear import rank
 from screwgauge.reference.rotations import Array
 
-#: A place told by several numbers is the same up to so many times the tolerance.
+#: Tolerances by which a place that several numbers determine may differ.
 SUM = 3.0
 
 
 def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Points of closures that lie elsewhere on one of their bodies, or on both alike."""
+    """Yield ends of closures that are displaced on one of their bodies, or equally on both."""
     for x, y in zip(one.elements, other.elements, strict=True):
         for name, partner in closure_names(pair, x, y).items():
             ends = [*_ends(pair, name, partner)]
@@ -39,7 +39,7 @@ def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
-    """Closures of two elements: by their names, else those whose points are nearest to each other."""
+    """Pair closures of two elements by name, else by the distances of their points."""
     if {*x.closures} == {*y.closures}:
         return {name: name for name in x.closures}
     T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
@@ -50,13 +50,13 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
 
 
 def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
-    """The first body of a closure, and its point in the world. Shape (3,)."""
+    """Return the first body of a closure, and its point in the world. Shape (3,)."""
     (body, frame), _ = machine.reading.ends(name)
     return body, frame[:3, 3]
 
 
 def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
-    """Ends of a closure that lie elsewhere on their bodies; one that the file derives from the other follows it."""
+    """Yield displaced ends of a closure, without an end that the file derives from the other one."""
     a, b = pair.a.reading, pair.b.reading
     known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
     derived = a.closures[name].derived and b.closures[partner].derived
@@ -75,7 +75,7 @@ def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
             yield Fact(name, "end", np.zeros((2, 3)), step, "m", size, changes=(change,), partner=partner, of=body)
 
 
-#: Couplings that differ by less over a unit range are one [rad or m]; features that a turn leaves in place are round.
+#: Tolerance of couplings over a unit range [rad or m], and of features that a turn leaves in place.
 SAME, ROUND = 1e-8, 1e-6
 
 
@@ -87,19 +87,21 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
     if _leave_the_same(pair):
         return
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
-    # what follows joints that one side alone has is told of these joints
+    # couplings to joints of one side alone are part of the facts on these joints
     ours = {name for name, each in a.items() if {*each.named} <= pair.joints.keys()}
     theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
     yield from (_alone(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
     yield from (_alone(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()})
     counts = Counter(name for each in a.values() for name in each.named)
-    free = {name for name in _free_zeros(pair.a, pair) if counts[name] == 1}  # others cannot be turned for one alone
+    free = {
+        name for name in _free_zeros(pair.a, pair) if counts[name] == 1
+    }  # a turn for one coupling would spoil another one
     for name, other in partners.items():
         yield from _followed(pair, name, a[name], b[other], free)
 
 
 def _alone(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
-    """A joint that follows others, or is held, on one side only."""
+    """Make the fact of a joint that is coupled or held on one side only."""
     back = pair.back if side == "B" else {}
     joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
     held = not function.terms
@@ -130,11 +132,11 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
         size, more = _size(ours.minus(theirs)), (_leads(ours), _leads(own))
         yield Fact(joint, "leading joint", a, b, "", size, of=more[0], more=more)
         return
-    # what turns freely is turned so that the two agree
+    # turn a free joint so that the two couplings agree
     if abs(step := ours.constant - theirs.constant) > SAME and (turning := free & {joint, *own.terms}):
         free.discard(joint if joint in free else min(turning))
         theirs = theirs.plus(step)
-    # a joint that sits turned about its own axis takes its coupling along
+    # a joint that is mounted turned about its own axis carries its coupling along
     plain = ours.beside(_in_a(pair, other, zeros=False))
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
@@ -145,10 +147,10 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
 
 
 def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
-    """The function of a coupling of B as the joints of A count.
+    """Return the function of a coupling of B in coordinates of A.
 
     Args:
-        zeros: Whether joints start where those of A do.
+        zeros: True to count from A's zeros.
     """
     function, back = coupling.function.renamed(pair.back), pair.back
     partners = {name: pair.partner(name) for name in (*function.terms, back.get(coupling.joint, coupling.joint))}
@@ -159,7 +161,7 @@ def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> Polyn
 
 
 def _leave_the_same(pair: Pair) -> bool:
-    """Whether all couplings are linear and leave the same motions."""
+    """True if all couplings are linear and leave the same motions."""
     a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
     if not (a and b) or not all(each.function.linear for each in (*a, *b)):
         return False
@@ -175,7 +177,7 @@ def _leave_the_same(pair: Pair) -> bool:
 
 
 def _size(function: PolynomialSum) -> float:
-    """The largest value where each coordinate is between -1 and 1."""
+    """Return the largest value over coordinates between -1 and 1."""
     x = np.linspace(-1.0, 1.0, 7)
     values = [Polynomial([0.0, *p])(x) for p in function.terms.values()]
     ends = (sum((float(end(each)) for each in values), function.constant) for end in (np.min, np.max))
@@ -183,13 +185,13 @@ def _size(function: PolynomialSum) -> float:
 
 
 def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
-    """Hinges whose zero nothing shows: what they carry is the same at every angle."""
+    """Return hinges without an observable zero: one of their bodies is round."""
     links = [one for one, _ in pair.alignment.links if len(one.elements) == 1 or one.kind == "C"]
     return {x.joint for link in links for x in link.elements if x.joint and _is_round(machine, link, x)}
 
 
 def _is_round(machine: Machine, link: Link, x: Element) -> bool:
-    """Whether the body at either end of a hinge is the same after a turn about it."""
+    """True if a turn about a hinge leaves the body at one of its ends unchanged."""
     if x.kind != "hinge":
         return False
     T = exponential("hinge", x.direction, x.centre, 1.0)
@@ -197,7 +199,7 @@ def _is_round(machine: Machine, link: Link, x: Element) -> bool:
 
 
 def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
-    """Whether the matter and the other links of a body lie where they were after a turn."""
+    """True if a turn leaves the matter and the other links of a body in place."""
     if body not in machine.reading.bodies:
         return False
     matter = machine.bodies[body].matter
@@ -228,7 +230,7 @@ def _largest(a: Array, b: Array) -> float:
 
 
 def _closure_partners(pair: Pair) -> dict[str, str]:
-    """Closures of A with those of B: of one link, in the order of their names there; welds by their names."""
+    """Pair closures of A and B: those of a link by their points, welds by name."""
     found: dict[str, str] = {}
     for one, other in pair.alignment.links:
         for x, y in zip(one.elements, other.elements, strict=False):
@@ -239,7 +241,7 @@ def _closure_partners(pair: Pair) -> dict[str, str]:
 
 
 def coupling_partners(pair: Pair) -> dict[str, str]:
-    """Couplings of A with those of B, by the joint that follows, else by all joints that they couple."""
+    """Pair couplings of A and B by the joint that follows, else by all their joints."""
     a, b, back, found = pair.a.reading.couplings, pair.b.reading.couplings, pair.back, dict[str, str]()
     named = {name: [back.get(joint, joint) for joint in each.named] for name, each in b.items()}
     keys: tuple[Callable[[Sequence[str]], Hashable], ...] = (lambda joints: joints[0], frozenset)

@@ -1,4 +1,4 @@
-"""Facts of what one side has alone, of the model as a whole, of actuators, and of content that no typed entry holds."""
+"""Facts of missing parts, of the model, of actuators, and of content without a typed entry."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from screwgauge.reference.mechanism import GROUND
 
 
 def paired(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
-    """Align two machines; bodies that one side alone moves against each other are one on both.
+    """Align two machines; bodies that only one side moves against each other are fused on both.
 
-    By their names that is known before machines are aligned; without names, only afterwards.
+    Names show them before the alignment; without names they are found afterwards.
     """
     lost = list[Fact]()
     if names.bodies:
@@ -41,7 +41,7 @@ def paired(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
 
 
 def _fixed(pair: Pair) -> Iterator[tuple[str, Link]]:
-    """Find links to bodies without a partner whose mass the partner of their neighbour has besides its own."""
+    """Find links to bodies without a partner whose mass is part of the partner of their neighbour."""
     for side, each in (("A", pair), ("B", pair.inverse)):
         partners = each.alignment.bodies
         for link in (end for one in each.alignment.only_a for end in (one, one.reversed())):
@@ -54,7 +54,7 @@ def _fixed(pair: Pair) -> Iterator[tuple[str, Link]]:
 
 
 def _fused_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
-    """Both machines without links between bodies that the other one has as one, and without welds that it lacks."""
+    """Fuse bodies that the other machine has as one, and drop welds that it lacks."""
     sides, facts = {"A": a, "B": b}, list[Fact]()
     for side, other in ("AB", "BA"):
         sides[side], lost = _without_welds(sides[side], sides[other], side)
@@ -66,12 +66,12 @@ def _fused_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact
 
 
 def _owners(machine: Machine) -> dict[str, str]:
-    """The body that each of its links is part of."""
+    """Return the body of each link."""
     return {name: body for body, each in machine.bodies.items() for name in each.frames}
 
 
 def _without_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """A machine without welds of bodies that the other one has, and not as one."""
+    """Drop welds between bodies that the other machine has apart."""
     owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
     gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
     if not gone:
@@ -81,7 +81,7 @@ def _without_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, li
 
 
 def _without_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """A machine with bodies as one that the other one has as one, where that has them."""
+    """Fuse bodies that the other machine has as one, at the coordinate at which it holds them."""
     owners = _owners(other)
     held = {
         link.joints: q
@@ -99,13 +99,13 @@ def _without_links(own: Machine, other: Machine, side: str) -> tuple[Machine, li
 
 
 def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
-    """Whether both bodies of a link are one on the other side, by the names of their members."""
+    """True if both bodies of a link are a single one on the other side, by the names of their members."""
     ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
 
 def _held(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """The coordinate of a joint at which its bodies are as the other side has them; None at home, or where none is."""
+    """Return the coordinate of a joint at which its bodies stand as on the other side; None at home, or without one."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -119,7 +119,7 @@ def _held(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -
 
 
 def structure_facts(pair: Pair) -> Iterator[Fact]:
-    """Tell what one side has alone: joints that are fixed on the other side, subtrees, links between known bodies."""
+    """Yield parts of one side alone: joints that the other side fixes, subtrees, links between paired bodies."""
     yield from pair.lost
     for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
         machine = pair.a if side == "A" else pair.b
@@ -138,7 +138,7 @@ def structure_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) -> list[str]:
-    """Bodies without a partner that hang together, from some of them on."""
+    """Return the bodies without a partner that are connected to some of them."""
     found = list(bodies)
     for body in found:
         ends = {end for link in links if link.joins(body) for end in (link.near, link.far)}
@@ -147,7 +147,7 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
 
 
 def _lost(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
-    """A link without a partner, the bodies that go with it, and their mass or the coordinate at which it stands."""
+    """Make the fact of a link without a partner, with its bodies, and their mass or its coordinate."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
     fact = _alone(side, "/".join(link.joints or link.names), what, link.kind)
@@ -160,7 +160,7 @@ def _alone(side: str, part: str, what: str, kind: str) -> Fact:
 
 
 def name_facts(pair: Pair) -> Iterator[Fact]:
-    """Tell joints that have the name of another joint on the other side."""
+    """Yield joints that have the name of another joint on the other side."""
     for name, partner in pair.joints.items():
         if pair.crosses_names(name):
             yield Fact(name, "name", name, partner.name, kind="convention", partner=partner.name)
@@ -181,7 +181,7 @@ def model_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare motors of joints by the joints that they drive; a file without any says nothing of them."""
+    """Compare motors by the joints that they drive, where both files have some."""
     a, b = pair.a.reading.actuators, pair.b.reading.actuators
     if not (a and b):
         return
@@ -195,7 +195,7 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
         if back.get(driven, driven) != joint:
             yield Fact(name, "driven joint", joint, driven, partner=partners[name], of=joint)
             continue
-        # a motor of a joint that counts the other way may have either sign
+        # a motor of a reversed joint may have either sign
         same = not apart(gear, -other) and pair.partner(joint).sign < 0.0
         if size := apart(gear, other):
             change = Change(name, "gear", np.array(other))
@@ -209,7 +209,7 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_partners(pair: Pair) -> dict[str, str]:
-    """Actuators of A with those of B: of one name and joint, of a name that a file gives, of one joint, of one name."""
+    """Pair actuators: by name and joint, by a name that a file gives, by joint, by name."""
     a, b, back = pair.a.reading.actuators, pair.b.reading.actuators, pair.back
     ours = {name: joint for name, (joint, _) in a.items()}
     theirs = {name: back.get(joint, joint) for name, (joint, _) in b.items()}
@@ -228,17 +228,17 @@ def actuator_partners(pair: Pair) -> dict[str, str]:
     return found
 
 
-#: Item of A and item of B, of which one may be missing.
+#: Items of A and B; one may be missing.
 _Both = tuple[Content | None, Content | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Beyond:
-    """Content of two models, by what becomes of it.
+    """Content of two models without a typed entry.
 
     Attributes:
-        facts: Of what is compared.
-        withheld: What is not compared and could differ, with its side; `aside`: what is outside the comparison.
+        facts: Differences of compared content.
+        withheld: Content that could differ and is not compared, with its side; `aside`: content out of scope.
     """
 
     facts: tuple[Fact, ...] = ()
@@ -247,7 +247,7 @@ class Beyond:
 
 
 def content_of(pair: Pair) -> Beyond:
-    """Compare content item by item, by what it acts on."""
+    """Compare content item by item, paired by the parts that it acts on."""
     a, b = pair.a.reading, pair.b.reading
     names = {
         "joints": pair.back,
@@ -267,13 +267,13 @@ def content_of(pair: Pair) -> Beyond:
 
 
 def _kept(content: Iterable[Content], pair: Pair) -> list[Content]:
-    """Content without what acts on joints of one side alone, which is told of these joints."""
+    """Drop content that acts only on joints without a partner, which are facts themselves."""
     acts = [({name for room, name, _ in each.of if room == "joints"}, each) for each in content]
     return [each for joints, each in acts if not joints or joints & pair.joints.keys()]
 
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
-    """Pair items that act on the same; among several of them those that say the same."""
+    """Pair items that act on the same parts, equal ones first."""
     ours, theirs = _grouped(a), _grouped(b)
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
@@ -289,7 +289,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
 
 
 def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
-    """Content by kind and by what it acts on; by its own name where that is nothing that has a partner."""
+    """Group content by kind and by the parts that it acts on, or by its name where it acts on none."""
     groups = defaultdict[object, list[Content]](list)
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
@@ -299,7 +299,7 @@ def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
 
 
 def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float | str]]:
-    """Label and both values of all that two items of one length say."""
+    """Yield label and both values of each entry of two items."""
     for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False):
         yield f"coefficient of {name}", x, y
     for (key, one), (_, other) in zip(a.values or (), b.values or (), strict=False):
@@ -317,7 +317,7 @@ def _size(x: float | str, y: float | str) -> float:
 
 
 def _same(a: Content, b: Content) -> bool:
-    """Whether both are known and say the same; numbers to rounding."""
+    """True if both items are known and have equal values, numbers up to rounding."""
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
     labels = all(key == other for (key, _), (other, _) in zip(a.values, b.values, strict=True))
@@ -325,22 +325,22 @@ def _same(a: Content, b: Content) -> bool:
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, alike: bool) -> str:
-    """``same``, ``differs``, or a fate of `content.toml`.
+    """Return ``same``, ``differs``, or a fate of `content.toml`.
 
     Args:
-        alike: All joints have the same names in both.
+        alike: True if all joints have the same names in both.
     """
     one = a or b
     assert one is not None
     kind, both = kinds()[one.kind], a is not None and b is not None
     if kind.name == OTHER and alike and a is not None and b is not None and _same(a, b):
-        return "same"  # whatever it means, both files say it in the same words of the same parts
+        return "same"  # both files state it in the same words for the same parts
     if kind.fate != "compared":
         return kind.fate
     if any(each is not None and each.values is None for each in (a, b)):
         return "withheld"
     texts = any(isinstance(value, str) for each in (a, b) if each for _, value in each.values or ())
-    if texts and not alike:  # they have names of joints in them
+    if texts and not alike:  # texts contain names of joints
         return "withheld"
     if both:
         return "same" if _same(a, b) else "differs"  # type: ignore[arg-type]
@@ -352,7 +352,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _fact(a: Content | None, b: Content | None) -> Fact:
-    """A fact whose values are all numbers and texts that differ, by their labels."""
+    """Make a fact whose values are the differing numbers and texts, by label."""
     one = a or b
     assert one is not None
     names = [each.whose.rpartition(" ")[2] if each else "" for each in (a, b)]

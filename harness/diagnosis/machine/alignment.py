@@ -1,4 +1,4 @@
-"""Which body and which link of one machine is which of another: outwards from the ground, by names and by geometry.
+"""Pairs bodies and links of two machines, outwards from the ground, by names and by geometry.
 
 At each pair of bodies their links are assigned to each other at the least cost, by names, kind, place, mass and number
 of neighbours. The body behind a pair of links is then placed in the first machine's world (`placement`).
@@ -81,7 +81,7 @@ def partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> 
 
 
 def _alike(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
-    """Further joints of one kind whose names are the only ones that look so."""
+    """Pair further joints of one kind whose names, once simplified, are unique."""
     left = [name for name in b.joints if name not in joints.values()]
     keys, own = [similar(name) for name in left], [similar(name) for name in a.joints if name not in joints]
     found = {}
@@ -95,7 +95,7 @@ def _alike(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[
 
 
 def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
-    """Joints of which the names of one model are those of the other with one and the same text before them."""
+    """Pair joints if all names of one model are those of the other with a common prefix."""
     for one, two, back in ((a, b, False), (b, a, True)):
         first = next(iter(one.joints), "")
         for prefix in (name.removesuffix(first) for name in two.joints if first and name.endswith(first)):
@@ -107,19 +107,19 @@ def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
 
 
 def _plain(name: str) -> str:
-    """A name without what files add to it: case, separators, the words joint and link, a robot's name before it."""
+    """Simplify a name: drop case, separators, the words joint and link, and a robot's name before it."""
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
 
-#: Share of the machine's length up to which features are near each other; and share of bodies of which most are.
+#: Largest distance of near features in lengths of the machine; and the share of near features of a matching body.
 NEAR, MANY = 0.01, 0.5
-#: Cost up to which two links are taken for one; and where they carry bodies of one name.
+#: Largest cost of partners; and of partners that carry bodies of one name.
 MOST, NAMED = 3.2, 6.0
 #: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
 FAR = 0.1
-#: Cost of a joint that leads others beside one that follows: it distinguishes fingers that are the same but for that.
+#: Cost of pairing a joint that leads with one that follows: it distinguishes fingers that are equal otherwise.
 UNLIKE = 0.5
-#: Cost of a pair whose cost is no finite number, beyond those of all others.
+#: Cost in place of one that is no finite number, above all others.
 DEAREST = 1e9
 
 
@@ -143,7 +143,7 @@ class Alignment:
 
     @property
     def inverse(self) -> Alignment:
-        """Bodies and links of B with those of A."""
+        """The alignment of B with A."""
         bodies = {other: name for name, other in self.bodies.items()}
         ends = [(x, y) for one, other in self.links for x, y in ((one.near, other.near), (one.far, other.far))]
         known = {other: name for name, other in ends if name in self.placed} | bodies
@@ -152,7 +152,7 @@ class Alignment:
         return Alignment(bodies, placed_, links, self.only_b, self.only_a)
 
     def fused(self, gone: Link, side: str) -> Alignment:
-        """Bodies and links where a link of a body without a partner is gone, and this body is part of its neighbour."""
+        """Return the alignment with a body without a partner fused into its neighbour."""
         if side == "B":
             return self.inverse.fused(gone, "A").inverse
         links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
@@ -160,7 +160,7 @@ class Alignment:
         return replace(self, links=links, only_a=tuple(one for one in only if one.near != one.far))
 
     def covers(self, a: Machine, b: Machine) -> bool:
-        """Whether every body and link has a partner."""
+        """True if every body and link has a partner."""
         return not (self.only_a or self.only_b) and len(self.bodies) == len(a.bodies) == len(b.bodies)
 
 
@@ -183,31 +183,31 @@ def assignment(cost: Array) -> list[tuple[int, int]]:
 
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
-    """Whether joints of a link lead others by a coupling, and whether they follow."""
+    """Return two flags: joints of a link lead others by a coupling, and they follow others."""
     joints, couplings = {*link.joints}, reading.couplings.values()
     return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 
 
 def _behind(machine: Machine, link: Link) -> list[Link]:
-    """What hangs on the far body of a link."""
+    """Return the other links of the far body of a link."""
     return [far for far in machine.at(link.far) if {*far.names} != {*link.names}]
 
 
 def aligned(
     a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
 ) -> Alignment:
-    """Finds partners.
+    """Find partners of all bodies and links.
 
     Args:
-        known: Joints of A with those of B that names, or the user, say.
-        bodies: The same of bodies of the readings.
-        believed: Of where a body lies.
+        known: Joints of A -> those of B, by names or as the user gave them.
+        bodies: Bodies of the readings of A -> those of B, likewise.
+        believed: Assumptions on the placement of bodies.
     """
     return _Walk(a, b, known, bodies, believed).done()
 
 
 class _Walk:
-    """The walk from the ground outwards."""
+    """A walk from the ground outwards."""
 
     def __init__(
         self, a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
@@ -238,7 +238,7 @@ class _Walk:
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skipping(self, near: str) -> list[tuple[Link, Link]]:
-        """Links of a body and those behind another link of its partner that are in one place: that link is missing."""
+        """Pair links of a body with coincident ones behind another link of its partner: that link is missing."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]
@@ -254,7 +254,7 @@ class _Walk:
         return self._once(skipped)
 
     def _once(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
-        """Each link in one pair, the likeliest first: slides in one direction lie on each other."""
+        """Keep one pair for each link, the likeliest first: parallel slides coincide."""
         chosen = list[tuple[Link, Link]]()
         for one, other in sorted(filter(self._may_meet, pairs), key=lambda pair: self._cost(*pair)):
             if all(one is not x and other is not y for x, y in chosen):
@@ -262,7 +262,7 @@ class _Walk:
         return chosen
 
     def _lie(self, one: Link, other: Link, near: str) -> bool:
-        """Whether two links, and most of their descendants, are in one place where a body lies on its partner."""
+        """True if two links and most of their descendants coincide under the placement of a body."""
         T = self.placed[near]
         if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
             return False
@@ -270,7 +270,7 @@ class _Walk:
         return bool((off < NEAR).sum() >= MANY * len(off))
 
     def _assigned(self, near: str) -> Iterator[tuple[Link, Link]]:
-        """Pairs of links of a body, the surest first."""
+        """Pair the links of a body, the surest first."""
         there = self.bodies[near]
         ours = [link.of(near) for link in self.open_a if link.joins(near)]
         theirs = [link.of(there) for link in self.open_b if link.joins(there)]
@@ -285,13 +285,13 @@ class _Walk:
                 yield one, other
 
     def _may_meet(self, pair: tuple[Link, Link]) -> bool:
-        """Whether the far bodies of two links are partners, or have none."""
+        """True if the far bodies of two links are partners, or both have none."""
         one, other = pair
         fresh = one.far not in self.bodies and other.far not in self.bodies.values()
         return fresh or self.bodies.get(one.far) == other.far
 
     def _cost(self, one: Link, other: Link) -> float:
-        """How unlike two links and their descendants are; names that are the same weigh more than all else."""
+        """Return the dissimilarity of two links and their descendants; equal names outweigh all else."""
         a, b, T = self.a, self.b, self.placed[one.near]
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):

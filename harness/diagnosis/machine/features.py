@@ -19,7 +19,7 @@ UPPER = np.triu_indices(3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Feature:
-    """What a link is on one of its bodies: a point (S), a line (R) or a direction (P)."""
+    """Geometry of a link on one of its bodies: a point (S), a line (R) or a direction (P)."""
 
     kind: str
     point: Array
@@ -31,7 +31,7 @@ class Feature:
 
 
 def features(link: Link, body: str) -> list[Feature]:
-    """Features of a link on one of its bodies; none of a free one."""
+    """Return the features of a link on one of its bodies; a free link has none."""
     if link.kind == "F":
         return []
     if body != link.near and link.step is not None:
@@ -47,7 +47,7 @@ def feature(element: Element) -> Feature:
 
 
 def gap(one: Feature, other: Feature, length: float) -> Array:
-    """How far two features are from each other: of directions, and of places. Shape (6,), lengths of the machine."""
+    """Return the difference of two features: of directions, and of places in lengths of the machine. Shape (6,)."""
     if one.kind != other.kind:
         return np.append(2.0, np.zeros(5))
     sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
@@ -76,27 +76,27 @@ class Shape:
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Kind, point and direction (none of a point) of what shows where it is: all but directions."""
+        """Yield kind, point and direction of features with a place; the direction of a point is zero."""
         yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
 
     def directions(self) -> Iterator[tuple[str, Array]]:
-        """Kind and direction of what has one, principal axes of inertia among them; none of these has a sense."""
+        """Yield kind and direction of features and of principal axes; their sense is arbitrary."""
         yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
         if self.matter.mass:
             yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
 
 
 def _is_derived(machine: Machine, link: Link, body: str) -> bool:
-    """Whether the file derives where a link lies on a body from where its other body is at home."""
+    """True if the file derives the place of a link on a body from the home of its other body."""
     closures = [machine.reading.closures[name] for each in link.elements for name in each.closures]
     ends = {machine.part_of(each.second) for each in closures}
     return bool(closures) and not link.joints and ends == {body} and all(each.derived for each in closures)
 
 
 class Overlay:
-    """A body of B laid on one of A, for one placement after the other."""
+    """A body of B laid on one of A, evaluated for one placement after the other."""
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
         self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length
@@ -104,7 +104,7 @@ class Overlay:
         self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
 
     def residuals(self, T: Array) -> Array:
-        """How it lies there: a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
+        """Return a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
 
         Args:
             T: Placement of B's world in A's. Shape (4, 4).
@@ -122,7 +122,7 @@ class Overlay:
         return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
 
     def _gaps(self, T: Array) -> Array:
-        """Gaps, as by `gap`, of each feature of A and the nearest one of B. Shape (n, 6)."""
+        """Return the `gap` between each feature of A and the nearest one of B. Shape (n, 6)."""
         ours = self.ours
         if not self.unlike.size:
             return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
@@ -140,5 +140,5 @@ class Overlay:
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """How a body of B lies on one of A, with B's world placed in A's, shape (4, 4). Shape (n,)."""
+    """Return the misfits of a body of B laid on one of A; T places B's world in A's, shape (4, 4). Shape (n,)."""
     return Overlay(a, b, bodies).misfits(T)

@@ -1,5 +1,6 @@
-"""Where a body of one machine lies in the world of another: by the candidate, or the motion of its link, that brings
-most of its own features and its matter onto those of its partner.
+"""Placement of a body of one machine in the world of another.
+
+A candidate, or a motion of its link, that brings most of its features and its matter onto those of its partner.
 """
 
 from __future__ import annotations
@@ -17,47 +18,47 @@ from screwgauge.models.poses import exponential, matrix, shortest_turn
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
-#: Where a feature counts half [lengths of the machine, rad, relative].
+#: Distance at which a feature counts half [lengths of the machine, rad, relative].
 HALF = 0.01
-#: Candidates from frames of one name that are tried.
+#: Number of frames of one name that are tried.
 FRAMES = 6
-#: Principal moments, or a centre of mass and its axis, are distinct by such a share; those of two bodies are the same
-#: up to a share of `ALIKE`.
+#: Least relative distance of distinct principal moments, or of a centre of mass from its axis; and largest one of equal
+#: moments of two bodies.
 DISTINCT, ALIKE = 1e-3, 1e-6
-#: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
+#: Number of candidates that are fitted along a link, and initial angles of its hinges [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
-#: Vectors across a hinge that are shorter determine no angle [lengths of the machine].
+#: Least length of a vector across a hinge that determines an angle [lengths of the machine].
 FLAT = 1e-6
-#: Gauss-Newton: differences by which it differentiates, its largest step, and the residuals that count half.
+#: Gauss-Newton: finite difference, largest step, and scales at which residuals count half.
 STEP, FAR = 1e-7, 0.7
 SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """What is believed of where a body lies.
+    """Assumptions on the placement of bodies.
 
     Attributes:
-        exact: What a feature that lies exactly on its partner counts beside one that is near: of an edited copy most
-            features are exact; of two robots that are only alike some are, by chance.
-        fits: Whether motions of its link, principal axes and centres of mass may place it, which something that is
-            displaced alone would mislead; else only coordinates and frames of one name do.
+        exact: Weight of an exact feature beside a near one: in an edited copy most features are exact; in two robots
+            that are only alike a few are, by chance.
+        fits: True if motions of its link, principal axes and centres of mass may place a body, which a single displaced
+            feature would mislead; else only coordinates and frames of one name do.
     """
 
     exact: float = 0.25
     fits: bool = True
 
     def score(self, off: Array) -> float:
-        """How good a placement is by its misfits."""
+        """Rate a placement by its misfits."""
         whole = 0.5 * bool((off < EXACT).all())
         return whole + float((1.0 / (1.0 + (off / HALF) ** 2) + self.exact * (off < EXACT)).sum())
 
 
 def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
-    """Placement of B's world in A's that lays the descendants of a link onto those of its partner.
+    """Place B's world in A's so that the descendants of a link lie on those of its partner.
 
     Args:
-        near: Placement of B's world in A's by the parents of the links. Shape (4, 4).
+        near: Placement by the parents of the links. Shape (4, 4).
     """
     overlay = Overlay(a, b, (links[0].far, links[1].far))
     tried, score = list(_candidates(a, b, links, near)), believed.score
@@ -86,7 +87,7 @@ def _further(
     tried: list[Array],
     score: Callable[[Array], float],
 ) -> Iterator[Array]:
-    """Placements by motions of the link, where no candidate is exact."""
+    """Yield placements by motions of the link, for use where no candidate is exact."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
@@ -94,7 +95,7 @@ def _further(
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:
-    """Placements without a fit: the same coordinates, the same pose, the joint displaced, frames of one name."""
+    """Yield placements without a fit: equal coordinates, equal pose, the joint displaced, frames of one name."""
     one, other = links
     same = one.kind == other.kind and one.articulated and other.articulated
     if same and len(one.elements) == len(other.elements):
@@ -111,7 +112,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
 
 
 def _by_matter(a: Machine, b: Machine, links: tuple[Link, Link]) -> Iterator[Array]:
-    """Placements that lay principal axes of inertia onto each other, or the link's axis and the centre of mass."""
+    """Yield placements that align principal axes of inertia, or the link's axis and the centre of mass."""
     sides = [(m.bodies[link.far], link) for m, link in ((a, links[0]), (b, links[1]))]
     for landmarks in (_principal, _arm):
         (ours, size_), (theirs, other) = (landmarks(body, link, a.length) for body, link in sides)
@@ -120,7 +121,7 @@ def _by_matter(a: Machine, b: Machine, links: tuple[Link, Link]) -> Iterator[Arr
 
 
 def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Frames of the principal axes at the centre of mass, with all signs, and the moments; none of a round body."""
+    """Return frames of the principal axes with all signs, and the moments; a round body has no frames."""
     moments, R = np.linalg.eigh(body.matter.inertia)
     if body.matter.mass == 0.0 or np.diff(moments).min() < DISTINCT * abs(moments[-1]):
         return [], moments
@@ -130,7 +131,7 @@ def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Arra
 
 
 def _arm(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Frames along the axis of a hinge, with the way to the centre of mass, and its length; none if it is short."""
+    """Return frames along a hinge and towards the centre of mass, and the distance; no frames if that is short."""
     if link.kind != "R" or body.matter.mass == 0.0:
         return [], np.zeros(1)
     d, point = link.elements[0].direction, link.elements[0].centre
@@ -165,7 +166,7 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
 
 
 def laid(one: Feature, other: Feature) -> Array:
-    """The shortest displacement of another feature onto the one. Shape (4, 4)."""
+    """Return the shortest displacement of the second feature onto the first. Shape (4, 4)."""
     R: Array = np.eye(3)
     if one.kind != "S":
         sense = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
@@ -176,19 +177,19 @@ def laid(one: Feature, other: Feature) -> Array:
 
 
 def _fitted(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
-    """The motion by some steps that lays most of a body exactly onto its partner: the rest of it may differ."""
+    """Return the motion by some steps that lays most of a body exactly onto its partner."""
     best, most = near, -math.inf
     for T in _moves(overlay, steps, near):
         off = overlay.misfits(T)
         if (found := score(off)) > most:
             best, most = T, found
-        if off.max() <= EXACT:  # of machines that are symmetric the first, which moves least
+        if off.max() <= EXACT:  # on symmetric machines take the first, which moves least
             break
     return best
 
 
 def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
-    """Placements by some steps: in closed form where one hinge, or none, is among them."""
+    """Yield placements by some steps: in closed form with at most one hinge."""
     hinges = [step for step in steps if step.kind == "hinge"]
     ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
     if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _along(ways, hinges[0].direction)):
@@ -201,12 +202,12 @@ def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Arra
 
 
 def _along(ways: Array, axis: Array) -> bool:
-    """Whether directions, none of a point, are that of an axis. Shape (3,) or (n, 3)."""
+    """True if directions, zero for points, are parallel to an axis. Shape (3,) or (n, 3)."""
     return float(np.abs(cross(ways, np.broadcast_to(axis, ways.shape))).max()) < EXACT
 
 
 def _turned(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
-    """Turns about a hinge that bring a feature of a body, its centre of mass or its inertia onto its partner."""
+    """Yield turns about a hinge that bring a feature, the centre of mass or the inertia onto its partner."""
     axis, centre = hinge.direction, hinge.centre
     ours, theirs = overlay.ours, overlay.theirs.placed(near)
     places = product(ours.places(), theirs.places())
@@ -225,7 +226,7 @@ def _turned(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
 
 
 def _shifted(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
-    """Shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
+    """Return shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
     shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
         if kind == other:
@@ -235,7 +236,7 @@ def _shifted(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
 
 
 def _descended(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
-    """The placement that a fit by some steps reaches from a start."""
+    """Return the placement that a fit by some steps reaches from a start."""
 
     def placement(q: Array) -> Array:
         out: Array = np.eye(4)
@@ -247,7 +248,7 @@ def _descended(overlay: Overlay, steps: list[Element], near: Array, start: Array
 
 
 def descended(residuals: Callable[[Array], Array], q: Array) -> Array:
-    """Least squares by Gauss-Newton, robust: residuals that stay large count for ever less (Cauchy's weights).
+    """Minimise residuals by robust Gauss-Newton steps: large residuals lose weight (Cauchy).
 
     Args:
         residuals: Coordinates, shape (k,) -> residuals in rows that count as one. Shape (n, m).
@@ -267,7 +268,7 @@ def descended(residuals: Callable[[Array], Array], q: Array) -> Array:
 
 
 def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
-    """How far two links are from each other on their near bodies, in lengths of the machine or rad.
+    """Return the distance of two links on their near bodies, in lengths of the machine or rad.
 
     Args:
         T: Placement of B's world in A's. Shape (4, 4).
@@ -278,7 +279,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
 
 
 def _elsewhere(link: Link) -> list[Element]:
-    """Hinges and slides by which the whole can still stand elsewhere, once a link at the ground lies on its partner."""
+    """Return hinges and slides by which the whole can still move once a link at the ground lies on its partner."""
     if link.kind not in ("R", "P"):
         return _freedoms(link)
     axis, centre = link.elements[0].direction, link.elements[0].centre
@@ -288,7 +289,7 @@ def _elsewhere(link: Link) -> list[Element]:
 
 
 def _freedoms(link: Link) -> list[Element]:
-    """Hinges and slides by which a link moves."""
+    """Return the hinges and slides of a link."""
     if link.kind in ("S", "F") and link.centre is not None:
         turns = [Element("hinge", np.append(e, np.cross(link.centre, e)), link.centre) for e in np.eye(3)]
         ways = [Element("slide", np.append(np.zeros(3), e), link.centre) for e in np.eye(3)]

@@ -1,7 +1,7 @@
-"""What one statement explains of two models at once: the whole stands elsewhere, is mirrored, is in other units.
+"""Differences of the whole: another place, a mirror image, other units.
 
-It is found from the features of all partners together, in the world: from the ground outwards, the freedom of the first
-joint would be taken for the answer.
+They are found from the features of all partners together, in the world: from the ground outwards, the freedom of the
+first joint would be mistaken for the answer.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: From how many parts on one factor is that of the whole, what share of them agree, and how closely.
+#: Least number of parts that share a factor of the whole, their least share of all parts, and the tolerance.
 SEVERAL, MOST, SAME = 3, 0.6, 1e-4
-#: Factors of masses and of inertias that differ by less are one, relative: files print six digits.
+#: Largest relative difference of equal factors of masses and inertias: files print six digits.
 ROUNDED = 1e-5
-#: A feature counts half where it is so far off [lengths of the machine, rad, relative]; in place below `NONE`.
+#: Distance at which a feature counts half, and below which it is in place [lengths of the machine, rad, relative].
 NEAR, NONE = 0.02, 1e-6
-#: Share of features on their partners where nothing is asked of the whole; and what a place of it has to gain.
+#: Share of features in place above which no whole is sought, and the least gain of a whole in another place.
 ENOUGH, GAIN = 0.9, 0.1
-#: Two axes whose product is larger span a frame [sine]; of so many pairs of them frames are tried.
+#: Least sine between two axes that span a frame, and the number of pairs of axes that are tried.
 ACROSS, PAIRS = 0.3, 8
-#: By what frames of bodies are mirrored if the whole is.
+#: Reflection of the frames of bodies in a mirrored whole.
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 _AXES = "xyz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whole:
-    """How B as a whole is made from A.
+    """A transformation that makes B from A as a whole.
 
     Attributes:
-        placement: Of A's world in B's, in A's lengths; of determinant -1 where B is mirrored. Shape (4, 4).
-        length, mass, inertia: Of B, over those of A.
+        placement: A's world in B's, in A's lengths; of determinant -1 where B is mirrored. Shape (4, 4).
+        length, mass, inertia: Factors from A to B.
     """
 
     placement: Array = field(default_factory=lambda: np.eye(4))
@@ -53,7 +53,7 @@ class Whole:
 
     @property
     def stands(self) -> bool:
-        """Whether it is the same machine in the same units, elsewhere."""
+        """True if B is A in another place, in the same units."""
         return not self.mirrored and self.length == self.mass == self.inertia == 1.0
 
     @property
@@ -62,7 +62,7 @@ class Whole:
 
     @property
     def step(self) -> tuple[str, Array]:
-        """Axis in which it is mirrored, if it is; and rotation vector [rad] and way [m] from A to B, shape (2, 3)."""
+        """Axis of a mirror image, else empty; and rotation vector [rad] and way [m] from A to B, shape (2, 3)."""
         R, way = self.placement[:3, :3], self.placement[:3, 3]
         if not self.mirrored:
             return "", np.array([rotation_vector(R), way])
@@ -71,7 +71,7 @@ class Whole:
         return _AXES[i], np.array([turns[i], way])
 
     def undone(self, b: Reading, a: Reading) -> Reading:
-        """B in the units of A, where A stands, under the gravity that is nearest to A's."""
+        """Return B in the units and the place of A, under the gravity that is nearest to A's."""
         T = np.asarray(np.linalg.inv(self.placement))
         g = downwards(b)
         tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
@@ -80,17 +80,17 @@ class Whole:
         return replace(out, gravity=None if b.gravity is None else gravity)
 
     def done(self, a: Reading) -> Reading:
-        """A as B has it, under A's gravity: as the torques of B are."""
+        """Return A in the units and the place of B, under A's gravity, as for torques of B."""
         T = self.placement.copy()
         T[:3, 3] *= self.length
         return replace(_transformed(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
 
 
 def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
-    """A reading in other units, then moved, or mirrored; coordinates of hinges stay.
+    """Convert a reading to other units, then move or mirror it; coordinates of hinges stay.
 
     Args:
-        T: Of determinant 1 or -1. Shape (4, 4).
+        T: Transformation of determinant 1 or -1. Shape (4, 4).
     """
     R, sense = T[:3, :3], float(np.sign(np.linalg.det(T)))
     F = MIRROR if sense < 0.0 else np.eye(4)
@@ -134,10 +134,10 @@ Pairs = tuple[Mapping[str, str], Mapping[str, str]]
 
 
 def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
-    """What may explain the whole, the likeliest first.
+    """Find transformations that may explain the whole, the likeliest first.
 
     Args:
-        joints, bodies: Of A with those of B, as far as they are sure.
+        joints, bodies: Sure partners, A -> B.
     """
     pairs: Pairs = (joints, bodies)
     if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
@@ -150,7 +150,7 @@ def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[st
         length, mass, inertia = (1.0 / factor for factor in factors)
         unit = _transformed(b, np.eye(4), length, mass, inertia)
         overlays = [_Overlay(a, each, pairs) for each in _posed(a, unit, pairs[0])]
-        if not count:  # of B as it stands
+        if not count:  # B as it stands
             count, base = overlays[0].count, max(float(each.score(np.eye(4)[None])[0]) for each in overlays)
             if not count or base > ENOUGH * count:
                 return []
@@ -167,13 +167,13 @@ def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[st
 
 
 def _round(T: Array) -> Array:
-    """A placement whose entries are whole numbers where they nearly are. Shape (4, 4)."""
+    """Round entries of a placement that are nearly whole numbers. Shape (4, 4)."""
     near = np.round(T)
     return np.where(np.abs(T - near) < 1e-9, near, T)
 
 
 def _alike(a: Reading, b: Reading) -> Pairs:
-    """Joints and bodies of which the mass and the moments of inertia say which they are: no motion changes these."""
+    """Pair joints and bodies by mass and moments of inertia, which no motion changes."""
     sides = []
     for reading in (a, b):
         at: dict[tuple[float, ...], list[str]] = {}
@@ -191,7 +191,7 @@ def _alike(a: Reading, b: Reading) -> Pairs:
 
 
 def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
-    """B at the coordinates of A, if its loops are closed there, and at the closed pose that is nearest to its home."""
+    """Return B at the coordinates of A, if its loops close there, and at the closed pose next to its home."""
     b = at_closed_pose(b)
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
     if not q:
@@ -202,7 +202,7 @@ def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
 
 
 def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, float, float]]:
-    """Ratios of lengths, masses and inertias that most parts have in common."""
+    """Yield ratios of lengths, masses and inertias that most parts share."""
     bodies = [(a.bodies[x], b.bodies[y]) for x, y in pairs[1].items()]
     mass = _common([(x.mass, y.mass) for x, y in bodies])
     inertia = _common([(_norm(x.inertia), _norm(y.inertia)) for x, y in bodies])
@@ -215,7 +215,7 @@ def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, floa
 
 
 def _common(pairs: Sequence[tuple[float, float]]) -> float:
-    """The ratio that most pairs have, 1 if there is none."""
+    """Return the ratio that most pairs share; 1 if they share none."""
     ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
     middle = float(np.median(ratios)) if ratios else 1.0
     near = [ratio for ratio in ratios if abs(ratio / middle - 1.0) < SAME]
@@ -225,7 +225,7 @@ def _common(pairs: Sequence[tuple[float, float]]) -> float:
 
 
 def _gap(one: JointReading, other: JointReading) -> float:
-    """Distance of two axes, which no motion of either joint changes [m]."""
+    """Return the distance of two axes, which no motion of either joint changes [m]."""
     d, e = (each.direction if each.kind == "hinge" else np.zeros(3) for each in (one, other))
     step, normal = other.centre - one.centre, np.cross(d, e)
     if np.linalg.norm(normal) > 1e-6:
@@ -234,7 +234,7 @@ def _gap(one: JointReading, other: JointReading) -> float:
 
 
 class _Overlay:
-    """Features of partners as arrays: axes, centres of mass, inertias in the world."""
+    """Features of partners in the world, as arrays: axes, centres of mass, inertias."""
 
     def __init__(self, a: Reading, b: Reading, pairs: Pairs) -> None:
         joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items() if a.joints[x].kind in ("hinge", "slide")]
@@ -250,7 +250,7 @@ class _Overlay:
         self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
 
     def score(self, T: Array) -> Array:
-        """How many features of B lie on their partners, near ones in part. Shape (n, 4, 4) -> (n,)."""
+        """Count features of B on their partners; near ones count in part. Shape (n, 4, 4) -> (n,)."""
         R, p = T[:, :3, :3], T[:, None, :3, 3]
         (d, e), (c, k), (m, n), (I, J) = self.axes, self.points, self.centres, self.inertias
         tilt = np.linalg.norm(np.cross(np.einsum("gij,nj->gni", R, e), d), axis=-1)
@@ -263,7 +263,7 @@ class _Overlay:
         return np.asarray((0.5 / (1.0 + (errors / NEAR) ** 2) + 0.5 * (errors < NONE)).sum(axis=1))
 
     def candidates(self) -> Array:
-        """Placements, and mirrors, of B's world in A's. Shape (n, 4, 4)."""
+        """Return candidate placements and mirrors of B's world in A's. Shape (n, 4, 4)."""
         points, others = self.centres if len(self.centres[0]) else self.points
         out = []
         for R in self._turns(points, others):
@@ -272,7 +272,7 @@ class _Overlay:
         return np.array(out)
 
     def _turns(self, points: Array, others: Array) -> Iterator[Array]:
-        """Signed permutations, frames of two axes, and what lays all points onto each other best. Shape (3, 3) each."""
+        """Yield signed permutations, frames of two axes, and the best fits of all points. Shape (3, 3) each."""
         yield np.eye(3)
         for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
             yield np.eye(3)[list(order)] * np.array(signs)
