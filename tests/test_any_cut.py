@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -280,8 +281,8 @@ def test_a_motion_that_starts_far_from_home_is_told(tmp_path):
     assert not told
     scene.write_text(text.replace("motion.y0 = {", "motion.y0 = { offset = 0.4,"))
     screwgauge.run(screwgauge.load_scene(scene), engines=["screw"], quantities=["joint_position"], warn=told.append)
-    assert told == ["the motion starts at y0 = 0.4, home is y0 = 0 (coordinates do not count from home)"]
+    assert [re.findall(r"y0 = ([\d.]+)", line) for line in told] == [["0.4", "0"]]
     scene.write_text(text.replace("motion.y0 = {", "motion.y0 = { offset = 9,").replace('a"', 'd"'))
     (tmp_path / "mechanism.toml").write_text((tmp_path / "mechanism.toml").read_text().replace('y0 = "a"', 'y0 = "d"'))
-    with pytest.raises(screwgauge.ScrewgaugeError, match="the motion starts at y0 = 9, home is y0 = 0"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"y0 = 9.*y0 = 0"):
         screwgauge.run(screwgauge.load_scene(scene), engines=["screw"])

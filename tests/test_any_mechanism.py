@@ -61,7 +61,7 @@ def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash(tmp_path):
     shutil.copy(DATA / "pendulum-scene.toml", tmp_path)
     results = screwgauge.run(screwgauge.load_scene(tmp_path / "pendulum-scene.toml"), engines=["screw", "mujoco"])
     assert results.exit_status == 3
-    assert "mass and inertia of moving bodies must be larger" in results.failures["mujoco"].reason
+    assert "inertia of moving bodies" in results.failures["mujoco"].reason
     assert "/" not in results.failures["mujoco"].reason.split(":")[1]
 
 

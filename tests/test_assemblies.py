@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -49,16 +50,14 @@ def test_a_coarse_motion_past_a_lock_is_not_refused(distance):
 
 @pytest.mark.slow
 def test_a_motion_through_a_lock_is_refused_by_name():
-    with pytest.raises(SingularPoseError, match=r"passes through a singular pose near a = -0.804634.*leg2.base locks"):
+    with pytest.raises(SingularPoseError, match=r"a = -0.804634.*leg2.base locks"):
         check_scene(scene_at([[BASE_LOCK + 0.2, 0.0], [BASE_LOCK - 0.2, 0.0]]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("to", [[0.1, 0.9], [0.0, 0.5], [-0.3, 0.36], [0.2, SINGULAR_B + 1e-7]])
 def test_a_motion_over_the_lost_constraint_is_refused_there_and_follows_no_branch_that_turns_off(to):
-    with pytest.raises(
-        SingularPoseError, match=r"(?s)near a = \S+, b = 0.356801: .*the constraint of leg1.wrist is lost"
-    ):
+    with pytest.raises(SingularPoseError, match=r"(?s)b = 0.356801: .*leg1.wrist is lost"):
         check_scene(scene_at([[0.0, 0.0], to]))
 
 
@@ -88,8 +87,8 @@ def test_another_assembly_is_one_sentence(tmp_path, write):
     write_models(turned, tmp_path / "models", gravity=scene.applied.g)
     scene = replace(scene, models={"mujoco": tmp_path / "models" / f"{SCENE}.xml"})
     results = screwgauge.run(scene, ("screw", "mujoco"), ("actuator_force", "reaction"))
-    said = "mujoco is in another assembly than screw from t = 0 s on: leg4.base (q1 "
-    assert all(reason.startswith(said) for reason in results.pairs["reason"]), results.pairs.to_string()
+    named = re.compile("mujoco.*another assembly.*screw.*t = 0 s.*leg4.base")
+    assert all(map(named.search, results.pairs["reason"])), results.pairs.to_string()
     assert not results.pairs["ok"].any()
     assert repr(results).replace("\n", " ").count("another assembly") == 1
 
@@ -100,7 +99,7 @@ def test_engines_that_are_both_in_another_assembly_than_home_do_not_agree(tmp_pa
     write_models(turned, tmp_path / "models", gravity=scene.applied.g)
     files = {name: tmp_path / "models" / f"{SCENE}.{end}" for name, end in (("mujoco", "xml"), ("pinocchio", "urdf"))}
     results = screwgauge.run(replace(scene, models=files), tuple(files), ("actuator_force",))
-    assert all("is in another assembly than home's from t = 0 s on" in reason for reason in results.pairs["reason"])
+    assert all("another assembly than home's" in reason for reason in results.pairs["reason"])
     assert not results.pairs["ok"].any()
 
 

@@ -142,5 +142,5 @@ def test_a_loops_file_with_another_actuation_is_refused(scene, tmp_path):
     loops = path.with_suffix(".loops.toml")
     head, _, tail = loops.read_text().rpartition("actuated = true\n")
     loops.write_text(head + tail)
-    with pytest.raises(screwgauge.ScrewgaugeError, match="actuator_force and that of the description differ in 'leg4'"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"actuator_force.*'leg4'"):
         screwgauge.run(replace(scene, models={"pinocchio": path}), engines=["pinocchio"])

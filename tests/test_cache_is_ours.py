@@ -101,7 +101,7 @@ def test_a_folder_that_others_can_write_is_not_used(mode, cache_folder):
     keep()
     cache_folder.chmod(mode)
     for said in (cache.read("key", "version")[1], cache.write("key", "version", ARRAYS)):
-        assert "others can write the folder; chmod go-w makes it yours alone" in said
+        assert "chmod go-w" in said
     cache_folder.chmod(0o755)  # they may look
     assert cache.read("key", "version")[1] == ""
 
@@ -139,8 +139,8 @@ def test_what_is_no_file_of_the_user_s_own_is_not_used_and_made_anew(change, cac
 def test_a_folder_of_another_user_is_not_used(cache_folder, monkeypatch):
     keep()
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-    assert "the folder belongs to another user" in cache.read("key", "version")[1]
-    assert "the folder belongs to another user" in cache.write("key", "version", ARRAYS)
+    for said in (cache.read("key", "version")[1], cache.write("key", "version", ARRAYS)):
+        assert "belongs to another user" in said
 
 
 def test_a_file_beside_it_puts_no_script_into_a_page(cache_folder, monkeypatch):

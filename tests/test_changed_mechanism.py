@@ -62,9 +62,8 @@ def longer(mechanism):
 @pytest.mark.slow
 def test_the_report_says_so(scene, changed):
     results = screwgauge.run(changed, engines=["screw"], quantities=FORCE)
-    assert results.warnings == (
-        "the mechanism is not that of slider-crank.toml: it was changed, and is run as it is now",
-    )
+    (warning,) = results.warnings
+    assert "not that of slider-crank.toml" in warning
     said = results.provenance["description"]
     assert said["file"] == "generated slider-crank.toml"
     assert said == results.provenance["models"]["screw"]
@@ -103,7 +102,7 @@ def test_a_file_that_was_edited_after_it_was_read_changes_no_scene(write):
     write("m.toml", description(heavier(load_mechanism("slider-crank"))))
     results = screwgauge.run(scene, engines=["screw", "pinocchio"], quantities=FORCE)
     assert results.ok
-    assert "the mechanism is not that of m.toml: it was changed, and is run as it is now" in results.warnings
+    assert any("not that of m.toml" in warning for warning in results.warnings)
 
 
 CHANGES = {

@@ -67,12 +67,12 @@ WRONG = {
     "nothing": ("ENGINE = replace(ENGINE, tasks=frozenset())", "takes no task; name GivenMotion"),
     "lacks all": ("ENGINE = replace(ENGINE, lacks=dict.fromkeys(OF_MOTION, 'no'))", "lacks every quantity"),
     "refuses all": (
-        "def load(files): raise ModelFileError('has what it does not know', 'own', 'ask another engine')",
-        "refuses every mechanism that it is asked about first (3ups-upu-s-fast: own: has what it does not know",
+        "def load(files): raise ModelFileError('is odd', 'own', 'leave it')",
+        "first (3ups-upu-s-fast: own: is odd",
     ),
     "misses a library": (
-        "def load(files): import no_such_library",
-        "not installed (No module named 'no_such_library'); pip install no_such_library",
+        "def load(files): import missing",
+        "'missing'); pip install missing",
     ),
     "prints": ("def load(files):\n    print('loaded')\n    return screw.load(files)", "it prints; turn the output"),
     "crashes": (
@@ -80,7 +80,7 @@ WRONG = {
         "def load(files):\n"
         "    if files.model.stem == 'slider-crank': os.abort()\n"
         "    return screw.load(files)",
-        "own failed: crashed: its process got SIGABRT",
+        "crashed: its process got SIGABRT",
     ),
     "is wrong": (
         "class Model:\n"
@@ -92,7 +92,7 @@ WRONG = {
         "        new = replace(old, array=old.array * (1 + 1e-8))\n"
         "        return replace(answer, values={**answer.values, 'actuator_force': new})\n"
         "def load(files): return Model(files)",
-        "actuator_force of slider-crank (R and P joints, a load) differs, first in crank by",
+        "a load) differs, first in crank by",
     ),
 }
 
@@ -119,7 +119,7 @@ def test_what_an_engine_lacks_is_skipped_by_name(tmp_path):
     assert "own lacks reaction: has none" in said
 
 
-@pytest.mark.parametrize(("engine", "said"), [("", "no engine is named; give --engine"), ("onw", "did you mean 'own'")])
+@pytest.mark.parametrize(("engine", "said"), [("", "give --engine"), ("onw", "did you mean 'own'")])
 def test_an_engine_that_there_is_not_is_one_sentence(engine, said, tmp_path):
     status, printed = contract(tmp_path, engine=engine)
     assert status == pytest.ExitCode.USAGE_ERROR

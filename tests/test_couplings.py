@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -68,7 +69,7 @@ def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path
     assert np.abs(exact.values["joint_position"].array - wanted).max() < 1e-11  # 6e-13 is seen
     own = stepped("mujoco", integrator="Euler", dt=2e-4, solimp=0.9999)
     assert np.abs(own.values["joint_position"].array - wanted).max() < 2e-3  # 2e-4 is seen
-    assert any("curvature is missing from what it says: gear" in note for note in own.notes)
+    assert any(re.search("curvature.*: gear", note) for note in own.notes)
 
 
 @pytest.mark.slow

@@ -174,7 +174,7 @@ def test_simulations_agree_and_keep_the_energy(name, write):
 
 def test_a_coupling_of_several_by_powers_is_refused_by_name_where_mujoco_has_none(write):
     results = screwgauge.run(unloaded(write, CASES["cable of growing arm"]), engines=["screw", "mujoco"])
-    assert "lacks coupling 'tendon': MuJoCo has no powers in equalities of several" in results.failures["mujoco"].reason
+    assert "lacks coupling 'tendon': MuJoCo" in results.failures["mujoco"].reason
 
 
 def test_a_file_of_ones_own_with_such_a_coupling_is_taken(write, tmp_path):
@@ -242,7 +242,7 @@ GIVEN_TERMS = "terms = { motor = [0.06, 1], hip = [0.04, -1] }"
         ('terms = { motor = [0, 1] }\nof = "hip"', "has 'terms' and 'of'"),
         ("terms = { motor = [0, 1] }\npolynomial = [0]", "has 'terms' and 'polynomial'"),
         ("terms = {}", "'terms' has no entries"),
-        ("terms = { motor = [0, 1], hop = [0, 1] }", "unknown coordinate 'hop'; did you mean 'hip'"),
+        ("terms = { motor = [0, 1], hop = [0, 1] }", "'hop'; did you mean 'hip'"),
         ("terms = { motor = [0, 1], hip = [1] }", "'knee' does not depend on 'hip'"),
         ("terms = { motor = [0, 1], knee = [0, 1] }", "couples 'knee' to itself"),
         ("terms = { motor = 1, hip = [0, 1] }", "1 is not a list of coefficients"),

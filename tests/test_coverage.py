@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -129,7 +130,8 @@ def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
 def test_the_case_of_the_paper_tests_statics_and_a_fast_one_everything():
     found = looked_at(few("3ups-upu-s", 50))[0]
     assert found.untested == []
-    assert found.poor == "Inertia is 0.075 % of actuator_force: this motion tests statics."
+    assert found.inertia == ("actuator_force", pytest.approx(0.00075, rel=0.01))
+    assert "0.075 % of actuator_force" in found.poor
     assert looked_at(few("3ups-upu-s-fast"))[0].poor == ""
 
 
@@ -156,10 +158,9 @@ def test_a_scene_at_rest_tests_no_inertia():
     found = looked_at(rest)[0]
     assert {row["parameter"] for row in found.parameters if "inertia" in row["parameter"]} <= set(found.untested)
     assert "mass of link2" not in found.untested
-    assert found.poor == (
-        "Inertia is 0 % of actuator_force: this motion tests statics. Not tested here: mass of link1 and 22 others, "
-        "inertial forces, gyroscopic moments, the Lie bracket."
-    )
+    assert found.inertia == ("actuator_force", 0.0)
+    for fact in ("mass of link1 and 22 others", *found.absent):
+        assert fact in found.poor
 
 
 def test_what_a_slow_motion_leaves_out_is_told_from_what_no_motion_shows():
@@ -168,8 +169,8 @@ def test_what_a_slow_motion_leaves_out_is_told_from_what_no_motion_shows():
     found = looked_at(still)[0]
     assert "inertial forces" in found.absent
     assert found.hidden == {f"inertia {pair} of link1" for pair in ("xx", "yy", "xy")}
-    assert "Not tested here: com z of link1 and 39 others, inertial forces" in found.poor
-    assert "No compared quantity depends on inertia xx of link1 and 2 others in any motion through" in found.poor
+    assert "com z of link1 and 39 others" in found.poor
+    assert "inertia xx of link1 and 2 others" in found.poor
     fixed = replace(still, task=replace(still.motion, y=0.0 * still.motion.y))  # at one pose, chance hides things, too
     assert not looked_at(fixed)[0].hidden
 
@@ -196,9 +197,9 @@ _WIDE = dict.fromkeys((*FORCES, "tree_force_soft"), 1e-2)
 @pytest.mark.parametrize(
     ("quantities", "sentence"),
     [
-        (["joint_position"], "Nothing of the dynamics is tested: no force and no acceleration is compared."),
-        (["com_acceleration"], "No inertial parameter is tested: no force is compared."),
-        (["actuator_force"], "No compared quantity depends on com z of link1 and 8 others, gyroscopic moments in any"),
+        (["joint_position"], "no force and no acceleration"),
+        (["com_acceleration"], "No inertial parameter"),
+        (["actuator_force"], "com z of link1 and 8 others"),
         (["tree_force_soft"], "23 of 30 inertial parameters"),
     ],
 )
@@ -210,21 +211,18 @@ def test_what_is_compared_decides(quantities, sentence):
 def test_of_a_simulation_it_is_said_that_nothing_is_said():
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.1])
     results = screwgauge.run(scene, ["screw"])
-    assert results.coverage.sentence == "Coverage is stated of given motions, not of simulations."
+    assert "not of simulations" in results.coverage.sentence
 
 
 @pytest.mark.slow
 def test_verdict_report_and_summary_say_what_is_not_tested(tmp_path, monkeypatch):
     monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
     results = screwgauge.run(few("slider-crank"), ["screw", "pinocchio"])
-    clause = (
-        "No compared quantity depends on com z of crank and 21 others, gravity, gyroscopic moments, w1 x w2 of the Lie "
-        "bracket in any motion through these poses (mostly because the mechanism is planar): nothing is wrong."
-    )
+    clause = "com z of crank and 21 others"
     assert clause in " ".join(repr(results).split())
     results.write(tmp_path)
     page = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert f"11 of 33 inertial parameters and points of loads are tested. {clause}" in page
+    assert re.search(f"11 of 33 inertial.*{clause}", page)
     assert "| com z of crank | by no motion |" in page
     said = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["coverage"]
     assert said["sentence"] == results.coverage.sentence

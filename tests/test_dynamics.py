@@ -107,5 +107,5 @@ def test_spherical_axial_says_where_it_is_singular(engine):
     assert np.isnan(forces[:4]).all()
     assert np.isfinite(forces[4]).all()
     (note,) = results.solutions[engine].notes
-    assert "spherical_axial is singular at 4 of 5 samples" in note
+    assert "spherical_axial is singular at 4" in note
     assert "t = 0, 3.14159" in note

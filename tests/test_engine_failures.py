@@ -90,7 +90,7 @@ def test_an_engine_of_an_extra_is_installed_by_that(elsewhere, monkeypatch, scen
 
 
 def test_a_package_that_is_there_but_cannot_be_loaded_is_to_be_installed_anew(stand_in, scene):
-    error = ImportError("libx.so.4: cannot open shared object file: No such file or directory")
+    error = ImportError("libx.so.4: no such file")
     stand_in(pinocchio=raising(error))
     reason = screwgauge.run(scene, quantities=QUANTITIES).failures["pinocchio"].reason
     assert reason == f"cannot be loaded ({error}); pip install --force-reinstall pin"

@@ -90,7 +90,7 @@ CASES: dict[str, Callable[[], State]] = {
     "redundant loop": partial(sprung, "bennett"),
     "couplings in a loop": lambda: state(load_scene("screw-press")),
     "couplings of gears": lambda: state(load_scene("planetary-gear"), 2),
-    "couplings and joints of every kind": joints_of_every_kind,
+    "joints of every kind": joints_of_every_kind,
     "no weight": lambda: swinging(load_mechanism("five-bar"), Applied(gravity=np.zeros(3))),
     "free joint in loops": lambda: state(load_scene("stewart"), 1),
     "redundant actuators of smallest norm": lambda: state(load_scene("3ups-upu-s"), 2),

@@ -82,7 +82,7 @@ def test_several_figures_are_no_file(results, tmp_path):
         ({"width": "9km"}, "'9km' is no width"),
         ({"width": 8}, "8 is no width"),
         ({"width": "900cm"}, "is no width"),
-        ({"font": "No Such Font"}, "font 'No Such Font' is not installed"),
+        ({"font": "No Such Font"}, "'No Such Font' is not installed"),
         ({"font": 'a"/><script/>'}, "is not installed"),
         ({"size": 0.0}, "letters of 0.0 pt"),
         ({"dpi": 10**9}, "1000000000 dpi"),

@@ -130,7 +130,7 @@ def test_bad_springs_and_forces_are_said(pendulum):
     meeting = under(pendulum, Applied(springs=(PointSpring("ground", zero, "upper", zero, 1.0),)))
     with pytest.raises(SingularPoseError, match="its points meet"):
         meeting.check()
-    with pytest.raises(DescriptionError, match=r"actuator forces of shape \(3,\) for 2 of them at 3 poses"):
+    with pytest.raises(DescriptionError, match=r"shape \(3,\) for 2 of them at 3"):
         under(pendulum, actuators=np.zeros(3))
 
 
@@ -208,7 +208,7 @@ def test_coordinates_that_together_move_no_mass_are_refused_at_any_sample(write)
     """A massless arm with a point mass at its end, stretched."""
     path = write("m.toml", ELBOW)
     assert np.isfinite(response(path, (0.0, 1.0), (0.1, 1.0)).ydd).all()
-    with pytest.raises(SingularPoseError, match="some combination of the independent coordinates moves no mass"):
+    with pytest.raises(SingularPoseError, match=r"combination.*moves no mass"):
         response(path, (0.0, 0.1), (0.0, 0.0)).check()
 
 

@@ -157,7 +157,7 @@ def test_integration_that_stops_keeps_what_was_computed(engine, monkeypatch):
     monkeypatch.setattr(mover, "accelerate", refusing)
     found = simulate_scene(engine, screwgauge.load_scene("a02-fourbar-2").at(np.linspace(0.0, 1.0, 21)))
     assert found.stopped.startswith("t = 0.")
-    assert "no step leads on; a pose: is not safe" in found.stopped
+    assert "a pose: is not safe" in found.stopped
     assert 5 < len(found.q) < 20
     assert {len(part) for part in (found.q, found.v, found.a, found.work, found.condition)} == {len(found.q)}
 
@@ -227,7 +227,7 @@ def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, b
     assert len({size for _, size in again}) == len(again) == min(tries, len(SIZES))
     assert np.abs(found.q - easy.q[: len(found.q)]).max() < FOLLOWED["a04-bricard-box"]
     if tries > len(SIZES):
-        assert "steps have shrunk to 1e-09 s, and none leads on" in found.stopped
+        assert "shrunk to 1e-09 s" in found.stopped
     else:
         assert found.stopped == ""
         assert f"{tries} steps were made anew" in " ".join(found.notes)

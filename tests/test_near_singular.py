@@ -142,17 +142,16 @@ def test_a_chart_lock_costs_nothing_but_its_own_angles():
 
 def test_a_motion_beyond_a_singular_pose_is_refused(paper_scene, refused):
     said = refused("run", paper_scene(motion="motion = { a = { offset = 0.1 }, b = { offset = 0.5 } }"))
-    assert "t = 0 s: the motion lies beyond a singular pose, seen from home, at a = 0.1, b = 0.5" in said
-    assert "platform gains a freedom that a, b do not determine" in said
-    assert "the constraint of leg1.wrist is lost" in said
+    for fact in ("t = 0 s", "a = 0.1, b = 0.5", "platform gains a freedom", "leg1.wrist is lost"):
+        assert fact in said
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("y", "what"),
     [
-        ([0.1, UPU - 1e-13], "platform gains a freedom that a, b do not determine (leg1.q1, "),
-        ([0.0, BASE], "leg3.base locks: leg3.lower, leg3.upper turn idly (leg3.q1 moves nothing else)"),
+        ([0.1, UPU - 1e-13], "platform gains a freedom"),
+        ([0.0, BASE], "leg3.base locks: leg3.lower, leg3.upper"),
     ],
 )
 def test_a_singular_pose_is_named(y, what):

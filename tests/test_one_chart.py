@@ -50,9 +50,7 @@ def test_engines_agree_after_a_gimbal_lock_in_whatever_triple_they_read(scene):
     assert middle.min() < -2.0  # well beyond the lock
     said = [note for one in results.solutions.values() for note in one.notes if "other triple of the same" in note]
     assert len(said) == 2
-    assert all(
-        note.startswith("the angles of ball, their rates and forces are written as screw reads them") for note in said
-    )
+    assert all(note.startswith("the angles of ball") for note in said)
     assert not results.pairs["reason"].str.contains("turn").any()
 
 
@@ -144,7 +142,7 @@ def test_the_other_triple_with_its_own_rates_is_no_difference(paper_results):
     rates = [(quantity, WRIST, lambda x: MIDDLE * x) for quantity in RATES]
     ok, notes = rewritten(paper_results, ("joint_position", WRIST, swap), *rates)
     assert all(ok.values())
-    assert any("has the other triple of the same orientation at 2 of 2 samples" in note for note in notes)
+    assert any("other triple" in note and "2 of 2" in note for note in notes)
 
 
 def test_forces_along_the_other_triple_are_no_difference_either(paper_results):

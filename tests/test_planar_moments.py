@@ -161,7 +161,7 @@ def test_a_joint_that_a_coupling_holds_turns_nothing(write):
         (arm(Z, NEARLY), "write them in full"),
         (arm(Y), r"\[0\.0, 1\.0, 0\.0\] of its axes only"),
         (arm('kind = "U"\naxes = [[1, 0, 0], [0, 0, 1]]').replace('"j0"', '"j0.q1"'), "more than one direction"),
-        (arm(Z, moment="{ xx = 0.1, yy = 0.5, zz = 0.1 }"), r"give the moment about that alone"),
+        (arm(Z, moment="{ xx = 0.1, yy = 0.5, zz = 0.1 }"), r"about that alone"),
         (arm(Z, moment="{ xx = 0.1 }"), r"\[0\.0, 0\.0, 1\.0\] of its axes only"),
         (arm(Z, moment="{ zz = 0.1, xx = 0.5, xz = 1e-3, yy = 0.01 }"), "violate the triangle inequality"),
     ],

@@ -113,24 +113,22 @@ WAYS = {
         lambda: turning(of(slider_crank(0.1, 0.3, 0.4)), (0,)), {"a": TURNS, "b": -TURNS}
     ),
     "Bennett's linkage, a thousand turns": Way(lambda: turning(load_scene("bennett"), (0,)), {}),
-    "two cranks of a five-bar, a thousand turns": Way(
+    "two cranks, a thousand turns": Way(
         lambda: turning(of(five_bar((0.2, 0.2), (0.6, 0.7), 0.4, (1.0, 1.0))), (0, 1)),
         {"a": TURNS, "b": -TURNS, "d": -TURNS, "e": TURNS},
     ),
-    "around a singular pose that is alone": Way(lambda: circle(of(LINE), ISOLATED, (0, 1), 0.0, 1.0), {}),
-    "around the lock of a leg's base joint": Way(
+    "around an isolated singular pose": Way(lambda: circle(of(LINE), ISOLATED, (0, 1), 0.0, 1.0), {}),
+    "around a base joint's lock": Way(
         lambda: circle(load_scene(PAPER), np.array([BASE_LOCK, 0.0]), (0, 1), 0.0, 1.0), {}
     ),
-    "around the gimbal lock of a wrist": Way(
+    "around a wrist's gimbal lock": Way(
         lambda: circle(load_scene(PAPER), np.array([WRIST_LOCKS[PAPER], 0.0]), (0, 1), 0.0, 1.0), {}
     ),
     "around a cusp": Way(lambda: cuspidal(0, -1.0), {}, "another", SingularPoseError),
-    "around a cusp the other way, from the other assembly": Way(
-        lambda: cuspidal(1, 1.0), {}, "another", SingularPoseError
-    ),
+    "around a cusp from the other assembly": Way(lambda: cuspidal(1, 1.0), {}, "another", SingularPoseError),
     "around a cusp and back": Way(lambda: cuspidal(0, -1.0, back=True), {}, "back", SingularPoseError),
     "twice around a cusp": Way(lambda: cuspidal(0, -2.0), {}, "nowhere", SingularPoseError),
-    "to where only other assemblies are": Way(beyond_reach, {}, "nowhere", SingularPoseError),
+    "to other assemblies alone": Way(beyond_reach, {}, "nowhere", SingularPoseError),
 }
 ANSWERED = [name for name, way in WAYS.items() if way.leads != "nowhere"]
 LONG = [pytest.param(name, marks=pytest.mark.slow) if "thousand" in name else name for name in ANSWERED]

@@ -105,7 +105,7 @@ def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
 
 def test_truth_refuses_with_one_sentence(scene):
     results = screwgauge.run(scene, engines=["screw", "truth"], quantities=["actuator_force"])
-    assert results.failures["truth"].reason.startswith("truth takes no spring or motor, which the scene has")
+    assert results.failures["truth"].reason.startswith("truth takes no spring or motor")
     assert [*results.solutions] == ["screw"]
     assert results.exit_status == 3
 
@@ -113,4 +113,4 @@ def test_truth_refuses_with_one_sentence(scene):
 def test_bench_refuses_with_one_sentence(write, tmp_path, capsys):
     path = write("sprung.toml", MOTION + ACTING.format(cut="leg3.q5"))
     assert main(["bench", str(path), "--out", str(tmp_path / "out"), "--quick"]) == 2
-    assert "knows no springs and no motors" in capsys.readouterr().err
+    assert "no springs and no motors" in capsys.readouterr().err

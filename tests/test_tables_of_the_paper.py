@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ def test_equation_60_is_no_motion_of_the_mechanism(results):
     missing = np.abs(0.1 * np.cos(t) * np.sin(0.2 - 0.2 * np.cos(t))).max()
     assert velocity["max_abs"] == pytest.approx(missing, rel=1e-9, abs=0)
     assert results.exit_status == 1
-    assert repr(results).startswith("✗ DIFFER: screw and equation-60 differ: first in body_angular_velocity")
+    assert re.match("✗ DIFFER: .*equation-60.*body_angular_velocity", repr(results))
 
 
 def test_57_digits_agree_and_balance(results):

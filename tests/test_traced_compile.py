@@ -139,7 +139,7 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     scene = screwgauge.random(2, "underactuated")
     solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
     (note,) = solver.notes
-    assert note == "all samples by the array solver: there are fewer actuators than freedoms"
+    assert re.match("all samples.*: .*fewer actuators", note)
     answer = solver(*motion(scene))
     assert far(answer["actuator_force"], expected(scene)) <= SAME
     assert sum(answer.by_array.values()) == len(scene.t)
@@ -159,7 +159,8 @@ def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeyp
     if "screwgauge.reference.traced.native" in sys.modules:
         sys.modules["screwgauge.reference.traced.native"]._host.cache_clear()
     solver = screwgauge.compile(scene, FORCES, backend="llvm")
-    assert [*solver.notes] == ["llvmlite is not installed (extra 'fast'): the program runs with NumPy"]
+    (note,) = solver.notes
+    assert note.startswith("llvmlite is not installed (extra 'fast')")
     assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
 
 

@@ -148,8 +148,8 @@ def test_what_has_no_program_is_said():
     scene = screwgauge.load_scene("a02-fourbar-2")
     lay = layout(scene.mechanism)
     applied = replace(scene.applied, springs=(JointSpring(lay.cuts[0].name, 1.0),))
-    with pytest.raises(NotTraceableError, match="a spring acts on an angle of a joint that closes a loop"):
+    with pytest.raises(NotTraceableError, match="a spring acts on an angle"):
         traced(lay, applied, np.zeros(1), "numpy")
     task = replace(scene.start, t=np.linspace(0.0, 0.02, 3))
     found = ScrewModel(lay).solve(Problem(applied, task, MOTION))
-    assert any(note.startswith("accelerations by the array solver: a spring acts on an angle") for note in found.notes)
+    assert any("array solver: a spring acts" in note for note in found.notes)

@@ -85,7 +85,7 @@ def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
     exact = screwgauge.run(scene(text), engines=["truth"])
     results = screwgauge.run(scene(decimals(text, digits)), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
-    assert "the radii hold every mechanism whose frames and axes round to them" in notes(results)
+    assert "round to them" in notes(results)
     for name, values in exact.solutions["truth"].values.items():
         radius = results.radius(name)
         assert radius.max() < RADIUS_OF_ROUNDED
@@ -104,8 +104,7 @@ def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
     motion = scene(decimals((DATA / "bennett.toml").read_text(), 12))
     results = screwgauge.run(motion, engines=["truth"], quantities=[quantity])
     reason = results.failures["truth"].reason
-    assert re.search(r"redundant loops stay open by \de-1\d \(rad, m", reason)
-    assert reason.endswith("give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least.")
+    assert re.search(r"open by \de-1\d \(rad, m.* 'sqrt\(2\)', .*15 digits", reason)
 
 
 def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_open(write):
@@ -121,7 +120,7 @@ def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_ope
     scene = screwgauge.load_scene(write("s.toml", given))
     results = screwgauge.run(scene, engines=["truth", "screw"], quantities=["joint_position"])
     reason = results.failures["truth"].reason
-    assert "3 redundant closing rows are open by the rounding of decimals" in reason
+    assert "3 redundant closing rows" in reason
     assert "singular" not in reason
     assert results.solutions["screw"].condition.max() < 1e6
 
@@ -169,5 +168,5 @@ def test_motion_that_nothing_drives_has_a_truth(name, scene):
     results = screwgauge.run(motion, engines=["truth", "screw", "pinocchio"], quantities=wanted)
     assert not results.failures
     assert results.pairs["max_scaled"].max() < LINEAR
-    with pytest.raises(DescriptionError, match="the actuated joints drive 0 of 1 freedoms"):
+    with pytest.raises(DescriptionError, match="0 of 1 freedoms"):
         screwgauge.run(motion, engines=["truth"], quantities=["actuator_force"])
