@@ -197,7 +197,7 @@ class Passing:
     def scene(self, folder: Path, samples: int, engines: Sequence[str] = ("screw", "pinocchio", "mujoco")) -> Scene:
         """Write a scene at evenly spread times to a folder, and read it."""
         folder.mkdir(parents=True, exist_ok=True)
-        tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
+        tables: Tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
         tables |= {"motion": self.motion, "time": {"times": np.linspace(0.0, self.lasts, samples).tolist()}}
         (folder / "linkage.toml").write_text(tomli_w.dumps(self.linkage.table(self.name)), encoding="utf-8")
         (folder / "scene.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
