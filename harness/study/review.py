@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any
@@ -29,6 +29,8 @@ SIGN = Fault("sign", size=-1.0)
 STANDIN = "screw"  # answers what would be expected under other forces, and at other times
 DENSE = 2001  # times between which expected numbers are interpolated
 PAIRED = 6  # things that act, of which any two may be missing
+Solved = Callable[[str, Array], Mapping[str, Values]]
+"""What acts and is left out, or none, and times [s] -> values of each quantity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,20 +113,21 @@ def reviews(
     engines = [one for one in reference_first(solutions.values()) if one.engine not in {*scene.tables, *faulted}]
     if scene.simulated or not engines:
         return {}
-    found = {}
+    found, solved = {}, _standin(scene, errors.loc[errors["ok"].eq(False), "quantity"])
     for name, table in tables.items():
         columns = list[ReviewedColumn]()
         for quantity in table.values:
             if engine := next((one for one in engines if quantity in one.values), None):
                 pair = errors[(errors["quantity"] == quantity) & errors["a"].isin(both := {name, engine.engine})]
-                columns += _reviewed(scene, quantity, engine, (solutions[name], table), pair[pair["b"].isin(both)])
+                readings, pair = (solutions[name], table), pair[pair["b"].isin(both)]
+                columns += _reviewed(scene, quantity, engine, readings, pair, solved)
         step, converted = even_step(scene.tables[name].t), tuple(scene.tables[name].converted)
         found[name] = TableReview(name, engines[0].engine, step, tuple(columns), converted)
     return found
 
 
 def _reviewed(
-    scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame
+    scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame, solved: Solved
 ) -> Iterator[ReviewedColumn]:
     """Yield columns of one quantity; only where one is out of tolerance is anything else computed.
 
@@ -136,7 +139,7 @@ def _reviewed(
     known = {row["component"]: row for row in pair.to_dict("records") if not pd.isna(row["ok"])}
     read = [_columns(scene, quantity, right, one, rows, known) for one in readings]
     why: dict[str, Explanation | None] = {name: None for name, row in known.items() if not row["ok"]}
-    expected = _expected(scene, quantity, right, scene.t[rows]) if why else None
+    expected = _expected(scene, quantity, right, scene.t[rows], solved) if why else None
     for columns in read if expected else ():
         wrong = [column for name, column in columns.items() if name in why and why[name] is None]
         found = explanations(wrong, expected) if wrong and expected else []
@@ -183,19 +186,34 @@ def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> 
     return found
 
 
-def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
+def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
+    """Let `STANDIN` answer a scene without one thing that acts, all quantities at once; columns share its answers."""
+    wanted = frozenset(quantities)
+    forces, parts = (name for name in wanted if QUANTITIES[name].needs == "f"), _parts(scene)
+    asked = {"": wanted, **dict.fromkeys(parts, frozenset(forces))}
+    known: dict[tuple[str, bytes], Mapping[str, Values]] = {}
+
+    def solved(part: str, times: Array) -> Mapping[str, Values]:
+        if (key := (part, times.tobytes())) not in known:
+            changed = replace(parts.get(part, scene), models={}, tables={}).at(times)
+            known[key] = solve(changed, [STANDIN], asked[part])[0][STANDIN].values
+        return known[key]
+
+    return solved
+
+
+def _expected(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:
     """Return what an engine says, and by how much that changes under other forces and at other times."""
     given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
     dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given
     times = np.union1d(t, dense)
 
-    def solved(changed: Scene) -> Array:
-        changed = replace(changed, models={}, tables={}).at(times)
-        return solve(changed, [STANDIN], [quantity])[0][STANDIN].values[quantity].pick(right.components).array
+    def without(part: str) -> Array:
+        return solved(part, times)[quantity].pick(right.components).array
 
-    base = solved(scene)
+    base = without("")
     parts = _parts(scene) if QUANTITIES[quantity].needs == "f" else {}
-    less = {Fault("missing", name): solved(changed) - base for name, changed in parts.items()}
+    less = {Fault("missing", name): without(name) - base for name in parts}
     some = chain.from_iterable(combinations(less, n) for n in range(3 if len(less) <= PAIRED else 2))
     changes = {faults: sum((less[one] for one in faults), 0.0 * base) for faults in some}
     turned = (one for one in less if not one.of.startswith("spring"))

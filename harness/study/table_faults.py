@@ -106,7 +106,7 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
 
 def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
     """All explanations of each column by its fewest faults."""
-    X, bases = np.stack([column.values for column in columns], axis=1), np.arange(len(expected.components))
+    X = np.stack([column.values for column in columns], axis=1)
     every = np.arange(len(X))
     plain = [_explained(column, every, column.expected, (), MODES[0]) for column in columns]
     found = [[one] if one and not one.faults else [] for one in plain]
@@ -116,7 +116,7 @@ def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanati
         fewest = [min((len(e.faults) for e in some if e.convinces()), default=MOST + 1) for some in found]
         if not any(family.cost < least for least in fewest):
             continue
-        left = np.array([_squares(X, *family.apply(size, bases)) for size in family.grid])
+        left = np.array([_squares(X, *family.apply(size, slice(None))) for size in family.grid])
         for k, (column, some) in enumerate(zip(columns, found, strict=True)):
             if family.cost < fewest[k]:
                 limit = gain[:, k] if family.kind in FILTERS else limits[:, k]

@@ -31,6 +31,9 @@ FILTERS = ("filter", "mean")
 FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults of any size
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
 
+Bases = Rows | slice
+"""Columns of expected numbers."""
+
 Key = tuple[str, str, str]
 """Kind, of what, and size of a fault, rounded."""
 
@@ -78,7 +81,7 @@ class Family:
     kind: str
     of: str
     grid: Array
-    apply: Callable[[float, Rows], tuple[Rows, Array]]
+    apply: Callable[[float, Bases], tuple[Rows, Array]]
     error: float = 0.0
     smooth: bool = False
     more: tuple[Fault, ...] = ()
@@ -120,7 +123,7 @@ class Expected:
         if len(self.t) >= NOISY and (step := even_step(self.t)):
             yield from _filters(self.arrays, 0.5 / step)
 
-    def _interpolated(self, delay: float, bases: Rows) -> tuple[Rows, Array]:
+    def _interpolated(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
         """Numbers of a table that was late and interpolated as `np.interp` does, which holds what is at the ends."""
         numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
@@ -150,7 +153,7 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
     inside = dense[1::2] < dense[::2][-1]
     left = np.abs(half(dense[1::2][inside]) - numbers[1::2][inside]).max() / (np.abs(numbers).max() or 1.0)
 
-    def shifted(delay: float, bases: Rows) -> tuple[Rows, Array]:
+    def shifted(delay: float, bases: Bases) -> tuple[Rows, Array]:
         rows = np.flatnonzero((t - delay >= dense[0]) & (t - delay <= dense[-1]))
         return rows, np.asarray(BSpline.construct_fast(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
 
@@ -165,7 +168,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
     every = np.arange(len(arrays))
     for after, name in enumerate(("mean of samples before", "mean of samples around")):
 
-        def mean(count: float, bases: Rows, after: int = after) -> tuple[Rows, Array]:
+        def mean(count: float, bases: Bases, after: int = after) -> tuple[Rows, Array]:
             m, sums = int(count), np.cumsum(np.pad(arrays[:, bases], ((1, 0), (0, 0))), axis=0)
             return every[m - 1 :] - after * (m // 2), (sums[m:] - sums[:-m]) / m
 
@@ -173,7 +176,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
         yield Family("mean", name, counts, mean)
     for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
 
-        def passed(cutoff: float, bases: Rows, order: int = order, way: str = way) -> tuple[Rows, Array]:
+        def passed(cutoff: float, bases: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
             numbers, w = arrays[:, bases], min(cutoff / half, HIGHEST)
             last = np.exp(-np.pi * w)
             b, a = butter(order, w) if order else (np.array([1.0 - last]), np.array([1.0, -last]))
