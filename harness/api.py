@@ -1,4 +1,4 @@
-"""What the package does, called from Python. Imports come with the call."""
+"""Functions of the package for Python. Each imports what it needs when called."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def _whole(least: int) -> Callable[[str], int]:
 
 
 def _named(text: str) -> str:
-    """What an unset variable of a shell leaves would be the current folder."""
+    """Reject an empty path, which an unset variable of a shell leaves: it would be the current folder."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
     return text

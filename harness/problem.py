@@ -94,7 +94,7 @@ class _Reordered:
 
 @dataclass(frozen=True, slots=True)
 class Integration:
-    """How a motion is integrated.
+    """Method and tolerances of an integration.
 
     Attributes:
         name: ``DOP853`` for smooth motion, ``Radau`` or ``BDF`` for stiff ones.
@@ -180,7 +180,7 @@ class Wording:
 
 @dataclass(frozen=True, slots=True)
 class ModelFiles:
-    """What an engine loads.
+    """Files that an engine loads.
 
     Attributes:
         model: Mechanism TOML, URDF or MJCF.

@@ -1,4 +1,4 @@
-"""How processes run Python: BLAS with one thread, and nothing imported from the current folder.
+"""Settings of processes that run Python: BLAS with one thread, no imports from the current folder.
 
 Anybody may have put modules into that folder, and Python puts it first on the path of what it starts by ``-c`` and
 ``-m``: a file ``json.py`` there would run in place of Python's own. Imports little: BLAS reads its variables when numpy
@@ -23,7 +23,7 @@ _LOCK = Lock()
 
 
 def fix_threads() -> bool:
-    """One thread for BLAS and OpenMP.
+    """Limit BLAS and OpenMP to one thread.
 
     Returns:
         Whether it takes effect: False if numpy is there already, with whatever it was started with.
@@ -35,7 +35,7 @@ def fix_threads() -> bool:
 
 
 def one_thread() -> bool:
-    """Whether every variable is set to one thread."""
+    """True if every variable is set to one thread."""
     return ONE.items() <= os.environ.items()
 
 

@@ -83,7 +83,7 @@ class SceneItem(pytest.Item):
         check(self.path).assert_ok()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
-        """What differs, and why; no traceback of ours."""
+        """Show what differs, and why, without a traceback of this package."""
         from screwgauge.reference.errors import log_text
 
         if excinfo.errisinstance(AssertionError):

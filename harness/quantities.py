@@ -184,7 +184,7 @@ Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 
 
 def stages(quantities: frozenset[str]) -> str:
-    """How far the computation has to go: ``q``, ``v``, ``a`` or ``f``."""
+    """Return the last stage of the computation that is needed: ``q``, ``v``, ``a`` or ``f``."""
     return max((QUANTITIES[name].needs for name in quantities), key="qvaf".index, default="q")
 
 
@@ -296,7 +296,7 @@ def length(mechanism: Mechanism) -> float:
 
 
 def arm(unit: str, length: float) -> float:
-    """What turns an angle into this unit of length, a force into one of moment, a mass into one of inertia, else 1."""
+    """Length that turns angles into lengths, forces into moments, masses into inertias, by the unit; else 1."""
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))

@@ -22,7 +22,7 @@ TRUTH = "truth"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """One quantity over time. `array` has shape (n_sample, n_component)."""
+    """Values of a quantity over time. `array` has shape (n_sample, n_component)."""
 
     components: tuple[str, ...]
     units: tuple[str, ...]
@@ -64,7 +64,7 @@ class Mismatch:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """One measured stage; `covers`: what the clock covers."""
+    """A measured stage; `covers`: what the clock covers."""
 
     engine: str
     setting: str
@@ -77,7 +77,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What a simulation, or a pass over states, took.
+    """Cost of a simulation, or of a pass over states.
 
     Attributes:
         wall_s, cpu_s: Wall and processor time of the engine's own work [s]; NaN where it was not measured.
@@ -96,7 +96,7 @@ ROUNDING, SOFTNESS, ENCLOSURE = "rounding of its largest summands", "softness of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Error:
-    """How far the numbers of one quantity may be off, as its engine says.
+    """Error of one quantity, as its engine states it.
 
     Attributes:
         scaled: At each sample, over the largest magnitude of the unit over all samples, worst unit; what is zero within
@@ -136,7 +136,7 @@ class Error:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What a model answers, for every kind of task.
+    """Answer of a model to a task of any kind.
 
     Attributes:
         values: Quantity -> values.
@@ -190,7 +190,7 @@ class Solution:
 
     @property
     def n_solved(self) -> int:
-        """How many of the samples it solved."""
+        """Number of samples that it solved."""
         return len(self.condition) if self.rows is None else len(self.rows)
 
 
@@ -249,12 +249,12 @@ class Stopwatch:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """What is done inside does not count."""
+        """Context whose time does not count."""
         wall, cpu = perf_counter(), process_time()
         yield
         self.wall += perf_counter() - wall
         self.cpu += process_time() - cpu
 
     def cost(self, steps: int = 0, evaluations: int = 0) -> Cost:
-        """What was spent since the start."""
+        """Time spent since the start."""
         return Cost(perf_counter() - self.wall, process_time() - self.cpu, steps, evaluations)

@@ -295,7 +295,7 @@ def limits(options: argparse.Namespace) -> Limits:
 
 
 def executor(options: argparse.Namespace, limits: Limits | None = None) -> Executor:
-    """Where tasks run, as options say."""
+    """Choose the executor of tasks by options."""
     from screwgauge.study.cluster import executor
 
     return executor(options.jobs, options.cluster, limits)

@@ -1,4 +1,4 @@
-"""What is assumed of coordinates that no actuator drives, in words, and whether it matters."""
+"""Assumptions on coordinates that no actuator drives, in words, and whether they matter."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def check_rest(scene: Scene) -> None:
 
 @lru_cache(maxsize=1)  # of the same objects, which nothing changes
 def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
-    """Those of the coordinates along which nothing acts, and that move no force of an actuator where they are moved."""
+    """Select coordinates along which nothing acts, and whose motion changes no force of an actuator."""
     rows: Rows = spread(len(motion), MOST)
     some = motion.part(rows)
     at = _at(mechanism, some, applied)

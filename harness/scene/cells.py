@@ -176,7 +176,7 @@ def _advanced(
 
 
 def _linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
-    """Whether steps are short, and along the tangents at both of their ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
+    """True for steps that are short and follow the tangents at both ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
     size = np.abs(step).max(axis=1, initial=0.0)
     good = size <= LONGEST
     for K in tangents:

@@ -91,7 +91,7 @@ class GridMotion:
 
     @property
     def extent(self) -> str:
-        """How many cells there are, and what was assumed of them."""
+        """A sentence with the number of cells and the assumptions on them."""
         n = len(self.missing) + len(self.cells)
         return f"{len(self.cells)} of {n} cells, each at rest; t counts them in the order of a walk from home"
 
@@ -114,7 +114,7 @@ class GridMotion:
 
 
 def is_grid(table: Any, mechanism: Mechanism) -> bool:
-    """Whether ``[motion]`` is a grid."""
+    """True if ``[motion]`` is a grid."""
     return isinstance(table, Mapping) and KEY in table and KEY not in mechanism.independent
 
 

@@ -1,4 +1,4 @@
-"""What holds a mechanism to the ground in a scene: contacts, or a given motion of a base that floats.
+"""Hold a mechanism to the ground in a scene by contacts, or by a given motion of a base that floats.
 
 Such a scene runs on a description of its own that extends the given one, so that engines, truth and judge know what
 holds as they know all joints.
@@ -61,7 +61,7 @@ class _Named:
 def grounded(
     file: Path, mechanism: Mechanism, data: dict[str, Any], path: Path, times: Times
 ) -> tuple[Path, Mechanism, dict[str, Any]]:
-    """What holds a mechanism to the ground in a scene: contacts, or a given motion of a base that floats.
+    """Hold a mechanism to the ground in a scene by contacts, or by a given motion of a base that floats.
 
     Args:
         file: The description, of `mechanism`.
@@ -155,7 +155,7 @@ def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
 
 
 def _named(mechanism: Mechanism, contacts: Sequence[str], data: dict[str, Any], path: Path, times: Times) -> _Named:
-    """What the scene names.
+    """Read the coordinates that the scene names.
 
     Raises:
         ScrewgaugeError: Names that are neither labels nor coordinates, or a motion that cannot be read.
@@ -259,7 +259,7 @@ def _follow(
 def _slides(
     mechanism: Mechanism, touching: Mechanism, motion: GivenMotion, labels: Sequence[str], contacts: Sequence[Contact]
 ) -> Array:
-    """How far all coordinates as given move the point of each contact [m], and turn what it holds [rad]. (n, c, 2)."""
+    """Measure how far the given coordinates slide the point of each contact [m] and turn its body [rad]. (n, c, 2)."""
     chosen = [labels.index(label) for label in touching.independent]
     y, yd, ydd = (x[:, chosen] for x in (motion.y, motion.yd, motion.ydd))
     q = positions(layout(touching), y, motion.t, (yd, ydd))[:, : len(mechanism.coordinates)]

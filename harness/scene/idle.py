@@ -36,7 +36,7 @@ COARSE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Undriven:
-    """What a scene says of a coordinate that no actuator drives.
+    """Entry of ``[idle]``, for a coordinate that no actuator drives.
 
     Attributes:
         start: Where it starts; home if nothing is said.
@@ -211,7 +211,7 @@ class Followed:
         )
 
     def _inert(self, undriven: list[int]) -> list[int]:
-        """Those of the coordinates that have inertia, each beside those before: the others rest."""
+        """Select coordinates that have inertia, each beside those before: the others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]
         total: Array | float = 0.0

@@ -241,7 +241,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 
 
 def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> list[str]:
-    """Those of the independent coordinates that ``[motion]``, or its file, has a motion of."""
+    """Select the independent coordinates to which ``[motion]``, or its file, gives a motion."""
     if not isinstance(table, dict) or "csv" not in table:
         check_keys(table, labels, where)
         return [label for label in labels if label in table]

@@ -185,12 +185,12 @@ class Header:
     unit: str
 
     def of(self, quantity: str, unit: str) -> bool:
-        """Whether nothing that it says contradicts a quantity and a unit."""
+        """True if the header contradicts neither the quantity nor the unit."""
         return self.quantity in ("", quantity) and _converted(self.unit)[0] in ("", unit)
 
     @property
     def factor(self) -> float:
-        """What numbers are multiplied by to be in SI units."""
+        """Factor that converts numbers to SI units."""
         return _converted(self.unit)[1]
 
     def check_unit(self, unit: str, where: str) -> None:

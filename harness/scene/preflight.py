@@ -296,11 +296,11 @@ def _moved(scene: Scene) -> Iterator[str]:
 
 
 def _returns(y: Array) -> bool:
-    """Whether it goes back by more than a turn. Shape (n,)."""
+    """True if a coordinate goes back by more than a turn. Shape (n,)."""
     back = (np.maximum.accumulate(y) - y).max(), (y - np.minimum.accumulate(y)).max()
     return bool(min(back) > 2.0 * np.pi)
 
 
 def _rests(yd: Array) -> bool:
-    """Whether it comes from rest and goes to rest. Shape (n,)."""
+    """True if a coordinate goes from rest to rest. Shape (n,)."""
     return bool(max(abs(yd[0]), abs(yd[-1])) <= REST * np.abs(yd).max())

@@ -55,7 +55,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """Whether a name is that of a scene alone: built in, or of a TOML file that names a mechanism."""
+    """True if a name is that of a scene alone: built in, or of a TOML file that names a mechanism."""
     path = named_file(Path(), name)
     if is_path(name) and path.suffix == ".toml" and is_file(path):
         return "mechanism" in read_toml(path)
@@ -198,7 +198,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
 
 
 def _acts(applied: Applied) -> bool:
-    """Whether anything acts at all; entries that are zero do not."""
+    """True if anything acts; entries that are zero do not."""
     return (
         bool(applied.g.any())
         or not all(load.nothing for load in applied.loads)

@@ -158,12 +158,12 @@ class Scene:
 
     @property
     def simulated(self) -> bool:
-        """Whether its motion is integrated."""
+        """True if its motion is integrated."""
         return isinstance(self.task, InitialValue)
 
     @property
     def changed(self) -> bool:
-        """Whether the description has changed since the mechanism was read."""
+        """True if the description has changed since the mechanism was read."""
         try:
             return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
         except ScrewgaugeError:  # the file has gone, or cannot be read
@@ -287,7 +287,7 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """Whether the scene moves as in the table; False for samples, and for what follows from forces, whose doubles
+        """True if the scene moves as in the table; False for samples, and for what follows from forces, whose doubles
         are what is meant."""
         if "csv" in table or {*table} != {*self.mechanism.independent}:
             return False

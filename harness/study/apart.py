@@ -90,7 +90,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
 
 
 def _called(call: Callable[[], object]) -> tuple[str, Any]:
-    """How a call ended, and with what."""
+    """Call a function; return how that ended, and with what."""
     try:
         return _RETURNED, call()
     except MemoryError:
@@ -102,7 +102,7 @@ def _called(call: Callable[[], object]) -> tuple[str, Any]:
 
 
 def _outcome(folder: Path, status: int) -> Any:
-    """What the call returned, or raises what it raised."""
+    """Return what the call returned, or raise what it raised."""
     if os.WIFSTOPPED(status) or os.WIFSIGNALED(status):
         code = os.WSTOPSIG(status) if os.WIFSTOPPED(status) else os.WTERMSIG(status)
         raise CrashedError(f"crashed: its process got {signal.Signals(code).name}")

@@ -144,7 +144,7 @@ class Comparison:
 
     @property
     def outcome(self) -> Outcome:
-        """What its verdict begins with."""
+        """The weakest outcome, with which the verdict begins."""
         return weakest(self.outcomes)
 
     @property
@@ -190,13 +190,13 @@ class Comparison:
 
     @property
     def reservations(self) -> list[str]:
-        """What qualifies agreement: doubts about the scene, and warnings of engines and about their model files."""
+        """Sentences that qualify agreement: doubts about the scene, warnings of engines and about their model files."""
         warned = (text for solution in self.solutions.values() for text in solution.warnings)
         return [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*self.doubts, *warned))]
 
     @property
     def mismatches(self) -> dict[str, str]:
-        """What model files differ in from the description though the scene does not allow it: key -> sentence."""
+        """Differences of model files from the description that the scene does not allow: key -> sentence."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
         return {each.key: each.sentence for each in found if each.key not in self.scene.allow}
 
@@ -229,14 +229,14 @@ class Comparison:
         return tuple(name for name in names if len(self._having(name)) > 1)
 
     def _refused(self, row: Mapping[Any, Any]) -> bool:
-        """Whether a row lacks numbers of which it is known why an engine does not give them."""
+        """True if a row lacks numbers that an engine gives a reason for not giving."""
         engines = (row["a"], row["b"])
         known = (one.engine in engines and row["quantity"] in one.quantities for one in self.refusals)
         return not np.isfinite(row["max_scaled"]) and any(known)
 
     @property
     def guard(self) -> list[Guarded]:
-        """How far each quantity of each engine can be trusted, by condition and estimated error."""
+        """Trust in each quantity of each engine, by condition and estimated error."""
         return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
 
     @property
@@ -252,7 +252,7 @@ class Comparison:
 
     @cached_property
     def coverage(self) -> Coverage:
-        """Which mistakes the scene could have revealed."""
+        """Mistakes that the scene could have revealed."""
         return self.cover()
 
     @property
@@ -336,7 +336,7 @@ def provenance(
 
 
 def built_in(path: Path) -> bool:
-    """Whether a file comes with this package."""
+    """True if a file comes with this package."""
     return any(path.is_relative_to(folder) for folder in _BUILT_IN)
 
 

@@ -32,7 +32,7 @@ def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]
 
 
 def missing(value: Any) -> bool:
-    """Whether a table's cell is empty: None or not a number."""
+    """True for an empty cell of a table: None or NaN."""
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
 

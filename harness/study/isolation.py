@@ -63,7 +63,7 @@ _worker = False
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What an engine may take in a process of its own.
+    """Limits of an engine in a process of its own.
 
     Attributes:
         seconds: From its start to its answer, loading included [s].
@@ -162,7 +162,7 @@ class _Jobs(Generic[T]):
             self._done(name, process, _result(name, future, self.limits))
 
     def shares(self) -> dict[str, float]:
-        """How far those that run are."""
+        """Shares done of the jobs that run."""
         return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
 
     def steps(self, shares: Mapping[str, float]) -> list[str]:
@@ -200,7 +200,7 @@ class _Jobs(Generic[T]):
 
 
 def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
-    """What a job returns in the process of a name; see `isolated`."""
+    """Run a job in the process of a name and return its result; see `isolated`."""
     return isolated({name: partial(_unwatched, work)}, limits, silent)[name]
 
 
@@ -322,7 +322,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 
 
 def _ending(message: str) -> str:
-    """How a process ended, from loky's message."""
+    """Read from loky's message how a process ended."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process got {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):

@@ -1,4 +1,4 @@
-"""What a scene allows on purpose: ``allow = ["coupler.inertia", "models.mujoco.unread"]``."""
+"""Allowances of a scene: ``allow = ["coupler.inertia", "models.mujoco.unread"]``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What acts in a file and in no engine: measured at the compared states, and taken off answers that contain it.
+"""Forces that act in a file and in no engine: measured at the compared states, taken off answers that contain them.
 
 A table that was measured contains rotors and friction; so does the answer of an engine on a model file of the user's
 own. Both are right about another machine than the rigid one, and are compared with it without what is left out.
@@ -34,7 +34,7 @@ LEFT = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeftOutForces:
-    """What is left out of a comparison.
+    """Forces left out of a comparison.
 
     Attributes:
         terms: By kind, of the description's own file first.
@@ -107,7 +107,7 @@ def _rigid(answers: Iterable[Solution]) -> dict[str, Values]:
 
 
 def _moves(scene: Scene, answer: Solution) -> bool:
-    """Whether the motion of all joints follows from an answer."""
+    """True if the motion of all joints follows from an answer."""
     has = {"joint_velocity", "joint_acceleration"} <= {*answer.values}
     return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)
 

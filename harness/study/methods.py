@@ -33,7 +33,7 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that is missing, or that was built for other versions."""
+    """Say what to install for a module that is missing, or built for other versions."""
     module = (error.name or "it").split(".")[0]
     package = module if engine is None else engine.requirement
     if engine is not None and engine.name not in ENGINES and engine.installed and not engine.source.startswith(module):
@@ -71,7 +71,7 @@ class Method:
 
     @property
     def name(self) -> str:
-        """What rows call it."""
+        """Name in rows."""
         return self.label or self.engine
 
     def load(self, files: ModelFiles) -> EngineModel:

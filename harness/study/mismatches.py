@@ -133,7 +133,7 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
 
 
 def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut, ...]:
-    """What acts in a user's model file and in no engine on the description, along its coordinates and on its bodies.
+    """Find what acts in a user's model file and in no engine, along coordinates of the description and on its bodies.
 
     Raises:
         ModelFileError: A constraint acts that the engine leaves out, or something that cannot be measured.
@@ -163,7 +163,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
 
 
 def _more(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
-    """What of it the description has not; what it has of `known` is used up."""
+    """Reduce a resistance to what exceeds the description; the amounts in `known` are used up."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
     ((name, share),) = one.along.items()

@@ -1,4 +1,4 @@
-"""What methods are measured against, and scenes of given motion prepared to be put to methods.
+"""Reference values for measuring methods, and scenes of given motion prepared for methods.
 
 Reference values are those of the engine ``truth`` where it is installed, else of ``screw``, and the note says so.
 """

@@ -86,7 +86,7 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answered:
-    """What engines and tables answer, without the forces that no engine has.
+    """Answers of engines and tables, without forces that no engine has.
 
     Attributes:
         answers: Engine or table -> its answer, with notes on what it lacks.
@@ -321,7 +321,7 @@ def _judged(asked: _Asked, answered: _Answered, name: str, again: Sequence[Solut
 
 
 def _charted(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """What is compared: answers in one chart of joint angles; of a simulation, with its observables."""
+    """Prepare solutions: answers in one chart of joint angles; of a simulation, with its observables."""
     scene = asked.scene
     given = answers if asked.lay is None else observed(scene, asked.lay, answers, asked.wanted)
     return without_fixed(scene.mechanism, in_one_chart(scene.mechanism, given))

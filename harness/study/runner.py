@@ -158,7 +158,7 @@ def grow_table(
 
 
 class TaskRate:
-    """How fast tasks are done."""
+    """Rate at which tasks finish."""
 
     def __init__(self, n: int, clock: Callable[[], float] = monotonic) -> None:
         self.n, self.clock, self.done, self.began = n, clock, 0, clock()

@@ -122,7 +122,7 @@ def _record(row: Any) -> dict[str, Any]:
 
 
 def is_record(value: object, hint: Any) -> bool:
-    """Whether a value that was read from JSON is of a type.
+    """True if a value that was read from JSON is of a type.
 
     Args:
         hint: A plain type, a dataclass (its record by `dataclasses.asdict`), or a sequence, mapping, union or literal.
@@ -148,7 +148,7 @@ def is_record(value: object, hint: Any) -> bool:
 
 
 def from_record(value: Any, hint: Any) -> Any:
-    """What `dataclasses.asdict` made a record of, which `is_record` has found to be one; sequences become tuples."""
+    """Rebuild a dataclass from its record, which `is_record` has accepted; sequences become tuples."""
     origin, inner = get_origin(hint), get_args(hint)
     if is_dataclass(hint):
         form: Any = hint

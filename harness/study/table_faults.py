@@ -37,7 +37,7 @@ Mode = tuple[bool, bool]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Column:
-    """One column of a table.
+    """A column of a table.
 
     Attributes:
         values: Shape (n,).
@@ -72,7 +72,7 @@ class Explanation:
     digits: float = 0.0
 
     def convinces(self, known: Container[Key] = (), least: float = 1.0) -> bool:
-        """Whether more of the difference agrees than was fitted, sizes that other columns show being known."""
+        """True if more of the difference agrees than was fitted, counting sizes that other columns show as known."""
         tried = sum(fault.kind != "noise" for fault in self.faults)
         fitted = sum(fault.fitted and fault.key not in known for fault in self.faults)
         # noise that is white shows that nothing else is wrong
@@ -268,7 +268,7 @@ def _noise(left: Array, fit: Array) -> float:
 
 
 def _dimension(signal: Array, level: float) -> int:
-    """How many numbers a signal needs at a precision: the rank of windows of it."""
+    """Count the numbers that a signal needs at a precision: the rank of windows of it."""
     signal = signal[spread(len(signal), SEARCHED)]
     width = min(WINDOW, (len(signal) + 1) // 2)
     step = max(1, len(signal) // (2 * width))

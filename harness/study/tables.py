@@ -131,7 +131,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 def _left_out(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """What a table lacks of the wanted quantities: in one sentence, and in notes by component."""
+    """Say what a table lacks of the wanted quantities: in one sentence, and in notes by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
     long = [f"gives {each}" for each in short]

@@ -40,7 +40,7 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One transformation.
+    """A transformation of numbers.
 
     Attributes:
         kind: ``sign``, ``unit``, ``factor`` (no unit), ``offset``, ``permutation``, ``shift``, ``held`` (of an
@@ -61,7 +61,7 @@ class Fault:
 
     @property
     def fitted(self) -> bool:
-        """Whether its size is fitted."""
+        """True if its size is fitted."""
         return self.kind in FITTED
 
 
@@ -92,13 +92,13 @@ class Family:
 
     @property
     def cost(self) -> int:
-        """How many faults it is."""
+        """Number of faults that it counts as."""
         return len(self.faults(1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """What the columns of a quantity should be, and would be under faults of the whole table.
+    """Columns of a quantity as they should be, and as they would be under faults of the whole table.
 
     Attributes:
         components, faults: Of each of the numbers: its component, and what is wrong with it. Length k.
@@ -114,7 +114,7 @@ class Expected:
     moved: Family | None
 
     def families(self) -> Iterator[Family]:
-        """What can be done to all numbers, beginning with nothing."""
+        """Yield transformations of all numbers, beginning with none."""
         every = np.arange(len(self.t))
         yield Family("", "", np.zeros(1), lambda size, bases: (every, self.arrays[:, bases]))
         if self.moved:

@@ -144,7 +144,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
 
 
 def _sound(known: Mapping[str, Any]) -> bool:
-    """Whether all entries are what `state` makes them."""
+    """True if all entries have the shape that `state` gives them."""
     scenes = known.get("scenes")
     if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
         return False
@@ -159,7 +159,7 @@ def _sound_scene(entry: object) -> bool:
 
 
 def _is_size(value: object) -> bool:
-    """Whether it is the size of an error; null stands for what is no number."""
+    """True for a non-negative error, or null, which stands for NaN."""
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < inf)
 
 
@@ -175,7 +175,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
 
 
 def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
-    """Whether an error is worse or better than it was, beyond noise, and by how many digits."""
+    """Return whether an error is worse than before, and by how many digits; None within noise."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)
     sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"

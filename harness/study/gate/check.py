@@ -1,4 +1,4 @@
-"""What a gate found: rows that can be asserted, and what services for CI read of them."""
+"""Results of a gate: rows that can be asserted, in the forms that services for CI read."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether there is something, all of it passes, and no digits were lost."""
+        """True if there are rows, all of them pass, and no digits were lost."""
         return self.exit_status == 0
 
     def __bool__(self) -> bool:
@@ -66,13 +66,13 @@ class Check:
 
     @property
     def faults(self) -> list[str]:
-        """What does not pass, in sentences: scene, quantity, component, time, both values, tolerance and cause."""
+        """Sentences on rows that do not pass: scene, quantity, component, time, both values, tolerance and cause."""
         lost = [f"Regression: {each}." for each in self.against.worse] if self.against else []
         return [*(message(row) for row in self.rows if not row.ok), *lost]
 
     @property
     def left_alone(self) -> str:
-        """Which files of the folders were not read, in a sentence; empty if all were."""
+        """A sentence that names unread files of the folders; empty if all were read."""
         return f"Not read, because no scene names them: {first_few(self.unread, SHOWN)}." if self.unread else ""
 
     def assert_ok(self) -> None:
@@ -172,7 +172,7 @@ def check_with(
     progress: Callable[[str, float], None] = lambda step, share: None,
     place: Path | None = None,
 ) -> Check:
-    """What `screwgauge.check` does, wherever scenes are to be checked. `place`: see `check_items`."""
+    """Check scenes for `screwgauge.check`, by any executor. `place`: see `check_items`."""
     requested = [*items(what), *([known_item()] if settings.smoke and not what else [])]
     if settings.meshes and not any(is_model(name) for item in requested for name in item.files):
         raise DescriptionError("--meshes is for model files", "check", 'write allow = ["meshes"] into the scene')

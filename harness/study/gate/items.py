@@ -36,7 +36,7 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """What arguments mean: two model files are a pair, four are two; one is a scene as `run` makes it.
+    """Make items of arguments: two model files are a pair, four are two; one is a scene as `run` makes it.
 
     Args:
         what: Built-in scenes, files, folders; nothing for all built-in scenes.
@@ -114,7 +114,7 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
 
 
 def _is_scene(path: Path) -> bool:
-    """Whether it is a scene, if an incomplete one, or cannot be read: then the check reports why."""
+    """True for a scene, even an incomplete one, and for a file that cannot be read: the check reports why."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -157,7 +157,7 @@ WIDE = 1e-2
 
 
 def admissions(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
-    """What is admitted on purpose: entries of ``allow``, and tolerances above `WIDE`."""
+    """List admissions on purpose: entries of ``allow``, and tolerances above `WIDE`."""
     wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
     return [*allow, *wide]
 
@@ -203,7 +203,7 @@ class GateRow:
 
     @property
     def ok(self) -> bool:
-        """Whether it passes."""
+        """True if the row passes."""
         return EXIT[self.status] == 0
 
     @property

@@ -45,7 +45,7 @@ def known_row(item: Item, settings: GateSettings) -> GateRow:
 
 
 def _wrong() -> Iterator[str]:
-    """What is not as it has to be, in sentences."""
+    """Yield a sentence for each check of a file that fails."""
     urdf, text = PAIR[0], read_file(Path(PAIR[1]))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -58,7 +58,7 @@ def _wrong() -> Iterator[str]:
 
 
 def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
-    """What a diagnosis and the one of the same files in the other order miss or missize of a planted difference."""
+    """Yield what a diagnosis, in either order of the files, misses or missizes of a planted difference."""
     planted = f"{what} of {item} that differs by {SIZE:.0%}"
     for each in (found, back):
         told = [(one.what, one.item_a, one.size) for one in each.differences]
@@ -73,7 +73,7 @@ def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator
 
 
 def _imported(folder: Path, name: str) -> Iterator[str]:
-    """How the description that MuJoCo's reading of a mechanism becomes differs from what Pinocchio reads."""
+    """Yield differences between the description made of MuJoCo's reading and what Pinocchio reads."""
     texts = model_texts(load_mechanism(name))
     for ending in (".urdf", ".loops.toml", ".xml"):
         (folder / f"{name}{ending}").write_text(texts[f"{name}{ending}"], encoding="utf-8")

@@ -40,7 +40,7 @@ CURVE = 400  # samples that are kept of what does not pass
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """How items are checked; pickles.
+    """Settings by which items are checked; they pickle.
 
     Attributes:
         tolerances: Scaled errors that are admitted of quantities for which a scene has none.
@@ -171,7 +171,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
 
 def _admitted(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
-    """What makes the tolerance of a quantity wider than that of the scene."""
+    """Name what makes the tolerance of a quantity wider than that of the scene."""
     if scene.simulated:
         return "what integration leaves"
     tables = [one.engine for one in solutions if one.engine in scene.tables]

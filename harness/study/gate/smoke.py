@@ -119,7 +119,7 @@ def _built_in_for(engine: str, scene: Scene) -> bool:
 
 
 def with_truth(scene: Scene) -> Scene | None:
-    """One sample of a built-in scene for `screw` and `truth`, without springs and motors, of which truth knows nothing.
+    """Reduce a built-in scene to one sample for `screw` and `truth`, without springs and motors, which truth refuses.
 
     Truth reads the text of the scene where loads act, else doubles: both ways are to be seen. None where truth runs
     anyway, is not installed, or takes no such scene. A user's scene names `truth` where it is wanted.
