@@ -45,7 +45,7 @@ def accepted(table, chance: random.Random, tries: int, path: Path, action) -> in
     return count
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", mechanism_names())
 def test_a_mutated_mechanism_is_read_or_refused(name, tmp_path):

@@ -85,8 +85,9 @@ def test_bodies_with_meshes_are_not_judged(tmp_path, command):
     assert said(command("import", str(file), "--out", str(tmp_path / "o.toml")).out) == []
 
 
-@pytest.mark.parametrize("name", mechanism_names())
+# files of forty four-bars say what those of two say, and take as long as all others
 @pytest.mark.sampled(9)
+@pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_nothing_is_said_of_our_own_files(name, tmp_path, command):
     command("models", name, "--out", str(tmp_path))
     for file in tmp_path.glob("*.xml"):

@@ -182,6 +182,7 @@ def test_samples_with_times_are_that_motion(name):
         assert np.abs(found[quantity] - right).max() < SAME * np.abs(right).max()
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in LONG if not isinstance(name, str) or not WAYS[name].order])
 def test_samples_without_order_are_answered_each_for_itself(name):

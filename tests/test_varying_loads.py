@@ -117,6 +117,7 @@ def loaded(mechanism: str, axes: str, write):
     return scene.at(scene.t[:: max(1, len(scene.t) // 5)][:5])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_random_mechanisms_agree_under_loads_that_vary(family):

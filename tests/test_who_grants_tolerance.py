@@ -54,6 +54,7 @@ def of_two(scene, *quantities):
     return screwgauge.run(scene, engines=["screw", "mujoco"], quantities=quantities)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("claim", CLAIMS)
@@ -128,6 +129,7 @@ def rounded(name, size, planted=0.0, where=0):
     return solve
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FAIR)
 def test_right_numbers_that_come_without_a_word_on_their_errors_pass(name, stand_in):
