@@ -130,10 +130,10 @@ def diagnose(
         ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
     """
     from screwgauge.diagnosis.diagnose import diagnose as compared
-    from screwgauge.diagnosis.model import in_process
+    from screwgauge.diagnosis.model import read_here
     from screwgauge.report.diagnosed import DiagnosisReport
 
-    load = load or in_process
+    load = load or read_here
     return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load, only=only))
 
 

@@ -70,7 +70,7 @@ def test_of_two_engines_both_have_to_be_as_new_as_those_measured() -> None:
 
 def test_what_is_not_installed_shows_nothing(monkeypatch) -> None:
     monkeypatch.setitem(book._PACKAGES, "mujoco", "no-such-package")
-    assert not book.shown_here(replace(CASE, shown=(("0.1",),)))
+    assert not book.is_shown_here(replace(CASE, shown=(("0.1",),)))
 
 
 def test_a_case_that_the_newest_versions_do_not_show_is_told_without_a_number() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge.models.content import Content, kinds, table
-from support.diagnosis import in_process
+from support.diagnosis import read_here
 from support.models import MATTER
 
 INERTIAL = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.01 0.02 0.02"/>'
@@ -351,7 +351,7 @@ def test_warnings_of_a_library_withhold_the_same_where_one_model_alone_has_them(
     warning = Content("warnings of the library", "what MuJoCo warns of: something", values=())
 
     def load(file, library, floating):
-        reading = in_process(file, library, floating)
+        reading = read_here(file, library, floating)
         return replace(reading, content=(*reading.content, warning)) if file.name == "b.xml" else reading
 
     assert screwgauge.diagnose("b.xml", "b.xml", load=load).same

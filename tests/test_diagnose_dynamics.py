@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from support import robots
-from support.diagnosis import answers, pairs
+from support.diagnosis import ask_library, compare_tree
 from support.mechanics import (
     STANDARD,
     admissible_projector,
@@ -68,7 +68,7 @@ def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, librar
     path = robots.write(tmp_path)[form]
     tree = plant(known(path, library))
     states = draw(tree.reading, 8, seed=3)
-    for quantity, pair in pairs(answers(path, library, tree, states), tree, states).items():
+    for quantity, pair in compare_tree(ask_library(path, library, tree, states), tree, states).items():
         assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
 
 
@@ -78,7 +78,7 @@ def test_so_it_is_with_every_kind_of_joint(zoo, tmp_path, library):
         zoo.write_text(ZOO.format(gravcomp=""), encoding="utf-8")
     tree = plant(known(zoo, library))
     states = draw(tree.reading, 8, seed=3)
-    for quantity, pair in pairs(answers(zoo, library, tree, states), tree, states).items():
+    for quantity, pair in compare_tree(ask_library(zoo, library, tree, states), tree, states).items():
         assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
 
 

@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.explanation import explained
-from screwgauge.diagnosis.libraries import agreement
-from screwgauge.diagnosis.machine.alignment import partners
-from screwgauge.diagnosis.model import alike, at_home, loaded
-from screwgauge.diagnosis.motion import followed, partners_of
-from screwgauge.diagnosis.shares import Torques, weighed
+from screwgauge.diagnosis.explanation import explain
+from screwgauge.diagnosis.libraries import compare_dynamics
+from screwgauge.diagnosis.machine.alignment import find_partners
+from screwgauge.diagnosis.model import check_loops, load_side, match_cuts
+from screwgauge.diagnosis.motion import follow, partners_of
+from screwgauge.diagnosis.shares import Torques, with_gravity
 from screwgauge.models.kinematics import plant
 from screwgauge.models.machine import machine_of
 from screwgauge.models.poses import matrix
@@ -27,8 +27,8 @@ NAMES = ["3ups-upu-s", "delta", "3-rrr", "stewart", "bennett"]
 
 
 def pair_of(first, second):
-    a, b = at_home(alike(loaded(first), loaded(second)))
-    return explained(a.posed, b.posed, partners(a.posed, b.posed)).pair
+    a, b = check_loops(match_cuts(load_side(first), load_side(second)))
+    return explain(a.posed, b.posed, find_partners(a.posed, b.posed)).pair
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +74,9 @@ def reframed(reading, seed=0):
 @pytest.mark.parametrize("turned", [False, True])
 def test_bodies_of_another_cut_follow_their_partners(pair, name, turned):
     both = pair(name, turned)
-    states = Torques(weighed(both.a.reading), 1).states
+    states = Torques(with_gravity(both.a.reading), 1).states
     leader, tree, same = plant(both.a.reading), plant(both.b.reading), partners_of(both)
-    found = followed(leader, states, tree, same)
+    found = follow(leader, states, tree, same)
     assert len(found.fits) > 10
     assert found.fits.all()
     one, two = move(leader, states).bodies, move(tree, found.states).bodies
@@ -93,15 +93,15 @@ def test_bodies_of_another_cut_follow_their_partners(pair, name, turned):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("turned", [False, True])
 def test_torques_agree_along_motions_that_the_loops_admit(pair, name, turned):
-    assert agreement(pair(name, turned), 0).scaled < 1e-10
+    assert compare_dynamics(pair(name, turned), 0).scaled < 1e-10
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_frames_of_bodies_make_no_difference(pair, name):
     both = pair(name)
     b = reframed(both.b.reading)
-    again = explained(both.a.reading, b, partners(both.a.reading, b)).pair
-    assert agreement(again, 0).scaled < 1e-10
+    again = explain(both.a.reading, b, find_partners(both.a.reading, b)).pair
+    assert compare_dynamics(again, 0).scaled < 1e-10
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -112,7 +112,7 @@ def test_a_wrong_mass_shows(pair, name):
     body = reading.bodies[heaviest]
     bodies = {**reading.bodies, heaviest: replace(body, mass=1.3 * body.mass)}
     wrong = replace(both, b=machine_of(replace(reading, bodies=bodies)))
-    assert agreement(wrong, 0).scaled > 1e-4
+    assert compare_dynamics(wrong, 0).scaled > 1e-4
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -124,4 +124,4 @@ def test_a_tree_that_cannot_follow_is_not_compared(pair, name):
         [0.1, 0, 0], np.eye(3)
     )
     wrong = replace(both, alignment=replace(both.alignment, placed=placed))
-    assert agreement(wrong, 0) is None
+    assert compare_dynamics(wrong, 0) is None

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.causes import XmlText, patched, write_fix
-from support.diagnosis import Change, applied
+from support.causes import XmlText, change_file, write_fix
+from support.diagnosis import Change, apply_changes
 from support.errors import DescriptionError, OutputError
 from support.geometry import rotation
 from support.mechanics import inverse_dynamics
@@ -35,7 +35,11 @@ def model(request, tmp_path):
 
 
 def torques(reading, states=None):
-    own = applied(reading, [Change("", "gravity", np.array([0.0, 0.0, -9.81]))]) if reading.gravity is None else reading
+    own = (
+        apply_changes(reading, [Change("", "gravity", np.array([0.0, 0.0, -9.81]))])
+        if reading.gravity is None
+        else reading
+    )
     return inverse_dynamics(plant(own), states or draw(own, 8))
 
 
@@ -80,14 +84,14 @@ PROPERTIES = [
 def test_a_changed_file_is_read_as_the_changed_reading(model, what):
     file, library, reading = model
     change = changes_of(reading)[what]
-    patch = patched(file.read_text(), reading, [change])
+    patch = change_file(file.read_text(), reading, [change])
     if file.suffix == ".urdf" and what in NOT_IN_A_URDF:
         assert patch.text == file.read_text()
         assert patch.left[0][1] == f"a URDF cannot say {what}"
         return
     assert not patch.left
     file.write_text(patch.text)
-    again, wanted = read(file, library), applied(reading, [change])
+    again, wanted = read(file, library), apply_changes(reading, [change])
     if what == "gear":
         assert again.actuators == wanted.actuators
     if what == "limits":
@@ -104,7 +108,7 @@ def test_nothing_else_in_the_text_changes(model):
     file, _, reading = model
     text = file.read_text().replace("\n", "\n<!-- é -->\n")
     joint = list(reading.joints)[1]
-    patch = patched(text, reading, [Change(joint, "damping", np.array(0.5))])
+    patch = change_file(text, reading, [Change(joint, "damping", np.array(0.5))])
     lines = [line for line in difflib.ndiff(text.splitlines(), patch.text.splitlines()) if line[0] in "+-"]
     assert len(lines) == 2
     assert 'damping="0.5"' in lines[1]
@@ -135,7 +139,7 @@ def test_a_link_that_is_fixed_to_another_one_is_changed_itself(tmp_path):
     a, b = read(tmp_path / "other.urdf", "pinocchio"), read(file, "pinocchio")
     body = next(name for name, other in b.bodies.items() if f"link{fixed}" in other.fixed)
     changes = [Change(body, what, np.asarray(getattr(a.bodies[body], what))) for what in ("mass", "com", "inertia")]
-    patch = patched(file.read_text(), b, changes)
+    patch = change_file(file.read_text(), b, changes)
     lines = [line for line in difflib.ndiff(file.read_text().splitlines(), patch.text.splitlines()) if line[0] == "+"]
     assert len(lines) == 1
     assert float(lines[0].split('"')[1]) == pytest.approx(3.25, rel=1e-12, abs=0)
@@ -153,10 +157,10 @@ def test_a_body_of_two_links_that_have_to_lose_inertia_is_written_in_shares(writ
     reading = read(file, "mujoco")
     wanted = {"mass": 1.5, "com": [0.002, 0.001, 0.1], "inertia": np.diag([0.006, 0.014, 0.017])}
     changes = [Change("arm", what, np.asarray(value)) for what, value in wanted.items()]
-    patch = patched(file.read_text(), reading, changes)
+    patch = change_file(file.read_text(), reading, changes)
     assert not patch.left
     file.write_text(patch.text)
-    a, b = torques(applied(reading, changes)), torques(read(file, "mujoco"), draw(reading, 8))
+    a, b = torques(apply_changes(reading, changes)), torques(read(file, "mujoco"), draw(reading, 8))
     assert np.abs(a - b).max() <= AGAIN * np.abs(a).max()
 
 
@@ -165,7 +169,7 @@ def test_what_geoms_or_the_compiler_say_is_not_written(tmp_path):
     text = '<mujoco><compiler settotalmass="3"/><worldbody><body><joint/><geom size="0.1"/></body></worldbody></mujoco>'
     file.write_text(text)
     reading = read(file, "mujoco")
-    patch = patched(text, reading, [Change(next(iter(reading.bodies)), "mass", np.array(2.0))])
+    patch = change_file(text, reading, [Change(next(iter(reading.bodies)), "mass", np.array(2.0))])
     assert patch.text == text
     assert 'settotalmass="3"' in patch.left[0][1]
 

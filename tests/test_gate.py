@@ -128,7 +128,7 @@ def test_two_model_files_are_a_pair(theirs):
     ("status", "by", "same"), [("shown", 1e-8, True), ("not shown", 1e-8, False), ("shown", 1e-4, False)]
 )
 def test_tensors_that_mujoco_compiles_inexactly_are_no_difference_of_the_files(status, by, same, theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.diagnosis.facts.fact.shown_here", lambda case: status == "shown")
+    monkeypatch.setattr("screwgauge.diagnosis.facts.fact.is_shown_here", lambda case: status == "shown")
     shutil.copy(theirs / "four-bar.xml", theirs / "other.xml")
     edited(theirs / "other.xml", lambda text: worse(text, by))
     (row,) = screwgauge.check("four-bar.urdf", "other.xml").rows

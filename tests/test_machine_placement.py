@@ -6,11 +6,11 @@ import pytest
 
 from support.machines import (
     BELIEVED,
-    aligned,
+    align,
     closed,
     coordinate_placement,
     draw,
-    loaded,
+    load_side,
     machine_of,
     misfits,
     plant,
@@ -45,7 +45,7 @@ def farthest(one, other):
     """The largest misfit of bodies behind links of joints, each at the coordinates of the other machine."""
     a, b = machine_of(one), machine_of(other)
     same = {name: name for name in one.joints if name in other.joints}
-    found = aligned(a, b, same, {name: name for name in one.bodies}, BELIEVED[0])
+    found = align(a, b, same, {name: name for name in one.bodies}, BELIEVED[0])
     pairs = [
         (ours, theirs)
         for ours, theirs in found.links
@@ -61,7 +61,7 @@ def farthest(one, other):
 @pytest.mark.parametrize("name", ["3ups-upu-s", "bennett"])
 def test_links_that_are_passed_against_their_joints_are_laid_onto_their_partners(name, kind, tmp_path):
     write_models(load_mechanism(name), tmp_path)
-    reading = loaded(tmp_path / f"{name}.{kind}").reading
+    reading = load_side(tmp_path / f"{name}.{kind}").reading
     assert max(farthest(reading, other) for other in elsewhere(reading)) < ROUNDING
 
 
@@ -69,5 +69,5 @@ def test_a_joint_that_leads_the_other_way_in_one_model_is_laid_onto_its_partner(
     sides = []
     for name, (bodies, last) in {"a": (FROM_CRANK, "rocker"), "b": (FROM_ROCKER, "crank")}.items():
         text = f"<mujoco><worldbody>{bodies}</worldbody><equality>{PINS.format(last)}</equality></mujoco>"
-        sides.append(loaded(write(f"{name}.xml", text)).reading)
+        sides.append(load_side(write(f"{name}.xml", text)).reading)
     assert max(farthest(sides[0], other) for other in elsewhere(sides[1])) < ROUNDING

@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from support.command import printed_by
-from support.machines import BELIEVED, aligned, assignment, loaded, machine_of, misfits
+from support.machines import BELIEVED, align, assign, load_side, machine_of, misfits
 from support.mechanism import load_mechanism
 from support.models import write_models
 
@@ -58,11 +58,11 @@ def files(name, folder):
 
 @pytest.mark.parametrize("name", LINKS)
 def test_every_cut_and_format_of_a_mechanism_is_one_machine(name, tmp_path):
-    machines = [machine_of(loaded(file).reading) for file in files(name, tmp_path)]
+    machines = [machine_of(load_side(file).reading) for file in files(name, tmp_path)]
     for machine in machines:
         assert "".join(sorted(link.kind for link in machine.links)) == LINKS[name]
     for a, b in combinations(machines, 2):
-        found = aligned(a, b, {}, {}, BELIEVED[0])
+        found = align(a, b, {}, {}, BELIEVED[0])
         assert found.covers(a, b)
         for pair in found.bodies.items():
             assert misfits(a, b, pair, found.placed[pair[0]]).max() < SAME
@@ -127,7 +127,7 @@ def test_a_fix_of_a_model_that_is_cut_elsewhere_is_proved_in_its_file(tmp_path):
 def test_an_assignment_has_the_least_cost_of_all(shape):
     drawn = np.random.default_rng(shape)
     for cost in (drawn.normal(size=shape), drawn.integers(0, 3, shape).astype(float)):
-        pairs = assignment(cost)
+        pairs = assign(cost)
         few, many = sorted(shape)
         table = cost if shape[0] == few else cost.T
         least = min(sum(table[i, j] for i, j in enumerate(some)) for some in permutations(range(many), few))
@@ -136,14 +136,14 @@ def test_an_assignment_has_the_least_cost_of_all(shape):
 
 
 def test_pairs_without_a_finite_cost_are_assigned_last():
-    assert assignment(np.array([[np.nan, 1.0], [np.inf, 2.0]])) == [(0, 1), (1, 0)]
-    assert assignment(np.array([[np.nan, 1.0, 3.0], [np.inf, 2.0, 3.0]])) == [(0, 1), (1, 2)]
+    assert assign(np.array([[np.nan, 1.0], [np.inf, 2.0]])) == [(0, 1), (1, 0)]
+    assert assign(np.array([[np.nan, 1.0, 3.0], [np.inf, 2.0, 3.0]])) == [(0, 1), (1, 2)]
 
 
 def test_scipy_is_imported_only_where_rows_compete():
     code = (
-        "import sys, numpy as np; from screwgauge.diagnosis.machine.alignment import assignment; "
-        "assignment(np.array([[0.0, 1.0], [1.0, 0.0]])); print('scipy' in sys.modules); "
-        "assignment(np.array([[0.0, 1.0], [0.0, 3.0]])); print('scipy' in sys.modules)"
+        "import sys, numpy as np; from screwgauge.diagnosis.machine.alignment import assign; "
+        "assign(np.array([[0.0, 1.0], [1.0, 0.0]])); print('scipy' in sys.modules); "
+        "assign(np.array([[0.0, 1.0], [0.0, 3.0]])); print('scipy' in sys.modules)"
     )
     assert printed_by(code).split() == ["False", "True"]

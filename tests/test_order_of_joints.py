@@ -5,7 +5,7 @@ import pytest
 
 from screwgauge import diagnose
 from support.diagnosis import STATES, summary
-from support.mechanics import inverse_dynamics, weighed
+from support.mechanics import inverse_dynamics, with_gravity
 from support.readings import by_name, draw, in_file, plant, prepare, read
 
 LEGS = ("FR", "FL", "RR", "RL")
@@ -78,7 +78,7 @@ def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(
         ("FL_hip", "FL_thigh", "FL_calf"),
         ("FR_hip", "FR_thigh", "FR_calf"),
     )
-    tau = inverse_dynamics(plant(weighed(reading)), draw(weighed(reading), STATES, 0))
+    tau = inverse_dynamics(plant(with_gravity(reading)), draw(with_gravity(reading), STATES, 0))
     names = list(reading.joints)
     off = np.abs(tau - tau[:, [names.index(name) for name in order.second]])
     assert order.value == pytest.approx(off.max())

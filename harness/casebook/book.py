@@ -65,7 +65,7 @@ class Case:
         if self.last and version_key(versions) > version_key([self.last]):
             return False
         measured = [*self.shown, *self.not_shown]
-        older = [tried for tried in measured if _no_newer(tried, versions)]
+        older = [tried for tried in measured if _is_no_newer(tried, versions)]
         return bool(older) and max(older, key=version_key) in self.shown
 
     def named(self, versions: Sequence[str]) -> str:
@@ -78,7 +78,7 @@ def version_key(versions: Sequence[str]) -> list[list[int]]:
     return [[int(part) for part in re.findall(r"\d+", each)] for each in versions]
 
 
-def _no_newer(tried: Sequence[str], versions: Sequence[str]) -> bool:
+def _is_no_newer(tried: Sequence[str], versions: Sequence[str]) -> bool:
     pairs = zip(version_key(tried), version_key(versions), strict=True)
     return all(first <= second for first, second in pairs)
 
@@ -110,7 +110,7 @@ _MEASURED = _read(SHOWN)
 CASES = {entry["id"]: _case({**entry, **_MEASURED.get(entry["id"], {})}) for entry in _read(TEXTS)["cases"]}
 
 
-def find(id: str) -> Case:
+def find_case(id: str) -> Case:
     """Return the case of that name.
 
     Raises:
@@ -119,7 +119,7 @@ def find(id: str) -> Case:
     return CASES[check_choice("discrepancy", [id], CASES, "casebook")[0]]
 
 
-def installed(case: Case) -> Versions | None:
+def installed_versions(case: Case) -> Versions | None:
     """Return the installed versions of a case's engines; None if one is missing."""
     try:
         return tuple(version(_PACKAGES[engine]) for engine in case.engines)
@@ -127,9 +127,9 @@ def installed(case: Case) -> Versions | None:
         return None
 
 
-def shown_here(case: Case) -> bool:
+def is_shown_here(case: Case) -> bool:
     """True if the installed versions show a case."""
-    versions = installed(case)
+    versions = installed_versions(case)
     return versions is not None and case.shows(versions)
 
 
@@ -137,5 +137,5 @@ def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case
     """Yield cases that explain wrong quantities, touch no right one, and that the installed packages show."""
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
-        if touches & bad and not touches & good and takes_part <= packages and shown_here(case):
+        if touches & bad and not touches & good and takes_part <= packages and is_shown_here(case):
             yield case

@@ -63,7 +63,7 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
-    from screwgauge.diagnosis.shares import indexed
+    from screwgauge.diagnosis.shares import warn_of_order
     from screwgauge.models.files.parts import files_allowed
     from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
@@ -80,7 +80,7 @@ def import_(options: argparse.Namespace) -> int:
     imported_model = import_isolated(options.file, choice)
     written = write_imported(imported_model, out, force=options.force)
     with files_allowed(options.file.parent, wanted.allow):
-        order = indexed(options.file, imported_model, meshes=options.meshes)
+        order = warn_of_order(options.file, imported_model, meshes=options.meshes)
     for line in (*map(str, written), *notes(imported_model), *order):
         say(line)
     return 0
@@ -278,11 +278,11 @@ def _models(options: argparse.Namespace) -> list[Path]:
 
 def casebook(options: argparse.Namespace) -> int:
     """Tells about a named discrepancy, or lists them."""
-    from screwgauge.casebook.book import find
+    from screwgauge.casebook.book import find_case
     from screwgauge.report.listing import blocks, listing
     from screwgauge.report.text import terminal
 
-    say(listing("discrepancies") if options.id is None else terminal(blocks(find(options.id))))
+    say(listing("discrepancies") if options.id is None else terminal(blocks(find_case(options.id))))
     return 0
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.properties import word
+from screwgauge.diagnosis.properties import noun_of
 from screwgauge.reference.rotations import Array
 
 #: Kind of a link -> its noun.
@@ -42,20 +42,20 @@ _NOUNS = {
 
 def noun(what: str) -> str:
     """Return the noun of a property or event."""
-    return _NOUNS.get(what) or word(what)
+    return _NOUNS.get(what) or noun_of(what)
 
 
-def other(side: str) -> str:
+def other_side(side: str) -> str:
     """Return the other side."""
     return "B" if side == "A" else "A"
 
 
-def listed(nouns: Sequence[str]) -> str:
+def join(nouns: Sequence[str]) -> str:
     """Join nouns: ``a``, ``a and b``, ``a, b and c``."""
     return " and ".join(filter(None, (", ".join(nouns[:-1]), nouns[-1])))
 
 
-def counted(n: int, one: str, several: str = "") -> str:
+def count(n: int, one: str, several: str = "") -> str:
     """Format a count: ``1 joint``, ``2 joints``."""
     return f"{n} {one if n == 1 else several or f'{one}s'}"
 
@@ -63,17 +63,17 @@ def counted(n: int, one: str, several: str = "") -> str:
 _AXES = "xyz"
 
 
-def both(what: str, a: Array, b: Array, unit: str) -> str:
+def compare_values(what: str, a: Array, b: Array, unit: str) -> str:
     """Format two values of a property, and their difference."""
     behind = f" {unit}" if unit else ""
     if np.ndim(a) == 0:
         x, y = float(a), float(b)
-        apart = f" ({change(x, y)})" if x and y else ""
+        apart = f" ({format_change(x, y)})" if x and y else ""
         return f"{digits(y, x)}{behind} in B, {digits(x, y)}{behind} in A{apart}"
     if what == "inertia":
         return _tensors(a, b)
     said = f"{vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
-    return f"{said} ({_apart(b - a, unit)})" if what in ("com", "gravity") else said
+    return f"{said} ({_difference(b - a, unit)})" if what in ("com", "gravity") else said
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,13 +107,13 @@ def turn_and_way(
     angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
     parts = []
     if angle > max(1e-12, _SHARE * way):
-        parts.append(f"{turned} by {in_axes(step[0], axes, 'deg', brief=brief)}")
+        parts.append(f"{turned} by {step_in_axes(step[0], axes, 'deg', brief=brief)}")
     if way > max(1e-12, _SHARE * angle):
-        parts.append(f"shifted by {in_axes(step[1], axes, 'mm', brief=brief)}")
+        parts.append(f"shifted by {step_in_axes(step[1], axes, 'mm', brief=brief)}")
     return " and ".join(parts) or "by rounding"
 
 
-def in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
+def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
     """Format a step along one axis with its sign; else its size, and its vector in the first axes.
 
     Args:
@@ -129,10 +129,10 @@ def in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False
             return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {each.name}"
     along = axes[0].R.T @ shown_
     size = f"{np.linalg.norm(along):.6g} {unit}"
-    return size if brief else f"{size}, {_short(along)} {unit} in the axes of {axes[0].name}"
+    return size if brief else f"{size}, {_round_vector(along)} {unit} in the axes of {axes[0].name}"
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Format a number, or the entries of a vector in brackets."""
     array = np.asarray(value, float)
     return f"{array:.6g}" if array.ndim == 0 else f"({', '.join(f'{x:.6g}' for x in array.ravel())})"
@@ -143,12 +143,12 @@ def percent(factor: float) -> str:
     return f"{100.0 * (factor - 1.0):+.2f} %" if 0.0 < factor < 10.0 else f"x {factor:g}"
 
 
-def _short(vector_: Array) -> str:
+def _round_vector(vector_: Array) -> str:
     most = float(np.abs(vector_).max())
     return f"({', '.join(f'{x:.4g}' if abs(x) > 1e-6 * most else '0' for x in vector_)})"
 
 
-def _apart(step: Array, unit: str) -> str:
+def _difference(step: Array, unit: str) -> str:
     """Format the difference of two vectors: along one axis if possible."""
     step_, of = (step * 1e3, "mm") if unit == "m" else (step, unit)
     k = int(np.abs(step_).argmax())
@@ -169,17 +169,17 @@ def digits(value: float, other: float) -> str:
 
 def vector(value: Array, other: Array) -> str:
     """Format the entries of a vector in brackets."""
-    least = 1e-13 * max(_finite(value), _finite(other))  # rounding beside the largest entry
+    least = 1e-13 * max(_largest(value), _largest(other))  # rounding beside the largest entry
     pairs = zip(value.ravel(), other.ravel(), strict=True)
     return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
 
 
-def _finite(value: Array) -> float:
+def _largest(value: Array) -> float:
     finite = np.abs(np.asarray(value))[np.isfinite(value)]
     return float(finite.max()) if finite.size else 0.0
 
 
-def change(a: float, b: float) -> str:
+def format_change(a: float, b: float) -> str:
     """Format the change from A to B in percent or, if large, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
@@ -198,10 +198,10 @@ def _tensors(a: Array, b: Array) -> str:
     if len(entries) == 1:
         ((i, j),) = entries
         x, y = float(a[i, j]), float(b[i, j])
-        return f"{_AXES[i]}{_AXES[j]} {digits(y, x)} kg m^2 in B, {digits(x, y)} kg m^2 in A ({change(x, y)})"
+        return f"{_AXES[i]}{_AXES[j]} {digits(y, x)} kg m^2 in B, {digits(x, y)} kg m^2 in A ({format_change(x, y)})"
     with np.errstate(invalid="ignore"):
         first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
-    scale = max(_finite(a), _finite(b)) or 1.0
+    scale = max(_largest(a), _largest(b)) or 1.0
     same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
     if same:
         percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
@@ -214,15 +214,15 @@ def _tensors(a: Array, b: Array) -> str:
 
 def _ratio(a: Array, b: Array) -> str:
     """Format the ratio of two tensors: one factor, or the difference of the largest moments."""
-    most, other = (_finite(each) for each in (a, b))
+    most, other = (_largest(each) for each in (a, b))
     if not most or not other:
-        return change(most, other)
+        return format_change(most, other)
     with np.errstate(invalid="ignore", over="ignore"):
         factor = float(np.vdot(a / most, b)) / float(np.vdot(a / most, a))
         if np.abs(b - factor * a).max() <= _SHARE * other:
-            return change(1.0, factor)
+            return format_change(1.0, factor)
     if not 0.1 <= other / most <= 10.0:
-        return f"largest entry {change(most, other)}"
+        return f"largest entry {format_change(most, other)}"
     return f"{100.0 * float(np.abs(a - b).max()) / max(most, other):.3g} % apart"
 
 
@@ -233,6 +233,6 @@ def link_kind(kind: str) -> str:
 def freedoms(kinds_: Sequence[str]) -> str:
     """List freedoms: ``3 slides and a ball joint``."""
     named = [JOINTS.get(kind, kind) for kind in kinds_]
-    return listed(
-        [f"a {each}" if named.count(each) == 1 else counted(named.count(each), each) for each in dict.fromkeys(named)]
+    return join(
+        [f"a {each}" if named.count(each) == 1 else count(named.count(each), each) for each in dict.fromkeys(named)]
     )

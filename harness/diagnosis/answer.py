@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.diagnosis.amounts import listed, noun
+from screwgauge.diagnosis.amounts import join, noun
 from screwgauge.diagnosis.fix import write_fix
-from screwgauge.diagnosis.properties import PROPERTIES, word
+from screwgauge.diagnosis.properties import PROPERTIES, noun_of
 from screwgauge.diagnosis.sentences import explanation, news, not_compared, notes
 from screwgauge.diagnosis.words import EVENTS, Speaker
 from screwgauge.models.content import kinds
@@ -205,7 +205,7 @@ def _not_fixed(findings: Findings) -> Iterator[str]:
     """List the differences that the corrected file leaves, each with the reason."""
     if findings.fix is not None:
         yield from findings.fix.why_not
-        yield from (f"{findings.b.library} reads no {word(what)} from the file" for what in findings.fix.unheard)
+        yield from (f"{findings.b.library} reads no {noun_of(what)} from the file" for what in findings.fix.unheard)
         speaker = Speaker(findings.pair.a)
         yield from (f"no value in B's file mends this: {speaker.sentence(fact)}" for fact in findings.open_facts)
 
@@ -230,7 +230,7 @@ def _causes(findings: Findings) -> Iterator[ToldCause]:
         sentence = "; ".join([full.cause(cause), *slips])
         short = "; ".join([brief.cause(cause), *slips[:1]])
         of = tuple(numbers[id(fact)] for fact in cause.facts)
-        of_all = "" if cause.kind == "digits" else family(cause.facts)
+        of_all = "" if cause.kind == "digits" else family_of(cause.facts)
         yield ToldCause(_name(full, cause), sentence, short, cause.kind, cause.share, of_all, of, slips)
 
 
@@ -249,7 +249,7 @@ def _name(speaker: Speaker, cause: Cause) -> str:
     return speaker.name(cause.groups[0]) + rest
 
 
-def family(facts: Sequence[Fact]) -> str:
+def family_of(facts: Sequence[Fact]) -> str:
     """Return the family of the first of some facts."""
     first = facts[0]
     if first.what == "whole" and first.b.length == 1.0 and not first.b.mirrored and not first.b.stands:
@@ -344,7 +344,7 @@ def phrase(reason: Reason) -> str:
         article, nouns = "the", ["inertia"]
     elif reason.part and len(parts) == 1:
         article, nouns = "the", [noun(first.what)]
-    it = "B" if first.what == "whole" else f"{article} {listed(nouns)}{f' of {reason.part}' * bool(reason.part)}"
+    it = "B" if first.what == "whole" else f"{article} {join(nouns)}{f' of {reason.part}' * bool(reason.part)}"
     values = map(_places, reason.values) if reason.slip == "decimal point" else reason.values
     return SLIPS[reason.slip].format(*values, it=it, noun=noun(first.what), part=reason.part or first.part)
 

@@ -11,18 +11,28 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.answer import Diagnosis, diagnosis_of
-from screwgauge.diagnosis.causes.causes import causes
-from screwgauge.diagnosis.causes.reasons import reasons
+from screwgauge.diagnosis.causes.causes import rank_causes
+from screwgauge.diagnosis.causes.reasons import find_reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.explanation import explained
-from screwgauge.diagnosis.facts.fact import Fact, Pair, among, as_compiled, other_gravity, rounded
-from screwgauge.diagnosis.facts.structure import Beyond, content_of
+from screwgauge.diagnosis.explanation import explain
+from screwgauge.diagnosis.facts.fact import Fact, Pair, mark_compiled, mark_rounding, other_gravity, select
+from screwgauge.diagnosis.facts.structure import Beyond, compare_content
 from screwgauge.diagnosis.findings import Findings
-from screwgauge.diagnosis.fix import fixed
-from screwgauge.diagnosis.libraries import agreement, library_checks, together
-from screwgauge.diagnosis.machine.alignment import Names, partners, read_map
-from screwgauge.diagnosis.model import Loops, Model, Read, Weighed, alike, at_home, each_loops, in_process, loaded
-from screwgauge.diagnosis.shares import Torques, able, bare, freedom_left, order_of, weighed
+from screwgauge.diagnosis.fix import make_fix
+from screwgauge.diagnosis.libraries import check_libraries, compare_dynamics, compare_libraries
+from screwgauge.diagnosis.machine.alignment import Names, find_partners, read_map
+from screwgauge.diagnosis.model import (
+    Loops,
+    Model,
+    Read,
+    Weighed,
+    check_loops,
+    load_side,
+    loops_of_sides,
+    match_cuts,
+    read_here,
+)
+from screwgauge.diagnosis.shares import Torques, compare_orders, freedom_left, have_values, with_gravity, without_forces
 from screwgauge.models.content import kinds
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, shown
@@ -42,13 +52,13 @@ def diagnose(
     seed: int = 0,
     loops: Loops = None,
     limit: float = LIMIT,
-    load: Read = in_process,
+    load: Read = read_here,
     only: str = "",
 ) -> Diagnosis:
     """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Files or names; also `model.weighed` copies with mass from meshes.
+        a, b: Files or names; also `model.weigh_side` copies with mass from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -57,13 +67,13 @@ def diagnose(
     if only and only not in ONLY:
         raise UnknownNameError("part of a comparison", only, ONLY, "only")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
-    first, second = each_loops(loops, (a, b))
-    one, two = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
-    found = findings((one, two), partners(one.reading, two.reading, given), seed, deadline, load, only)
+    first, second = loops_of_sides(loops, (a, b))
+    one, two = check_loops(match_cuts(load_side(a, load, first), load_side(b, load, second), load))
+    found = find((one, two), find_partners(one.reading, two.reading, given), seed, deadline, load, only)
     return diagnosis_of(found, datetime.now(UTC).isoformat(timespec="seconds"))
 
 
-def findings(
+def find(
     models: tuple[Model, Model], names: Names, seed: int, deadline: Deadline, load: Read, only: str = ""
 ) -> Findings:
     """Compare two models.
@@ -73,61 +83,61 @@ def findings(
         only: The one group of properties to compare; empty for all.
     """
     a, b = models
-    marked = partial(rounded, digits=(a.digits, b.digits), longest=(a.longest, b.longest))
-    told = explained(*_in_one_gravity(a.posed, b.posed), names, marked)
+    marked = partial(mark_rounding, digits=(a.digits, b.digits), longest=(a.longest, b.longest))
+    told = explain(*_share_gravity(a.posed, b.posed), names, marked)
     pair = told.pair
     start = Findings(
-        a, b, seed, pair, dict(_how(pair, names)), _comparable(pair, names), limit=deadline.seconds, only=only
+        a, b, seed, pair, dict(_origins(pair, names)), _are_comparable(pair, names), limit=deadline.seconds, only=only
     )
     if not start.alike:
         return start
-    beyond = Beyond() if only else content_of(pair)
-    facts = among([*_named(told.facts, start.how), *beyond.facts], only)
-    facts = tuple(as_compiled(marked(facts), [model.library for model in models]))
+    beyond = Beyond() if only else compare_content(pair)
+    facts = select([*_drop_given_names(told.facts, start.how), *beyond.facts], only)
+    facts = tuple(mark_compiled(marked(facts), [model.library for model in models]))
     found = replace(start, facts=facts, standing=told.standing, beyond=beyond, mobility=_mobility(models))
     if not deadline.over("order of the joints"):
         joints = {name: partner.name for name, partner in pair.joints.items()}
-        found = replace(found, order=order_of(models, joints, seed))
-    found = _with_causes(found, deadline)
-    found = replace(found, witnesses=tuple(library_checks(models, seed, deadline)))
-    if _is_beyond(found) and not deadline.over("torques of the libraries as loaded"):
+        found = replace(found, order=compare_orders(models, joints, seed))
+    found = _add_causes(found, deadline)
+    found = replace(found, witnesses=tuple(check_libraries(models, seed, deadline)))
+    if _is_outside_torques(found) and not deadline.over("torques of the libraries as loaded"):
         skipped = bool(only) or bool(other_gravity(a.reading, b.reading))
-        both, why_not = (None, "") if skipped else together(models, pair, seed)
-        found = replace(found, agreement=agreement(pair, seed, only), together=both, why_not=why_not)
+        both, why_not = (None, "") if skipped else compare_libraries(models, pair, seed)
+        found = replace(found, agreement=compare_dynamics(pair, seed, only), together=both, why_not=why_not)
     if any(fact.kind != "digits" for fact in facts) and not deadline.over("proof by a corrected file"):
-        found = replace(found, fix=fixed(a, b, pair, load, moved=told.whole is not None, only=only))
+        found = replace(found, fix=make_fix(a, b, pair, load, moved=told.whole is not None, only=only))
     return replace(found, left_out=tuple(deadline.left_out))
 
 
-def _in_one_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
+def _share_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
     """Give a reading without gravity that of the other reading."""
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
 
 
-def _is_beyond(found: Findings) -> bool:
+def _is_outside_torques(found: Findings) -> bool:
     """True if nothing differs that torques of bodies and joints depend on."""
     outside = {*kinds(), "density", "viscosity"}
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
 
-def _named(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fact]:
+def _drop_given_names(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fact]:
     """Drop differences of names that the user mapped."""
     return [fact for fact in facts if not (fact.what == "name" and how.get(fact.part) == "given")]
 
 
-def _with_causes(found: Findings, deadline: Deadline) -> Findings:
+def _add_causes(found: Findings, deadline: Deadline) -> Findings:
     """Add causes, their shares and reasons to findings."""
     facts = found.facts
     if not facts or deadline.over("causes and their shares"):
         return found
-    reading = weighed(found.pair.a.reading)
-    torques = Torques(bare(reading) if found.only else reading, found.seed)
-    why = tuple(reasons(facts, found.pair, (found.a.file, found.b.file)))
-    ranked = tuple(causes(facts, torques, [each.facts for each in why]))
+    reading = with_gravity(found.pair.a.reading)
+    torques = Torques(without_forces(reading) if found.only else reading, found.seed)
+    why = tuple(find_reasons(facts, found.pair, (found.a.file, found.b.file)))
+    ranked = tuple(rank_causes(facts, torques, [each.facts for each in why]))
     found = replace(found, causes=ranked, reasons=why)
-    shared = [fact for cause in ranked if not np.isnan(cause.share) for fact in cause.facts if able([fact])]
+    shared = [fact for cause in ranked if not np.isnan(cause.share) for fact in cause.facts if have_values([fact])]
     effect = torques.effect(shared)
     if effect is None:
         return found
@@ -144,7 +154,7 @@ def _mobility(models: Sequence[Model]) -> tuple[int, int] | None:
     return (a, b) if min(a, b) >= 0 else None
 
 
-def _how(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
+def _origins(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
     """Yield each joint of A with the way in which its partner was found."""
     for name, partner in pair.joints.items():
         if names.joints.get(name) == partner.name:
@@ -153,7 +163,7 @@ def _how(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
             yield name, f"geometry{', against its name' if pair.crosses_names(name) else ''}"
 
 
-def _comparable(pair: Pair, names: Names) -> bool:
+def _are_comparable(pair: Pair, names: Names) -> bool:
     """True if enough joints have partners for a comparison, by names or by geometry."""
     counts = [len(machine.reading.joints) - len(pair.joints) for machine in (pair.a, pair.b)]
     if not pair.joints or pair.alignment.covers(pair.a, pair.b):

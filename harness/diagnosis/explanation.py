@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.causes import grouped
+from screwgauge.diagnosis.causes.causes import group_facts
 from screwgauge.diagnosis.facts.bodies import body_facts
 from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
 from screwgauge.diagnosis.facts.links import link_facts
@@ -17,12 +17,12 @@ from screwgauge.diagnosis.facts.structure import (
     actuator_facts,
     model_facts,
     name_facts,
-    paired,
+    pair_machines,
     structure_facts,
 )
-from screwgauge.diagnosis.machine.alignment import Names, partners
+from screwgauge.diagnosis.machine.alignment import Names, find_partners
 from screwgauge.diagnosis.machine.placement import Believed
-from screwgauge.diagnosis.machine.whole import Whole, wholes
+from screwgauge.diagnosis.machine.whole import Whole, find_wholes
 from screwgauge.models.machine import Machine, machine_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
@@ -62,7 +62,7 @@ class Explanation:
     @cached_property
     def cost(self) -> float:
         """Length of the explanation, in causes; the shortest one is chosen."""
-        groups = grouped(self.real)
+        groups = group_facts(self.real)
         # a whole is light if it explains all
         light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
         causes = sum(CONVENTION if each else 1.0 for each in light)
@@ -100,7 +100,7 @@ class Explanation:
         return self.whole is None and not elsewhere and len(sides) < 2 and len(heavy) < MOST * len(self.pair.a.bodies)
 
 
-def explained(
+def explain(
     a: Reading, b: Reading, names: Names, marked: Callable[[Sequence[Fact]], Iterable[Fact]] = tuple
 ) -> Explanation:
     """Choose the explanation with the fewest causes.
@@ -124,31 +124,31 @@ def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]
     """Yield explanations: B as it stands, as a whole, by geometry alone, by the placement of links at the ground."""
     theirs = machine_of(b)
     for believed in BELIEVED:
-        yield told(a, theirs, names, believed)
-    for whole in wholes(a.reading, b, names.joints, names.bodies):
-        yield _of_whole(a, b, whole, names)
+        yield compare_machines(a, theirs, names, believed)
+    for whole in find_wholes(a.reading, b, names.joints, names.bodies):
+        yield _compare_whole(a, b, whole, names)
     nameless = Names({}, {}, {})
-    alone = told(a, theirs, nameless)
+    alone = compare_machines(a, theirs, nameless)
     yield alone
-    yield from (_of_whole(a, b, whole, nameless) for whole in _roots(alone.pair))
+    yield from (_compare_whole(a, b, whole, nameless) for whole in _roots(alone.pair))
 
 
-def compared(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
+def compare_readings(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
     """Compare two readings of one machine as they stand.
 
     Args:
         names: Partners; by default those by name.
     """
-    one, two, names = machine_of(a), machine_of(b), names or partners(a, b)
-    return min((told(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
+    one, two, names = machine_of(a), machine_of(b), names or find_partners(a, b)
+    return min((compare_machines(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
 
 
-def told(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
+def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
     """Compare two machines as they stand."""
-    return of_pair(paired(a, b, names, believed))
+    return compare_pair(pair_machines(a, b, names, believed))
 
 
-def of_pair(pair: Pair) -> Explanation:
+def compare_pair(pair: Pair) -> Explanation:
     """Compare two machines whose bodies have partners."""
     facts = [*structure_facts(pair), *link_facts(pair), *body_facts(pair)]
     facts += [
@@ -161,8 +161,8 @@ def of_pair(pair: Pair) -> Explanation:
     return Explanation(pair, tuple(facts))
 
 
-def _of_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation:
-    rest = told(a, machine_of(whole.undone(b, a.reading)), names)
+def _compare_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation:
+    rest = compare_machines(a, machine_of(whole.undo(b, a.reading)), names)
     return replace(rest, facts=(_fact(whole, a), *rest.facts), whole=whole)
 
 

@@ -14,12 +14,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from screwgauge.diagnosis.explanation import Explanation, compared, explained, of_pair
-from screwgauge.diagnosis.facts.fact import EXACT, Fact, Pair, among, numbers_in
+from screwgauge.diagnosis.explanation import Explanation, compare_pair, compare_readings, explain
+from screwgauge.diagnosis.facts.fact import EXACT, Fact, Pair, numbers_in, select
 from screwgauge.diagnosis.machine.alignment import Names
 from screwgauge.diagnosis.model import Model, Read
-from screwgauge.diagnosis.patch import patched
-from screwgauge.diagnosis.properties import OPTIONAL, Change, applied, sequence
+from screwgauge.diagnosis.patch import change_file
+from screwgauge.diagnosis.properties import OPTIONAL, Change, apply_changes, sequence
 from screwgauge.models.content import FORMATS
 from screwgauge.models.formats import number_text
 from screwgauge.models.kinematics import rehomed
@@ -69,7 +69,7 @@ class Fix:
         return self.left is not None and not self.left
 
 
-def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, only: str = "") -> Fix:
+def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, only: str = "") -> Fix:
     """Write a copy of B that agrees with A, and read it again.
 
     Args:
@@ -82,16 +82,16 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
         return Fix("", why_not=(f"B is {form}, which is not changed here, as URDF and MJCF are" if form else NO_FILE,))
     if a.file == b.file:
         return Fix("", why_not=(ONE_FILE,))
-    back = _backwards(a, b, pair, moved=moved)
-    facts = among(back.facts, only)
-    changes = _as_written(sequence(facts), b.reading, back.pair.a.reading)
+    back = _compare_back(a, b, pair, moved=moved)
+    facts = select(back.facts, only)
+    changes = _to_pose_of_file(sequence(facts), b.reading, back.pair.a.reading)
     open_ = tuple(fact for fact in facts if not fact.changes)
     if not changes:
         return Fix("", open=open_)
-    spell = speller(a.text)
+    spell = make_speller(a.text)
     text, best = b.text, Fix("", open=open_)
     for plain in (False, True):
-        patch = patched(text, b.reading, changes, plain=plain, spell=spell)
+        patch = change_file(text, b.reading, changes, plain=plain, spell=spell)
         why = tuple(dict.fromkeys(reason for _, reason in patch.left))
         if len(patch.left) == len(changes):
             return replace(best, why_not=why)
@@ -100,7 +100,7 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
         except ScrewgaugeError as error:
             best = replace(best, why_not=(*why, f"the changed file cannot be read: {error.what}"))
             continue
-        left = among(explained(a.posed, rehomed(again, b.home)[0], _names(pair, again)).facts, only)
+        left = select(explain(a.posed, rehomed(again, b.home)[0], _names(pair, again)).facts, only)
         left = tuple(fact for fact in left if fact.what != "name")
         lost = {(change.item, change.what) for change, _ in patch.left}
         deaf = [f.what for f in left if f.what in OPTIONAL and (f.partner or f.part, f.what) not in lost]
@@ -110,12 +110,12 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
     return best
 
 
-def _backwards(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
+def _compare_back(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
     """Compare B with A as it stands, so that each change gives B the value of A."""
     if not moved:
-        return of_pair(pair.inverse)
+        return compare_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
-    return compared(b.posed, a.posed, Names(pair.back, bodies, {}))
+    return compare_readings(b.posed, a.posed, Names(pair.back, bodies, {}))
 
 
 def _names(pair: Pair, again: Reading) -> Names:
@@ -128,12 +128,12 @@ def _bodies(pair: Pair) -> dict[str, str]:
     return {name: other for name, other in pair.alignment.bodies.items() if name != GROUND}
 
 
-def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
+def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
     """Convert changes from the pose of the comparison to that of the file."""
     q = {name: joint.home for name, joint in posed.joints.items() if written.joints[name].home != joint.home}
     _, before, after = rehomed(written, q)
-    at_home = [_at_home(change, _carrier(change, written, before, after), written, posed) for change in changes]
-    return [*at_home, *_derived(applied(written, at_home))]
+    at_home = [_convert(change, _carrier(change, written, before, after), written, posed) for change in changes]
+    return [*at_home, *_derived_ends(apply_changes(written, at_home))]
 
 
 def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
@@ -143,7 +143,7 @@ def _carrier(change: Change, written: Reading, before: Mapping[str, Array], afte
     return before.get(change.item, np.eye(4))
 
 
-def _derived(target: Reading) -> Iterator[Change]:
+def _derived_ends(target: Reading) -> Iterator[Change]:
     """Yield changes of second ends of closures that a file derives from the first ones."""
     for name, closure in target.closures.items():
         (_, one), (_, other) = target.ends(name)
@@ -152,7 +152,7 @@ def _derived(target: Reading) -> Iterator[Change]:
             yield Change(name, "second_frame", closure.second_frame @ matrix(way, np.eye(3)))
 
 
-def _at_home(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
+def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
     """Convert a change of a joint on a body that is displaced by X, shape (4, 4), to the pose of the file."""
     value = change.value
     if change.what in ("placement", "seat"):
@@ -174,12 +174,12 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         copy = Path(folder) / file.name
-        _bring(file.parent, Path(folder), text)
+        _copy_parts(file.parent, Path(folder), text)
         copy.write_text(text, encoding="utf-8")
         return read(copy)
 
 
-def _bring(source: Path, folder: Path, text: str) -> None:
+def _copy_parts(source: Path, folder: Path, text: str) -> None:
     """Copy files that an MJCF includes or attaches, recursively, if they lie in its folder."""
     home, target = source.resolve(), folder.resolve()
     waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # folder, element and name
@@ -218,7 +218,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
     save_file(out, text, inputs, force=force)
 
 
-def speller(text: str) -> Callable[[str], str]:
+def make_speller(text: str) -> Callable[[str], str]:
     """Make a function that prints computed numbers as nearly equal numbers of a file, else as short decimals.
 
     Products of frames leave rounding in the last digits, and next to larger entries of a vector in place of a zero.
@@ -237,12 +237,12 @@ def speller(text: str) -> Callable[[str], str]:
             entries = [float(word) for word in value.split()]
         except ValueError:
             return value
-        return " ".join(_spelled(entries, numbers, nothing))
+        return " ".join(_spell_entries(entries, numbers, nothing))
 
     return spell
 
 
-def _spelled(entries: Sequence[float], numbers: Sequence[float], nothing: float) -> Iterator[str]:
+def _spell_entries(entries: Sequence[float], numbers: Sequence[float], nothing: float) -> Iterator[str]:
     most = max(map(abs, entries), default=0.0)
     for x in entries:
         if LEAST <= x <= np.nextafter(LEAST, 1.0):  # stands for a moment of zero

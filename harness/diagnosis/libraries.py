@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.facts.fact import Pair
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.motion import Partners, followed, namesakes, partners_of
+from screwgauge.diagnosis.motion import Partners, follow, namesakes, partners_of
 from screwgauge.diagnosis.properties import CALLS, PASSIVE
-from screwgauge.diagnosis.shares import Largest, Torques, bare, components, weighed
+from screwgauge.diagnosis.shares import Largest, Torques, components, with_gravity, without_forces
 from screwgauge.engines.raw_queries import Answers, Ask, JointStates
 from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
 from screwgauge.models.readings.reading import Reading
@@ -36,7 +36,7 @@ CLOSING = ("mujoco",)
 _UNKNOWN = {"flexible bodies", "plugins"}
 
 
-def answers(
+def ask_library(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
     """Ask one library for the dynamics of a file, at states of the tree that it reads.
@@ -87,7 +87,7 @@ class Compared:
         return self.off / scale if scale else self.off
 
 
-def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
+def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
     """Compare quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # scale of forces that vanish
@@ -103,7 +103,7 @@ def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, C
     return by_name
 
 
-def loop_pairs(
+def compare_loops(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
 ) -> dict[str, Compared]:
     """Compare quantities of closed loops, independent of the rows that state them.
@@ -165,16 +165,16 @@ class LibraryCheck:
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
-def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
+def check_libraries(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
     """Check each library that has dynamics against its own reading."""
     for side, model in zip("AB", models, strict=False):
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
         reading = model.as_read or model.reading
-        tree = plant(weighed(reading))
+        tree = plant(with_gravity(reading))
         states = draw(reading, STATES, seed)
         try:
-            theirs, by_name = _asked(model, tree, states)
+            theirs, by_name = _ask(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
             yield LibraryCheck(side, model.library, {}, failed=str(error))
             continue
@@ -185,11 +185,11 @@ def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> It
         yield LibraryCheck(side, model.library, scaled, omits, adds)
 
 
-def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
+def _ask(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
     assert model.file is not None
-    theirs = answers(model.file, model.library, tree, states, floating=model.floating)
-    loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
-    return theirs, {**pairs(theirs, tree, states), **loops}
+    theirs = ask_library(model.file, model.library, tree, states, floating=model.floating)
+    loops = compare_loops(model.file, model.library, tree, states, floating=model.floating)
+    return theirs, {**compare_tree(theirs, tree, states), **loops}
 
 
 #: Torques lose weight where loops are conditioned worse than this, see `admissible_projector`.
@@ -220,10 +220,10 @@ class Together:
         return self.row.scaled <= ROUNDING
 
 
-def together(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Together | None, str]:
+def compare_libraries(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Together | None, str]:
     """Compare the libraries' own torques, or return the reason why they cannot be compared."""
     try:
-        found = _compared(pair, seed, models)
+        found = _largest_difference(pair, seed, models)
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return None, str(error)
     if found is None:
@@ -233,38 +233,40 @@ def together(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Togeth
     return Together(row, largest, (calls[0], calls[1]), n), ""
 
 
-def agreement(pair: Pair, seed: int, only: str = "") -> Largest | None:
+def compare_dynamics(pair: Pair, seed: int, only: str = "") -> Largest | None:
     """Compare the torques of both readings; None where B follows A at no state.
 
     Args:
         only: The one group of properties to compare; empty for all.
     """
     if only:
-        a, b = (replace(machine, reading=bare(machine.reading)) for machine in (pair.a, pair.b))
+        a, b = (replace(machine, reading=without_forces(machine.reading)) for machine in (pair.a, pair.b))
         pair = replace(pair, a=a, b=b)
-    found = _compared(pair, seed)
+    found = _largest_difference(pair, seed)
     return found and found[0]
 
 
-def _compared(pair: Pair, seed: int, models: tuple[Model, Model] | None = None) -> tuple[Largest, float, int] | None:
+def _largest_difference(
+    pair: Pair, seed: int, models: tuple[Model, Model] | None = None
+) -> tuple[Largest, float, int] | None:
     """Return the largest difference of torques, the largest torque of its unit, and the number of states.
 
     Args:
         models: Models whose libraries compute the torques; by default the dynamics of readings do.
     """
-    torques = Torques(weighed(pair.a.reading), seed)
+    torques = Torques(with_gravity(pair.a.reading), seed)
     sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
     if models is None:
-        (ours, one), (theirs, two) = (_along(torques, *side, inverse_dynamics) for side in sides)
+        (ours, one), (theirs, two) = (_torques_along(torques, *side, inverse_dynamics) for side in sides)
     else:
         (ours, one), (theirs, two) = (
-            _along(torques, model.reading, partners, _of_library(model))
+            _torques_along(torques, model.reading, partners, _library_torques(model))
             for model, (_, partners) in zip(models, sides, strict=True)
         )
     fits = one & two
     if not fits.any():
         return None
-    row = torques.largest(_admissible(torques, theirs - ours)[fits])
+    row = torques.largest(_project(torques, theirs - ours)[fits])
     units = np.array([unit == row.unit for _, unit in components(torques.reading)], dtype=bool)
     return row, float(torques.scale[units].max(initial=0.0)), int(fits.sum())
 
@@ -274,28 +276,30 @@ def _states(torques: Torques) -> TreeStates:
     return torques.states.at(slice(STATES))
 
 
-def _along(torques: Torques, reading: Reading, partners: Partners, of: _Dynamics) -> tuple[Array, NDArray[np.bool_]]:
+def _torques_along(
+    torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return torques of a reading that follows A, along A's velocities, and flags of success. (n, n_freedom), (n,)."""
-    tree = plant(weighed(reading))
-    there = followed(plant(torques.reading), _states(torques), tree, partners)
+    tree = plant(with_gravity(reading))
+    there = follow(plant(torques.reading), _states(torques), tree, partners)
     tau = of(tree, there.states)
     return (np.swapaxes(there.velocities, 1, 2) @ tau[..., None])[..., 0], there.fits
 
 
-def _of_library(model: Model) -> _Dynamics:
+def _library_torques(model: Model) -> _Dynamics:
     """Make a function that has a library compute the torques of all motors for the file as it is."""
 
     def tau(tree: ReadingTree, states: TreeStates) -> Array:
         if model.library not in ASKED or model.file is None or model.retyped:
             return inverse_dynamics(tree, states)
-        said = answers(model.file, model.library, tree, states, floating=model.floating, whole=True)
+        said = ask_library(model.file, model.library, tree, states, floating=model.floating, whole=True)
         left_out = [part for name, part in passive_parts(tree, states).items() if name not in said.covers]
         return said.tau + sum(left_out, np.zeros_like(said.tau))
 
     return tau
 
 
-def _admissible(torques: Torques, tau: Array) -> Array:
+def _project(torques: Torques, tau: Array) -> Array:
     """Project torques on the motions that loops leave, with less weight near singular poses. (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
     P, sure = admissible_projector(equations(plant(reading), _states(torques)).rows, slides, size(reading))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from screwgauge.diagnosis.facts.fact import ALL, SINGLE, STANDARD, digits_of, longest
+from screwgauge.diagnosis.facts.fact import ALL, SINGLE, STANDARD, digits_of, longest_number
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
 from screwgauge.models.files.loops import OWN, read_loops
@@ -91,7 +91,7 @@ class Model:
         """Digits of the longest number in its file; 0 of a description."""
         if self.reading.form == "usd":
             return SINGLE
-        return 0 if self.described or self.file is None else longest(read_file(self.file))
+        return 0 if self.described or self.file is None else longest_number(read_file(self.file))
 
     @cached_property
     def home(self) -> dict[str, float]:
@@ -127,7 +127,7 @@ class Weighed:
         return self.given
 
 
-def weighed(given: str | Path, folder: Path) -> Weighed:
+def weigh_side(given: str | Path, folder: Path) -> Weighed:
     """Give a side of a diagnosis mass and inertia from meshes, where the file has some.
 
     Args:
@@ -136,17 +136,17 @@ def weighed(given: str | Path, folder: Path) -> Weighed:
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
     """
-    file = Path(_asked(given)[0])
+    file = Path(_split_library(given)[0])
     copy = weighed_copy(file, folder) if is_model(file) else None
     return Weighed(str(given), copy or file)
 
 
-def in_process(file: Path, library: str, floating: bool) -> Reading:
+def read_here(file: Path, library: str, floating: bool) -> Reading:
     """Read a file in this process."""
     return read(file, library, floating=floating)
 
 
-def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | None = None) -> Model:
+def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path | None = None) -> Model:
     """Load one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
 
     Args:
@@ -155,12 +155,12 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
     Raises:
         ScrewgaugeError: It cannot be read.
     """
-    text, library = _asked(given)
+    text, library = _split_library(given)
     own = Path(text)
     if _is_description(text, library):
         if loops is not None:
             raise ModelFileError("says itself what closes its loops", text, "leave --loops out")
-        return _described(text)
+        return _load_description(text)
     file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
     form, sha256 = form_of(file), digest(own)
@@ -180,7 +180,7 @@ def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
     return {name: (joint.kind, joint.armature) for name, joint in reading.joints.items()}
 
 
-def each_loops(
+def loops_of_sides(
     loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
 ) -> tuple[Path | None, Path | None]:
     """Return the loops file of each side, from a pair, or one file for every URDF.
@@ -203,7 +203,7 @@ def each_loops(
     return one, two
 
 
-def _asked(given: str | Path | Weighed) -> tuple[str, str]:
+def _split_library(given: str | Path | Weighed) -> tuple[str, str]:
     """Split a side into file or name and the requested library; empty without one."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
@@ -219,7 +219,7 @@ def _is_description(text: str, library: str) -> bool:
 
 
 def _is_urdf(given: str | Path | Weighed) -> bool:
-    text, library = _asked(given)
+    text, library = _split_library(given)
     return not _is_description(text, library) and form_of(Path(text)) == "urdf"
 
 
@@ -227,24 +227,24 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _described(name: str) -> Model:
+def _load_description(name: str) -> Model:
     mechanism = load_mechanism(name)
     file = Path(name) if is_file(Path(name)) else None
     sha256 = digest(file) if file else ""
-    reading = _expected(mechanism, "full", gravity_of(name))
+    reading = _read_description(mechanism, "full", gravity_of(name))
     return Model(name, file, "screwgauge", reading, sha256=sha256, remarks=mechanism.remarks)
 
 
-def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
+def _read_description(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
     return replace(limited(expected_reading(mechanism, cut, STANDARD), mechanism), gravity=gravity)
 
 
-def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
+def match_cuts(a: Model, b: Model, load: Read = read_here) -> tuple[Model, Model]:
     """Cut a description as the other side's file is cut, and free the base of a URDF if the other side's is free."""
-    return _like(a, b, load), _like(b, a, load)
+    return _match_cut(a, b, load), _match_cut(b, a, load)
 
 
-def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
+def check_loops(models: tuple[Model, Model]) -> tuple[Model, Model]:
     """Measure the gaps of the loops of both models at home, and try to close them.
 
     Raises:
@@ -265,10 +265,10 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
     return measured[0], measured[1]
 
 
-def _like(model: Model, other: Model, load: Read) -> Model:
+def _match_cut(model: Model, other: Model, load: Read) -> Model:
     if model.described:
         mechanism = load_mechanism(model.label)
-        cuts = [_expected(mechanism, cut, model.reading.gravity) for cut in CUTS]
+        cuts = [_read_description(mechanism, cut, model.reading.gravity) for cut in CUTS]
         best = max(cuts, key=lambda cut: (len({*cut.joints} & {*other.reading.joints}), -len(cut.joints)))
         return replace(model, reading=best)
     free = [any(joint.kind == "free" for joint in each.reading.joints.values()) for each in (model, other)]

@@ -72,7 +72,7 @@ class Followed:
     fits: NDArray[np.bool_]
 
 
-def followed(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> Followed:
+def follow(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> Followed:
     """Find the states of a tree at which its bodies move as their partners do, by Newton's method."""
     at = stacked([_frame(leader, name, T) for name, _, T in partners.bodies])
     own = stacked([_frame(tree, other, np.eye(4)) for _, other, _ in partners.bodies])

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import numpy as np
 
-from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
+from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, apply_changes
 from screwgauge.models.files import mjcf, urdf
 from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
@@ -58,7 +58,7 @@ class Opened:
         return parts
 
 
-def opened(text: str, reading: Reading) -> Opened:
+def open_model(text: str, reading: Reading) -> Opened:
     """Open a file with its reading.
 
     Raises:
@@ -111,10 +111,10 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
             continue
         if link.near >= 0:
             old = relative(file.links[link.near].frame, link.frame)
-            rehung = _rehung(file, link, gone)
+            rehung = _rehang(file, link, gone)
             new = relative(frames[rehung.near], F)
             if file.urdf:
-                new = new @ _turned_back(file, target, link, F)
+                new = new @ _turn_to_zero(file, target, link, F)
             if rehung is not link:
                 file.writer.hang(file.xml, rehung, file.links[rehung.near])
             if rehung is not link or not _same(old, new):
@@ -126,7 +126,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     return frames
 
 
-def _rehung(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
+def _rehang(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
     """Attach a link to its nearest ancestor that stays."""
     while link.near in gone:
         before = file.links[link.near]
@@ -158,7 +158,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
     return np.asarray(F[:3, :3].T @ step) if np.abs(step).max() > SAME else np.zeros(3)
 
 
-def _turned_back(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
+def _turn_to_zero(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
     """Return the displacement from home, the zero of the file, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
@@ -190,7 +190,7 @@ class Patch:
     left: tuple[tuple[Change, str], ...] = ()
 
 
-def patched(
+def change_file(
     text: str,
     reading: Reading,
     changes: Sequence[Change],
@@ -210,7 +210,7 @@ def patched(
         DescriptionError: The file is no XML.
     """
     try:
-        file = opened(text, reading)
+        file = open_model(text, reading)
     except UnpatchableError as error:
         return Patch(text, tuple((change, str(error)) for change in changes))
     file.xml.spell = spell
@@ -222,14 +222,14 @@ def patched(
             done.append(change)
         except UnpatchableError as error:
             left.append((change, str(error)))
-    gone = {i for change in done if change.what == "link" for i in _moved(file, change.item)}
+    gone = {i for change in done if change.what == "link" for i in _links_of_joint(file, change.item)}
     try:
-        _write(file, applied(reading, [change for change in done if change.what not in LESS]), plain, gone)
+        _write(file, apply_changes(reading, [change for change in done if change.what not in LESS]), plain, gone)
     except UnpatchableError as error:
         return Patch(text, (*left, *((change, str(error)) for change in done)))
     for change in done:
         if change.what == "branch":
-            file.writer.drop(file.xml, _carried(file, change.item))
+            file.writer.drop(file.xml, _descendants(file, change.item))
     if gone:
         file.writer.splice(file.xml, [file.links[i] for i in gone])
     return Patch(file.xml.text(), tuple(left))
@@ -305,7 +305,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     """Write the mass properties of a body, by the simplest change of one of its links if possible."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
-    new = _changed(parts, old, body)
+    new = _change_parts(parts, old, body)
     if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
         raise UnpatchableError(f"several links make up '{name}', and no change of one or of all of them does")
     for i, part in new.items():
@@ -314,7 +314,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
             file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
 
 
-def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
+def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
     """Change one part of a body, if that is possible, else all of them."""
     if same(old, new):
         return parts
@@ -325,14 +325,14 @@ def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Ma
     return alike if all(part.possible for part in alike.values()) else shared(parts, new)
 
 
-def _moved(file: Opened, joint: str) -> list[int]:
+def _links_of_joint(file: Opened, joint: str) -> list[int]:
     """Return the links of the body that a joint moves, and massless ones between its joints."""
     name = file.reading.moved_by(joint)
     joints = {*file.reading.bodies[name].joints}
     return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]
 
 
-def _carried(file: Opened, joint: str) -> list[TextLink]:
+def _descendants(file: Opened, joint: str) -> list[TextLink]:
     """Return the links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):

@@ -35,7 +35,7 @@ UNITS: dict[str, dict[float, str]] = {
 }
 
 
-def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
+def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
     """Return the bodies that a joint carries, and the joints, itself first."""
     bodies: list[str] = []
     joints: list[str] = []
@@ -50,14 +50,14 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
     return bodies, joints
 
 
-def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
+def put_on_axis(joint: JointReading, direction: Array, centre: Array) -> JointReading:
     """Put a hinge or slide on another axis. Shape (3,) both."""
     parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
     return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
 
-def carried(reading: Reading, joint: str, T: Array) -> Reading:
-    bodies, joints = outwards(reading, joint)
+def displace(reading: Reading, joint: str, T: Array) -> Reading:
+    bodies, joints = descendants(reading, joint)
     return replace(
         reading,
         bodies={**reading.bodies, **{n: replace(reading.bodies[n], pose=T @ reading.bodies[n].pose) for n in bodies}},
@@ -65,13 +65,13 @@ def carried(reading: Reading, joint: str, T: Array) -> Reading:
     )
 
 
-def seated(reading: Reading, joint: str, T: Array) -> Reading:
+def displace_seat(reading: Reading, joint: str, T: Array) -> Reading:
     """Displace the bodies that a joint carries, and leave the joint in place. T: shape (4, 4)."""
-    moved_ = carried(reading, joint, T)
+    moved_ = displace(reading, joint, T)
     return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
 
 
-def counted_back(reading: Reading, name: str) -> Reading:
+def reverse(reading: Reading, name: str) -> Reading:
     """Reverse the coordinate of a joint, also in its couplings."""
     joint = reading.joints[name]
     low, high = joint.limits
@@ -83,7 +83,7 @@ def counted_back(reading: Reading, name: str) -> Reading:
     return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
 
 
-def counted_from(reading: Reading, name: str, home: float) -> Reading:
+def shift_home(reading: Reading, name: str, home: float) -> Reading:
     """Shift the coordinate of a joint to another home, also in its limits, its rest and its couplings."""
     joint = reading.joints[name]
     step = home - joint.home
@@ -96,21 +96,21 @@ def counted_from(reading: Reading, name: str, home: float) -> Reading:
     return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
 
 
-def without(reading: Reading, joint: str) -> Reading:
+def remove(reading: Reading, joint: str) -> Reading:
     """Remove a joint, the other joints of its body and all that it carries."""
-    bodies, joints = outwards(reading, joint)
-    return _lacking(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
+    bodies, joints = descendants(reading, joint)
+    return _drop(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
 
 
-def spliced(reading: Reading, joint: str) -> Reading:
+def splice(reading: Reading, joint: str) -> Reading:
     """Remove the body that a joint moves; its children are attached, in place, to its parent."""
     name = reading.moved_by(joint)
     gone = reading.bodies[name]
     bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
-    return _lacking(replace(reading, bodies=bodies), [name], {*gone.joints})
+    return _drop(replace(reading, bodies=bodies), [name], {*gone.joints})
 
 
-def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
+def _drop(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
     """Remove bodies and joints, with their closures, couplings and actuators."""
 
     def stays(body: str) -> bool:
@@ -175,17 +175,19 @@ class Property:
     call: str = ""
 
 
-def _turned(reading: Reading, name: str, direction: Array | None, centre: Array | None) -> Reading:
+def _set_axis(reading: Reading, name: str, direction: Array | None, centre: Array | None) -> Reading:
     joint = reading.joints[name]
-    new = turned(joint, joint.direction if direction is None else direction, joint.centre if centre is None else centre)
+    new = put_on_axis(
+        joint, joint.direction if direction is None else direction, joint.centre if centre is None else centre
+    )
     return replace(reading, joints={**reading.joints, name: new})
 
 
-def _geared(reading: Reading, name: str, gear: float) -> Reading:
+def _set_gear(reading: Reading, name: str, gear: float) -> Reading:
     return replace(reading, actuators={**reading.actuators, name: reading.actuators[name]._replace(gear=gear)})
 
 
-def _coupled(reading: Reading, name: str, coefficients: Array) -> Reading:
+def _set_coefficients(reading: Reading, name: str, coefficients: Array) -> Reading:
     coupling = reading.couplings[name]
     new = replace(coupling, function=coupling.function.filled(coefficients))
     return replace(reading, couplings={**reading.couplings, name: new})
@@ -203,7 +205,7 @@ def _passive(unit: str, **more: Any) -> Property:
     return Property(owner="joint", shape=(), unit=unit, scales=True, default=0.0, **more)
 
 
-def _hanging(less: Callable[[Reading, str], Reading]) -> Property:
+def _presence(less: Callable[[Reading, str], Reading]) -> Property:
     def write(reading: Reading, name: str, there: float) -> Reading:
         return reading if there else less(reading, name)
 
@@ -230,12 +232,12 @@ PROPERTIES: dict[str, Property] = {
         cases={"pinocchio": "pin-mjcf-gravcomp"},
     ),
     "pose": Property(owner="body", shape=(4, 4), unit="m", urdf="origin", mjcf="body"),
-    "placement": _place((4, 4), "m", "body", write=carried),
-    "seat": _place((4, 4), "m", "body", write=seated),
-    "axis": _place((3,), write=lambda reading, name, axis_: _turned(reading, name, axis_, None)),
-    "centre": _place((3,), "m", write=lambda reading, name, centre: _turned(reading, name, None, centre)),
-    "zero": _place((), "rad|m", "joint@ref", write=counted_from, entry="home"),
-    "sign": _place((), write=lambda reading, name, sign: reading if sign > 0 else counted_back(reading, name)),
+    "placement": _place((4, 4), "m", "body", write=displace),
+    "seat": _place((4, 4), "m", "body", write=displace_seat),
+    "axis": _place((3,), write=lambda reading, name, axis_: _set_axis(reading, name, axis_, None)),
+    "centre": _place((3,), "m", write=lambda reading, name, centre: _set_axis(reading, name, None, centre)),
+    "zero": _place((), "rad|m", "joint@ref", write=shift_home, entry="home"),
+    "sign": _place((), write=lambda reading, name, sign: reading if sign > 0 else reverse(reading, name)),
     "limits": Property(owner="joint", shape=(2,), unit="rad|m", urdf="limit@", mjcf="joint@range"),
     "armature": _passive("kg m^2|kg", mjcf="joint@armature"),
     "damping": _passive("N m s/rad|N s/m", urdf="dynamics@damping", mjcf="joint@damping", call="urdf-damping-one-side"),
@@ -250,8 +252,8 @@ PROPERTIES: dict[str, Property] = {
         mjcf="joint@springref",
         cases={"pinocchio": SPRINGS},
     ),
-    "branch": _hanging(without),
-    "link": _hanging(spliced),
+    "branch": _presence(remove),
+    "link": _presence(splice),
     "kind": Property(owner="joint", part=True),
     "body": Property(owner="body", part=True),
     "closure": Property(owner="closure"),
@@ -261,9 +263,9 @@ PROPERTIES: dict[str, Property] = {
     "coupling": Property(owner="coupling"),
     "leading joint": Property(owner="coupling"),
     "polynomial": Property(
-        owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality", write=_coupled
+        owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality", write=_set_coefficients
     ),
-    "gear": Property(owner="actuator", shape=(), scales=True, mjcf="actuator@gear", write=_geared),
+    "gear": Property(owner="actuator", shape=(), scales=True, mjcf="actuator@gear", write=_set_gear),
     "gravity": Property(
         owner="model",
         shape=(3,),
@@ -290,7 +292,7 @@ RIGID = frozenset(
 )
 
 
-def word(what: str) -> str:
+def noun_of(what: str) -> str:
     """Return the noun of a property."""
     return (PROPERTIES[what].noun if what in PROPERTIES else "") or what
 
@@ -329,7 +331,7 @@ def sequence(several: Iterable[Any]) -> list[Change]:
     return [*places[::-1], *(change for change in changes if change.what not in (*_FIRST, *_LAST)), *lost]
 
 
-def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
+def apply_changes(reading: Reading, changes: Iterable[Change]) -> Reading:
     """Apply changes to a reading, one after the other.
 
     Raises:
@@ -338,11 +340,11 @@ def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
     for change in changes:
         if change.what not in PROPERTIES or PROPERTIES[change.what].shape is None:
             raise UnknownNameError("property", change.what, [n for n, p in PROPERTIES.items() if p.shape is not None])
-        reading = _changed(reading, change)
+        reading = _apply_change(reading, change)
     return reading
 
 
-def _changed(reading: Reading, change: Change) -> Reading:
+def _apply_change(reading: Reading, change: Change) -> Reading:
     what, each = change.what, PROPERTIES[change.what]
     value: Any = float(change.value) if each.shape == () else change.value
     if what in ("limits", "softness", "medium"):  # tuples in a reading

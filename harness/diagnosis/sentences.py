@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.diagnosis.amounts import counted, listed, other, shown
+from screwgauge.diagnosis.amounts import count, format_value, join, other_side
 from screwgauge.diagnosis.facts.fact import STANDARD, known_gravity, other_gravity
 from screwgauge.diagnosis.machine.whole import Whole
-from screwgauge.diagnosis.properties import CALLS, CLOSING, OPTIONAL, PROPERTIES, word
-from screwgauge.diagnosis.shares import SAME, UNSEEN, Torques, able, components, weighed
+from screwgauge.diagnosis.properties import CALLS, CLOSING, OPTIONAL, PROPERTIES, noun_of
+from screwgauge.diagnosis.shares import SAME, UNSEEN, Torques, components, have_values, with_gravity
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.content import Content, kinds, phrases
 from screwgauge.models.kinematics import not_modelled, plant
@@ -40,15 +40,15 @@ CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"
 def news(found: Findings) -> Iterator[str]:
     """Yield sentences on findings without a fact, the worst first, the agreement last."""
     if not found.alike:
-        yield from _strange(found)
+        yield from _different_machines(found)
         return
     if not found.facts and found.agreement is not None and found.agreement.scaled > SAME:
         forces = "Forces" if found.agreement.unit == "N" else "Torques"
         yield f"{forces} differ by {_amount(found.agreement)}, and no difference between the files explains it."
     if found.together is not None and not found.together.agrees:
-        yield _as_loaded(found.together)
+        yield _own_torques(found.together)
         if found.beyond.withheld:
-            yield f"The cause may be in what is not compared: {_listed(sided(found.beyond.withheld))}."
+            yield f"The cause may be in what is not compared: {_join(name_sides(found.beyond.withheld))}."
     yield from (_witness(each) for each in found.witnesses if not each.agrees)
     yield from _gravity(found)
     yield from _loops(found)
@@ -67,14 +67,14 @@ def _gravity(found: Findings) -> Iterator[str]:
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
         usual = f"{-STANDARD[2]:g} m/s^2 downwards for {side}, which states none"
-        yield f"Called as they are, libraries take {usual}, and {shown(stated)} m/s^2 for {other(side)}."
+        yield f"Called as they are, libraries take {usual}, and {format_value(stated)} m/s^2 for {other_side(side)}."
 
 
 def explanation(found: Findings) -> Iterator[str]:
     """Yield sentences on the effect of the facts on torques, and on the proof."""
     few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
     if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
-        yield _partly(found)
+        yield _partial(found)
     causes = [cause for cause in found.causes if cause.kind != "digits"]
     if not causes:
         return
@@ -84,22 +84,22 @@ def explanation(found: Findings) -> Iterator[str]:
     yield from _proof(found)
     if found.a.file is not None and found.a.file == found.b.file:
         yield f"{found.a.file.name} is read differently by {found.a.library} (A) and {found.b.library} (B)."
-        yield from _unread(found)
+        yield from _ignored_properties(found)
 
 
 def _is_scale(fact: Fact) -> bool:
     return isinstance(fact.b, Whole) and not (fact.b.length == fact.b.mass == fact.b.inertia == 1.0)
 
 
-def _strange(found: Findings) -> Iterator[str]:
+def _different_machines(found: Findings) -> Iterator[str]:
     a, b = (len(each.reading.joints) for each in (found.a, found.b))
-    partners = f"{len(found.how) or 'none'} of the {counted(a, 'joint')} of A {'has' if len(found.how) < 2 else 'have'}"
+    partners = f"{len(found.how) or 'none'} of the {count(a, 'joint')} of A {'has' if len(found.how) < 2 else 'have'}"
     yield f"A and B are models of different machines: {partners} a partner among the {b} of B."
     some = f" Partners are {_pairs(found)}." if found.how else ""
     yield f"If they are the same machine, name the partners with --map.{some}"
 
 
-def _partly(found: Findings) -> str:
+def _partial(found: Findings) -> str:
     a, b = (len(each.reading.joints) for each in (found.a, found.b))
     return f"Only {len(found.how)} of {a} joints of A and {b} of B are partners and are compared ({_pairs(found)})."
 
@@ -124,7 +124,7 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
         else:
             yield f"Together they change {forces} {much}; {percent(most.share)} of that by {name} alone."
     yield from _outside(causes)
-    plain = [each for each in causes if not _left_out(each)]
+    plain = [each for each in causes if not _is_left_out(each)]
     unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
         counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
@@ -158,7 +158,7 @@ def _outside(causes: Sequence[Cause]) -> Iterator[str]:
     """Name differences on which torques do not depend."""
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
-        yield f"Torques of bodies and joints leave out {listed(whats)}."
+        yield f"Torques of bodies and joints leave out {join(whats)}."
     if any(each.kind == "unseen" and _of_loops(each.facts[0]) for each in causes):
         yield "Torques at one and the same motion cannot show how loops differ."
 
@@ -172,7 +172,7 @@ def _of_loops(fact: Fact) -> bool:
     return fact.what in _LOOPS or (fact.what == "end" and all(change.what in CLOSING for change in fact.changes))
 
 
-def _left_out(cause: Cause) -> bool:
+def _is_left_out(cause: Cause) -> bool:
     return all(map(_is_outside, cause.facts))
 
 
@@ -183,33 +183,33 @@ def _proof(found: Findings) -> Iterator[str]:
         return
     again = "Put right in a copy of B's file and read again,"
     if fix.proved:
-        yield f"{again} nothing {'differs' if able(found.facts) else 'else differs'}."
+        yield f"{again} nothing {'differs' if have_values(found.facts) else 'else differs'}."
     elif fix.left:
         first = Speaker(found.pair.a, brief=True).sentence(fix.left[0])
-        yield f"{again} {counted(len(fix.left), 'difference is', 'differences are')} left: {first}."
+        yield f"{again} {count(len(fix.left), 'difference is', 'differences are')} left: {first}."
     if fix.unheard:
-        yield does_not_use(found.b.library, fix.unheard)
+        yield name_ignored(found.b.library, fix.unheard)
 
 
-def does_not_use(library: str, whats: Iterable[str]) -> str:
+def name_ignored(library: str, whats: Iterable[str]) -> str:
     """Name properties of a file that a library ignores, with their cases."""
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
-    return f"{library} does not use what the file says of {listed([*map(word, whats)])}{book}."
+    return f"{library} does not use what the file says of {join([*map(noun_of, whats)])}{book}."
 
 
-def _unread(found: Findings) -> Iterator[str]:
+def _ignored_properties(found: Findings) -> Iterator[str]:
     """Name properties that one library reads from a file and the other one ignores."""
     for k, model in enumerate((found.a, found.b)):
         whats = [
-            fact.what for fact in found.facts if fact.what in OPTIONAL and _ignored((fact.a, fact.b), k, fact.what)
+            fact.what for fact in found.facts if fact.what in OPTIONAL and _is_ignored((fact.a, fact.b), k, fact.what)
         ]
         if whats:
-            yield does_not_use(model.library, whats)
+            yield name_ignored(model.library, whats)
 
 
-def _ignored(values: tuple[object, object], k: int, what: str) -> bool:
+def _is_ignored(values: tuple[object, object], k: int, what: str) -> bool:
     """True if the value of side k is the default, and the other one is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
@@ -222,7 +222,7 @@ def _loops(found: Findings) -> Iterator[str]:
             yield f"In {side} {model.never_closed}."
     if found.mobility is not None and not found.mobility_agrees:
         a, b = found.mobility
-        yield f"Closures and couplings leave {counted(a, 'degree')} of freedom in A, {b} in B."
+        yield f"Closures and couplings leave {count(a, 'degree')} of freedom in A, {b} in B."
 
 
 def _agreement(found: Findings) -> Iterator[str]:
@@ -230,21 +230,21 @@ def _agreement(found: Findings) -> Iterator[str]:
     if not found.agrees:
         return
     reading = found.a.reading
-    agree = f"{counted(len(reading.joints), 'joint')} and {counted(len(reading.bodies), 'body', 'bodies')} agree"
+    agree = f"{count(len(reading.joints), 'joint')} and {count(len(reading.bodies), 'body', 'bodies')} agree"
     if found.agreement is not None:
         agree += f", their {_force(found, several=True)} to {found.agreement.scaled:.1g} of the largest"
     if found.together is not None and any(found.together.calls):
         agree += f", those of the libraries as loaded to {found.together.row.scaled:.1g}"
     withheld = [*not_compared(found)]
     if withheld:
-        yield f"Not all compared: {_listed(withheld)}."
+        yield f"Not all compared: {_join(withheld)}."
     rest = "All else is the same: " if withheld or found.facts else ""
     yield f"{rest}{agree}." if not found.left_out else "Nothing differs in what was compared."
     if found.beyond.aside:
-        yield f"Outside the comparison: {_listed(sided(found.beyond.aside))}."
+        yield f"Outside the comparison: {_join(name_sides(found.beyond.aside))}."
 
 
-def _as_loaded(both: Together) -> str:
+def _own_torques(both: Together) -> str:
     """Report the difference of the libraries' own torques."""
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
     forces = "forces" if both.row.unit == "N" else "torques"
@@ -275,7 +275,7 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.{'2g' if abs(share) < 0.1 else '1f'}} %"
 
 
-def _listed(sentences: Iterable[str]) -> str:
+def _join(sentences: Iterable[str]) -> str:
     return first_few(sentences, _NAMED, "; ")
 
 
@@ -292,19 +292,19 @@ def notes(found: Findings) -> Iterator[str]:
     yield from _calls(found)
     for what, content in (("not compared", found.beyond.withheld), ("outside the comparison", found.beyond.aside)):
         if content:
-            yield f"{what}: {first_few(sided(content), _NAMED, '; ')}"
+            yield f"{what}: {first_few(name_sides(content), _NAMED, '; ')}"
     if found.fix is not None:
         yield from (f"not in the corrected copy of B: {why}" for why in found.fix.why_not)
 
 
 def not_compared(found: Findings) -> Iterator[str]:
     """Name content that could differ and is not compared, with its side."""
-    yield from sided(found.beyond.withheld)
+    yield from name_sides(found.beyond.withheld)
     if found.why_not:
         yield f"torques of the libraries as loaded: {found.why_not}"
 
 
-def sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
+def name_sides(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
     """Name content with the sides that have it."""
     of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
     for text in dict.fromkeys((*of["A"], *of["B"])):
@@ -343,13 +343,13 @@ def _calls(found: Findings) -> Iterator[str]:
 
 
 def _call(more: LibraryCheck, less: LibraryCheck, what: Sequence[str], found: Findings) -> str:
-    reading = weighed((found.a if less.side == "A" else found.b).reading)
+    reading = with_gravity((found.a if less.side == "A" else found.b).reading)
     free = {name: replace(joint, **dict.fromkeys(what, 0.0)) for name, joint in reading.joints.items()}  # type: ignore[arg-type]
     torques = Torques(reading, found.seed)
     most = torques.largest(inverse_dynamics(plant(replace(reading, joints=free)), torques.states) - torques.own)
     cases = [*filter(None, (PROPERTIES[each].call for each in what))]
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return (
-        f"{CALLS[more.library]} of {more.side} contains {listed(what)}, {CALLS[less.library]} of {less.side} does "
+        f"{CALLS[more.library]} of {more.side} contains {join(what)}, {CALLS[less.library]} of {less.side} does "
         f"not: called as they are, they differ by {most.value:.4g} {most.unit} at {most.component}{book}"
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from screwgauge.diagnosis.facts.fact import STANDARD, Fact, known_gravity
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.properties import PASSIVE, applied, sequence
+from screwgauge.diagnosis.properties import PASSIVE, apply_changes, sequence
 from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.model import Imported
 from screwgauge.models.kinematics import draw, near_home, plant
@@ -35,7 +35,7 @@ UNSEEN = 1e-11
 SAME = 1e-9
 
 
-def weighed(reading: Reading) -> Reading:
+def with_gravity(reading: Reading) -> Reading:
     """Return a reading with the standard gravity where its file states none."""
     return replace(reading, gravity=known_gravity(reading.gravity))
 
@@ -148,9 +148,9 @@ class Torques:
             ScrewgaugeError: A change refers to a part that another change removes.
         """
         facts = list(facts)
-        reading = applied(self.reading, sequence(facts))
+        reading = apply_changes(self.reading, sequence(facts))
         for whole in (fact.b for fact in facts if isinstance(fact.b, Whole)):
-            reading = whole.done(reading)
+            reading = whole.apply(reading)
         return reading
 
     @property
@@ -177,7 +177,7 @@ class Torques:
         return Largest(float(off[k] / self.scale[k]), float(off[k]), name, unit)
 
 
-def bare(reading: Reading) -> Reading:
+def without_forces(reading: Reading) -> Reading:
     """Return a reading without passive forces, in standard gravity."""
     joints, bodies = reading.joints.items(), reading.bodies.items()
     nothing: dict[str, Any] = dict.fromkeys(PASSIVE, 0.0)
@@ -189,7 +189,7 @@ def bare(reading: Reading) -> Reading:
     )
 
 
-def able(facts: Sequence[Fact]) -> bool:
+def have_values(facts: Sequence[Fact]) -> bool:
     """True if changes of values make all of some facts, apart from names."""
     real = [fact for fact in facts if fact.what != "name"]
     return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)
@@ -223,7 +223,7 @@ class Order:
     permutation: tuple[int, ...] = ()
 
 
-def order_of(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
+def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
     """Compare the orders of the joints that two models share; None where they agree, or a model is a description.
 
     Args:
@@ -235,7 +235,7 @@ def order_of(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) 
     there = {other: name for name, other in joints.items()}
     first = tuple(name for name in a.joints if name in joints)
     second = tuple(there[other] for other in b.joints if other in there)
-    k, own = _first_other(first, second), [joints[name] for name in second]
+    k, own = _first_difference(first, second), [joints[name] for name in second]
     phrases = (
         f"{models[0].library} indexes the joints of A as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
         f"{models[1].library} those of B as {first_few(own[k:], _NAMED)}",
@@ -243,7 +243,7 @@ def order_of(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) 
     return _order(a, (first, second), phrases, seed)
 
 
-def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
+def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
     """Warn where libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
@@ -256,7 +256,7 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
     source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)
-    k = _first_other(first, second)
+    k = _first_difference(first, second)
     phrases = (
         f"pinocchio indexes the joints of a URDF of it as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
         f"mujoco those of the file as {first_few(second[k:], _NAMED)}",
@@ -265,7 +265,7 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
     return () if order is None else (order.sentence,)
 
 
-def _first_other(first: Sequence[str], second: Sequence[str]) -> int:
+def _first_difference(first: Sequence[str], second: Sequence[str]) -> int:
     """Return the first index at which two orders differ; 0 where they agree."""
     return next((k for k, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1]), 0)
 
@@ -285,7 +285,7 @@ def _order(
     first, second = orders
     if first == second:
         return None
-    reading = weighed(reading)
+    reading = with_gravity(reading)
     tau = inverse_dynamics(plant(reading), draw(reading, STATES, seed))
     entries = components(reading)
     places = list(range(len(entries)))

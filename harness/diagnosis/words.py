@@ -12,19 +12,19 @@ import numpy as np
 from screwgauge.diagnosis.amounts import (
     WORLD,
     Axes,
-    both,
-    counted,
+    compare_values,
+    count,
+    format_value,
     freedoms,
-    in_axes,
+    join,
     link_kind,
-    listed,
     noun,
-    other,
+    other_side,
     percent,
-    shown,
+    step_in_axes,
     turn_and_way,
 )
-from screwgauge.diagnosis.causes.causes import Cause, factor_of, sideless
+from screwgauge.diagnosis.causes.causes import Cause, factor_of, without_sides
 from screwgauge.diagnosis.facts.fact import AXES, TOLERANCE, Fact
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PROPERTIES, ROOMS, UNITS
@@ -84,7 +84,7 @@ class Speaker:
         if self.brief:
             return self.sentence(facts[0])
         also = list(dict.fromkeys(noun(fact.what) for fact in facts[1:] if fact.what != facts[0].what))
-        return self.sentence(facts[0]) + (f"; its {listed(also)} differ{'s' * (len(also) == 1)}, too" if also else "")
+        return self.sentence(facts[0]) + (f"; its {join(also)} differ{'s' * (len(also) == 1)}, too" if also else "")
 
     def sentence(self, fact: Fact) -> str:
         """Describe a fact."""
@@ -98,7 +98,7 @@ class Speaker:
         step = self.step(fact, "tilted" if fact.what == "axis" else "turned") if "{step}" in text else ""
         at = f", where it stands at {fact.of}" if fact.of else ""
         value = fact.a if fact.side == "A" else fact.b
-        return text.format(fact=fact, step=step, at=at, value=value, other=other(fact.side))
+        return text.format(fact=fact, step=step, at=at, value=value, other=other_side(fact.side))
 
     def name(self, facts: Sequence[Fact]) -> str:
         """Name the properties and parts of a group of facts: ``mass of upper``."""
@@ -113,29 +113,29 @@ class Speaker:
             return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
         whats = {part: nouns([fact for fact in facts if fact.part == part]) for part in parts}
         if len({*whats.values()}) == 1:
-            return f"{whats[first.part]} of {listed([*parts])}"
-        return listed([f"{what} of {part}" for part, what in whats.items()])
+            return f"{whats[first.part]} of {join([*parts])}"
+        return join([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
         """Describe facts of several parts by what they share, else by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
             return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
-        if len({sideless(part) for part in parts}) == 1:  # a left and a right part
+        if len({without_sides(part) for part in parts}) == 1:  # a left and a right part
             likewise = f"; {first_few(parts[1:], _NAMED)} likewise"
             return self.group([fact for fact in facts if fact.part == first.part]) + likewise
         if first.what == "name":
             pairs = first_few([f"{fact.a} is {fact.b}" for fact in facts], _NAMED)
             return f"{len(parts)} joints have names of other joints in B{'' if self.brief else f': {pairs}'}"
         if first.what in _SUBTREES and not {fact.what for fact in facts} - {first.what}:
-            return f"{len(parts)} {_SUBTREES[first.what]} {other(first.side)}{names}"
+            return f"{len(parts)} {_SUBTREES[first.what]} {other_side(first.side)}{names}"
         if _in_another_order(facts):
             return f"{len(parts)} joints follow each other in another order in B"
         owners = self._counted(facts, len(parts))
         if {(fact.what, fact.side) for fact in facts} in ({("limits", "A")}, {("limits", "B")}):
-            return f"{owners} have no limits in {other(first.side)}{names}"
+            return f"{owners} have no limits in {other_side(first.side)}{names}"
         several = len({fact.what for fact in facts}) > 1
-        if alike := _alike(facts, several=several):
+        if alike := _common_predicate(facts, several=several):
             return f"{nouns(facts)} of {owners} {alike}{names}"
         if len(parts) == 2:
             rest = [fact for fact in facts if fact.part != first.part]
@@ -152,7 +152,7 @@ class Speaker:
         return f"{'all ' * every}{n} {OWNERS.get(owner, 'parts')}"
 
     def _digits(self, facts: Sequence[Fact]) -> str:
-        values = counted(len(facts), "value differs", "values differ")
+        values = count(len(facts), "value differs", "values differ")
         if all(fact.of == AXES for fact in facts):
             return f"{values} as MuJoCo compiles it (casebook: {AXES})"
         most = "" if self.brief else f", at most by {facts[0].size:.1g} ({self.name(facts[:1])})"
@@ -187,12 +187,14 @@ def _of(fact: Fact, text: str) -> str:
 def _values(fact: Fact) -> str:
     """Describe the values of a property."""
     if fact.side:
-        own = f"{shown(fact.a if fact.side == 'A' else fact.b)} {fact.unit}".rstrip()
-        return _of(fact, f"no {noun(fact.what)} in {other(fact.side)}; {own} in {fact.side}")
-    return _of(fact, f"{noun(fact.what)} {both(fact.what, np.asarray(fact.a), np.asarray(fact.b), fact.unit)}")
+        own = f"{format_value(fact.a if fact.side == 'A' else fact.b)} {fact.unit}".rstrip()
+        return _of(fact, f"no {noun(fact.what)} in {other_side(fact.side)}; {own} in {fact.side}")
+    return _of(
+        fact, f"{noun(fact.what)} {compare_values(fact.what, np.asarray(fact.a), np.asarray(fact.b), fact.unit)}"
+    )
 
 
-def _alike(facts: Sequence[Fact], *, several: bool) -> str:
+def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
     """Describe what many facts share, as a predicate; empty where they share nothing."""
     factor, verb = factor_of(facts[0]), "are" if several else "is"
     if factor is not None and all(factor_of(fact) == factor for fact in facts):
@@ -201,14 +203,14 @@ def _alike(facts: Sequence[Fact], *, several: bool) -> str:
     if len(sides) == 1 and "" not in sides:
         return f"{verb} in {sides.pop()} only"
     for none, own in (("A", "b"), ("B", "a")):
-        if not several and not any(_any(fact, none) for fact in facts):
+        if not several and not any(_has_value(fact, none) for fact in facts):
             values = {f"{float(np.abs(getattr(fact, own)).max()):.6g}" for fact in facts}
             some = f"{'up to ' * (len(values) > 1)}{max(values, key=float)} {facts[0].unit}".rstrip()
-            return f"{verb} 0 in {none}, {some} in {other(none)}"
+            return f"{verb} 0 in {none}, {some} in {other_side(none)}"
     return ""
 
 
-def _any(fact: Fact, side: str) -> bool:
+def _has_value(fact: Fact, side: str) -> bool:
     """True if a side has a value other than 0, or one that is no number."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
@@ -218,7 +220,7 @@ def nouns(facts: Sequence[Fact]) -> str:
     """List the nouns of some facts, once each."""
     order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
     whats = sorted({fact.what for fact in facts}, key=[*order].index)
-    return listed([noun(what) for what in whats])
+    return join([noun(what) for what in whats])
 
 
 def _content(fact: Fact, most: int) -> str:
@@ -226,12 +228,12 @@ def _content(fact: Fact, most: int) -> str:
         return f"{fact.of} is in {fact.side} only"
     if not fact.a:
         return f"{fact.of} has more entries on one side than on the other"
-    told = (f"{key} {_shown(fact.b[key])} in B, {_shown(fact.a[key])} in A" for key in fact.a)
+    told = (f"{key} {_format(fact.b[key])} in B, {_format(fact.a[key])} in A" for key in fact.a)
     more = f"; and {len(fact.a) - most} more values" if len(fact.a) > most else ""
     return f"{fact.of}: {'; '.join([*told][:most])}{more}"
 
 
-def _shown(value: float | str) -> str:
+def _format(value: float | str) -> str:
     return f"{value:.6g}" if isinstance(value, float) else value
 
 
@@ -260,33 +262,35 @@ def _branch(speaker: Speaker, fact: Fact) -> str:
     carried = (
         "all that it carries" if speaker.brief else f"{first_few(fact.more, _NAMED)} that it carries ({fact.of} kg)"
     )
-    return f"{fact.part} is missing from {other(fact.side)}, with {carried}"
+    return f"{fact.part} is missing from {other_side(fact.side)}, with {carried}"
 
 
 def _link(speaker: Speaker, fact: Fact) -> str:
     if not fact.more:
         weld = "weld " * ("weld" in (fact.a, fact.b))
         return f"{weld}{fact.part} is in {fact.side} only"
-    return f"{fact.part} is missing from {other(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
+    return (
+        f"{fact.part} is missing from {other_side(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
+    )
 
 
 def _polynomial(speaker: Speaker, fact: Fact) -> str:
     a, b = np.asarray(fact.a, float), np.asarray(fact.b, float)
     if not fact.of:
-        return f"{fact.part} is held at {both('zero', a[0], b[0], '')}"
+        return f"{fact.part} is held at {compare_values('zero', a[0], b[0], '')}"
     if not fact.more:
-        return _of(fact, f"its coupling to {fact.of} has the coefficients {both('polynomial', a, b, '')}")
+        return _of(fact, f"its coupling to {fact.of} has the coefficients {compare_values('polynomial', a, b, '')}")
     parts = [np.split(each[1:], len(fact.more)) for each in (a, b)]
-    told = [f"the constant {both('polynomial', a[0], b[0], '')}"] if abs(a[0] - b[0]) > TOLERANCE else []
+    told = [f"the constant {compare_values('polynomial', a[0], b[0], '')}"] if abs(a[0] - b[0]) > TOLERANCE else []
     for name, ours, theirs in zip(fact.more, *parts, strict=True):
         if np.abs(ours - theirs).max() > TOLERANCE:
             several = len(ours) > 1
-            values = both("polynomial", *((ours, theirs) if several else (ours[0], theirs[0])), "")
+            values = compare_values("polynomial", *((ours, theirs) if several else (ours[0], theirs[0])), "")
             told.append(f"the coefficient{'s' * several} of {name} {values}")
     return _of(fact, f"its coupling to {fact.of} has {', '.join(told)}")
 
 
-def _leads(speaker: Speaker, fact: Fact) -> str:
+def _leading_joint(speaker: Speaker, fact: Fact) -> str:
     told = [
         f"follows {lead}" if lead else f"is held at {value[0]:.6g}"
         for lead, value in zip(fact.more, (fact.a, fact.b), strict=True)
@@ -307,7 +311,7 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     assert isinstance(whole, Whole)
     mirror, step = whole.step
     if fact.of:
-        turn = in_axes(step[0], [_THERE], "deg")
+        turn = step_in_axes(step[0], [_THERE], "deg")
         return f"{fact.of}: its zero is turned in B, and the whole with it, by {turn}"
     if whole.length == 1.0 and whole.mass == whole.inertia != 1.0 and np.allclose(whole.placement, np.eye(4)):
         weights = f"{whole.mass:.6g} times those in A ({percent(whole.mass)})"
@@ -315,11 +319,11 @@ def _whole(speaker: Speaker, fact: Fact) -> str:
     factors = {"lengths": whole.length, "masses": whole.mass, "inertias": whole.inertia}
     units = [f"{name} {factor:.6g} times" for name, factor in factors.items() if factor != 1.0]
     known = all(_is_unit(factor, unit) for factor, unit in zip(factors.values(), ("m", "kg", "kg m^2"), strict=True))
-    told = [f"{'in other units' if known else 'scaled'} ({listed(units)} those of A)"] if units else []
+    told = [f"{'in other units' if known else 'scaled'} ({join(units)} those of A)"] if units else []
     told += [f"mirrored in {mirror}"] if mirror else []
     if np.abs(step).max() > 1e-9:
         told.append(turn_and_way(step, [_THERE], speaker.a.length, brief=speaker.brief))
-    return f"B as a whole is {listed(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
+    return f"B as a whole is {join(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
 
 
 #: Event or property -> sentence; brief sentences omit the text in brackets.
@@ -349,7 +353,7 @@ _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "branch": _branch,
     "link": _link,
     "polynomial": _polynomial,
-    "leading joint": _leads,
+    "leading joint": _leading_joint,
 }
 #: Events other than properties.
 EVENTS = tuple(what for what in (*_TOLD, *_SENTENCES) if what not in PROPERTIES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from screwgauge.casebook.book import CASES as CASEBOOK
-from screwgauge.casebook.book import Case, Versions, installed
+from screwgauge.casebook.book import Case, Versions, installed_versions
 from screwgauge.engines.registry import Engine, engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
@@ -55,7 +55,7 @@ def blocks(case: Case) -> list[Block]:
     rows = [(words, case.numbers[name]) for words, name in _NUMBERS if name in case.numbers]
     rows += [(words, "; ".join(map(case.named, some))) for words, some in _measured(case) if some]
     rows += [("seen with", case.versions)]
-    here = installed(case)
+    here = installed_versions(case)
     if here is not None and (case.shown or case.not_shown):
         rows.append(("installed", f"{case.named(here)}: {'shown' if case.shows(here) else 'not shown'}"))
     return [

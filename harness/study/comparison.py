@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from screwgauge.casebook.book import installed, suspects
+from screwgauge.casebook.book import installed_versions, suspects
 from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
@@ -121,7 +121,7 @@ class Comparison:
         wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
         sentences = []
         for case in suspects(wrong, {*self.pairs["quantity"]} - wrong, packages) if wrong else ():
-            symptom, engines = case.sentence.rstrip("."), case.named(installed(case) or ())
+            symptom, engines = case.sentence.rstrip("."), case.named(installed_versions(case) or ())
             sentences.append(f"Known of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id}).")
         return sentences
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from screwgauge.diagnosis.model import Weighed, weighed
+from screwgauge.diagnosis.model import Weighed, weigh_side
 from screwgauge.models.importing.model import Imported, Options, import_model, scratch_folder
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
@@ -35,7 +35,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weighed`.
+    """Both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weigh_side`.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -45,7 +45,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
         return a, b
     models = list[Weighed]()
     for each in (a, b):
-        one = isolated_call("meshes", partial(weighed, each, scratch_folder()), LOADING)
+        one = isolated_call("meshes", partial(weigh_side, each, scratch_folder()), LOADING)
         if isinstance(one, Failure):
             what = f"mujoco does not survive its meshes ({_reason(one)})"
             raise LoaderError(what, each, "give its bodies an <inertial>")

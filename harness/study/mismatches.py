@@ -64,8 +64,8 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
     """
     # a scene without files of the user's own has no use for the diagnosis
     from screwgauge.diagnosis.answer import differences_of
-    from screwgauge.diagnosis.explanation import compared
-    from screwgauge.diagnosis.facts.fact import ALL, digits_of, rounded
+    from screwgauge.diagnosis.explanation import compare_readings
+    from screwgauge.diagnosis.facts.fact import ALL, digits_of, mark_rounding
 
     engine, mechanism = get_engine(name), scene.mechanism
     cut = engine.cut or "full"  # which a description is read as
@@ -79,8 +79,8 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         return []
     if actual.gravity is None and not actual.closures:  # of a URDF, whose loops and couplings stand beside it
         expected = replace(expected, closures={}, couplings=actual.couplings and expected.couplings)
-    told = compared(expected, actual)
-    facts = [fact for fact in rounded(told.facts, (ALL, digits)) if fact.what not in _NOT_DESCRIBED]
+    told = compare_readings(expected, actual)
+    facts = [fact for fact in mark_rounding(told.facts, (ALL, digits)) if fact.what not in _NOT_DESCRIBED]
     order = ("model", "convention", "digits")
     facts.sort(key=lambda fact: (order.index(fact.kind), -fact.size))
     return [*differences_of(told.pair, facts)]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from screwgauge.diagnosis.facts.fact import Partner
 from screwgauge.diagnosis.libraries import ASKED, ROUNDING, joint_states
-from screwgauge.diagnosis.motion import FITS, Partners, followed
-from screwgauge.diagnosis.shares import Torques, weighed
+from screwgauge.diagnosis.motion import FITS, Partners, follow
+from screwgauge.diagnosis.shares import Torques, with_gravity
 from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.model import Imported
 from screwgauge.models.kinematics import ReadingTree, plant
@@ -86,9 +86,9 @@ def own_library(file: Path, imported: Imported, *, floating: bool = False) -> Ow
     source = prepare(file, floating=floating, meshes=True)
     reading, loops, library = read_source(source, libraries_of(source.form)[0]), loops_for(file), OWN[source.form]
     reading = reading if loops is None else with_loops(reading, loops)
-    torques = Torques(weighed(reading))
-    tree, follower = plant(torques.reading), plant(weighed(_machine(imported, reading)))
-    there = followed(tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names))
+    torques = Torques(with_gravity(reading))
+    tree, follower = plant(torques.reading), plant(with_gravity(_machine(imported, reading)))
+    there = follow(tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names))
     asked = _asked(source, library, tree, torques.states, floating)
     theirs = _whole(asked, tree, torques.states) - _turning(imported, tree, torques.states)
     ours = (np.swapaxes(there.velocities, 1, 2) @ inverse_dynamics(follower, there.states)[..., None])[..., 0]
@@ -121,7 +121,10 @@ def _same(tree: ReadingTree, states: TreeStates, follower: ReadingTree, there: T
 
 def _machine(imported: Imported, reading: Reading) -> Reading:
     """The machine as a reading, cut as the file is, with the springs of its scene, and masses that import names."""
-    mechanism, gravity = imported.mechanism, weighed(reading).gravity if imported.gravity is None else imported.gravity
+    mechanism, gravity = (
+        imported.mechanism,
+        with_gravity(reading).gravity if imported.gravity is None else imported.gravity,
+    )
     assert gravity is not None
     cuts = (expected_reading(mechanism, cut, gravity) for cut in ("minimal", "full"))
     cut = max(cuts, key=lambda each: len({*each.joints} & {*reading.joints}))

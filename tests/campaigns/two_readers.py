@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.answer import differences_of
-from screwgauge.diagnosis.explanation import compared as told
+from screwgauge.diagnosis.explanation import compare_readings as told
 from screwgauge.diagnosis.facts.fact import Pair
-from screwgauge.diagnosis.libraries import answers
-from screwgauge.diagnosis.motion import followed, partners_of
-from screwgauge.diagnosis.shares import STATES, weighed
+from screwgauge.diagnosis.libraries import ask_library
+from screwgauge.diagnosis.motion import follow, partners_of
+from screwgauge.diagnosis.shares import STATES, with_gravity
 from screwgauge.engines.raw_queries import Answers
 from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.reading import Reading
@@ -70,13 +70,13 @@ def _torques(file: Path, pair: Pair, *, floating: bool) -> tuple[float, float, l
     Raises:
         ValueError: One does not move as the other one does.
     """
-    one, two = (weighed(machine.reading) for machine in (pair.a, pair.b))
+    one, two = (with_gravity(machine.reading) for machine in (pair.a, pair.b))
     a, b, states = plant(one), plant(two), draw(one, STATES)
-    there = followed(a, states, b, partners_of(pair))
+    there = follow(a, states, b, partners_of(pair))
     if not there.fits.all():
         raise ValueError("bodies do not move alike")
-    first = answers(file, one.library, a, states, floating=floating)
-    second = answers(file, two.library, b, there.states, floating=floating)
+    first = ask_library(file, one.library, a, states, floating=floating)
+    second = ask_library(file, two.library, b, there.states, floating=floating)
     rigid = _rigid(first, states.qdd), _along(_rigid(second, there.states.qdd), there.velocities)
     apart = _apart(first.tau, _along(second.tau, there.velocities))
     return apart, _apart(*rigid), _omitted((first, second), (one, two))

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from casebook.reproduce import RUN
-from screwgauge.casebook.book import CASES, Case, installed, version_key
+from screwgauge.casebook.book import CASES, Case, installed_versions, version_key
 from screwgauge.processes import python as this_python
 from screwgauge.study.matrix import Maker, fresh, lay_out, requirements
 
@@ -65,7 +65,9 @@ def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh
         for name, found in found_by([str(python), "-P"], place / "package", both).items():
             cases[name] = grown(cases[name], {"pinocchio": pin, "mujoco": mujoco}, found)
     further = [name for name in RUN if not {*CASES[name].engines} <= {"pinocchio", "mujoco"}]
-    here = {name: dict(zip(CASES[name].engines, installed(CASES[name]) or (), strict=False)) for name in further}
+    here = {
+        name: dict(zip(CASES[name].engines, installed_versions(CASES[name]) or (), strict=False)) for name in further
+    }
     for name, found in found_by(cases=[name for name in further if here[name]]).items():
         cases[name] = grown(cases[name], here[name], found)
     return cases

@@ -15,12 +15,12 @@ import pytest
 from casebook.record import CRASHED, found_by, grown, measured, text
 from casebook.reproduce import REPRODUCTIONS, RUN, Reproduction, Result, reproduce
 from casebook.toy_models import Evidence, FourBar
-from screwgauge.casebook.book import CASES, SHOWN, Case, installed, shown_here, version_key
+from screwgauge.casebook.book import CASES, SHOWN, Case, installed_versions, is_shown_here, version_key
 
 #: Symptoms stand this far above the threshold at least, so that rounding or another machine cannot hide one.
 MARGIN = 1.4
 #: Cases that can be shown with what is installed; engines of extras may be missing.
-HERE = [name for name in RUN if installed(CASES[name])]
+HERE = [name for name in RUN if installed_versions(CASES[name])]
 #: Cases whose symptom is what happens to be in memory.
 IN_MEMORY = {"pin-connect-site"}
 HOW = Reproduction("m:f", 0.1, 0.01)
@@ -58,14 +58,14 @@ def test_symptom_is_shown_with_a_margin_or_not_at_all(name, results) -> None:
 
 @pytest.mark.parametrize("name", HERE)
 def test_the_package_says_of_the_installed_versions_what_they_show(name, results) -> None:
-    assert shown_here(CASES[name]) is (results[name].status == "shown")
+    assert is_shown_here(CASES[name]) is (results[name].status == "shown")
 
 
 @pytest.mark.parametrize("name", HERE)
 def test_numbers_of_the_package_are_those_measured(name, results) -> None:
     case = CASES[name]
     newest = max((*case.shown, *case.not_shown), key=version_key)
-    if newest != installed(case):
+    if newest != installed_versions(case):
         pytest.skip(f"the numbers are those of {newest}")
     measured = results[name].numbers
     assert case.numbers.keys() == measured.keys()
@@ -164,8 +164,8 @@ def test_a_fresh_environment_measures_what_the_record_has(tmp_path) -> None:
 
     found = measured([installed], tmp_path, make)
     assert {f"pin=={installed[0]}", f"mujoco=={installed[1]}"} <= {*asked}
-    assert {name for name, case in found.items() if not shown_here(case)} == {
-        name for name, case in CASES.items() if not shown_here(case)
+    assert {name for name, case in found.items() if not is_shown_here(case)} == {
+        name for name, case in CASES.items() if not is_shown_here(case)
     }
 
 

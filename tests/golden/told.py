@@ -14,12 +14,12 @@ from screwgauge.diagnosis.causes.causes import Cause
 from screwgauge.diagnosis.causes.reasons import Reason
 from screwgauge.diagnosis.facts.fact import Fact
 from screwgauge.diagnosis.machine.whole import Whole
-from screwgauge.diagnosis.model import loaded
+from screwgauge.diagnosis.model import load_side
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.machine import machine_of
 
 FILE = Path(__file__).with_name("told.txt")
-MACHINE = machine_of(loaded("arm7").reading)
+MACHINE = machine_of(load_side("arm7").reading)
 JOINTS, BODIES = [*MACHINE.reading.joints], [*MACHINE.reading.bodies]
 J, K, L, BODY = *JOINTS[:3], BODIES[1]
 TURN = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]])

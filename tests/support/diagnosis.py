@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.findings import summary
-from screwgauge.diagnosis.libraries import answers, pairs
-from screwgauge.diagnosis.model import in_process
-from screwgauge.diagnosis.properties import Change, applied
+from screwgauge.diagnosis.libraries import ask_library, compare_tree
+from screwgauge.diagnosis.model import read_here
+from screwgauge.diagnosis.properties import Change, apply_changes
 from screwgauge.diagnosis.shares import STATES

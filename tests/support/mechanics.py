@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from screwgauge.diagnosis.facts.fact import STANDARD
-from screwgauge.diagnosis.shares import weighed
+from screwgauge.diagnosis.shares import with_gravity
 from screwgauge.models.kinematics import not_modelled
 from screwgauge.witness.constraints import admissible_projector, closed
 from screwgauge.witness.dynamics import armature_force, dynamics, inverse_dynamics, passive_force

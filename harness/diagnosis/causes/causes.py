@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.diagnosis.facts.fact import IDLE, Fact
 from screwgauge.diagnosis.properties import INERTIAL, PARTS, PROPERTIES
-from screwgauge.diagnosis.shares import UNSEEN, Torques, able
+from screwgauge.diagnosis.shares import UNSEEN, Torques, have_values
 from screwgauge.models.content import kinds
 from screwgauge.reference.rotations import Array
 
@@ -21,7 +21,7 @@ from screwgauge.reference.rotations import Array
 SEVERAL, FACTOR = 3, 1e-5
 
 
-def grouped(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list[tuple[Fact, ...]]:
+def group_facts(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list[tuple[Fact, ...]]:
     """Group facts that one edit would make; each fact is in one group.
 
     Args:
@@ -43,22 +43,22 @@ def grouped(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list
         groups += [tuple(some) for some in merged]
         taken = {id(fact) for some in merged for fact in some}
         left = [fact for fact in left if id(fact) not in taken]
-    return _mirrored(groups)
+    return _merge_sides(groups)
 
 
-def _mirrored(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
+def _merge_sides(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
     """Merge the groups of a left and a right part that differ in the same way."""
     alike = defaultdict[Hashable, list[tuple[Fact, ...]]](list)
     for i, group in enumerate(groups):
         parts = {fact.part for fact in group}
-        name = sideless(group[0].part)
+        name = without_sides(group[0].part)
         largest = next((fact for fact in group if fact.what == "mass"), group[0])
         whats = f"{largest.size:.1e}", *sorted(fact.what for fact in group)
         alike[(name, whats) if len(parts) == 1 and name != group[0].part.lower() else i].append(group)
     return [tuple(fact for group in some for fact in group) for some in alike.values()]
 
 
-def sideless(name: str) -> str:
+def without_sides(name: str) -> str:
     """Return a name without its marks of left and right."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))
 
@@ -83,19 +83,19 @@ def _weight(fact: Fact) -> Hashable:
     return factor_of(fact) if fact.what in ("mass", "inertia") else None
 
 
-def _scaled(fact: Fact) -> Hashable:
+def _factor(fact: Fact) -> Hashable:
     factor = factor_of(fact)
     return factor and (fact.what, factor)
 
 
-def _moved(fact: Fact) -> Hashable:
+def _value(fact: Fact) -> Hashable:
     """Key of a property that one side lacks, with the value on the other side."""
-    lacks = _lacks(fact)
+    lacks = _lack(fact)
     value = fact.b if fact.a is None or not np.any(fact.a) else fact.a
     return lacks and (*lacks, str(value))
 
 
-def _lacks(fact: Fact) -> tuple[str, ...] | None:
+def _lack(fact: Fact) -> tuple[str, ...] | None:
     """Key of a property that one side lacks: the property and the side."""
     if fact.what == "limits":
         return (fact.what, fact.side, fact.unit) if fact.side else None
@@ -107,7 +107,7 @@ def _lacks(fact: Fact) -> tuple[str, ...] | None:
     return (fact.what, none[0]) if len(none) == 1 else None
 
 
-def _absent(fact: Fact) -> Hashable:
+def _absence(fact: Fact) -> Hashable:
     """Key of a part that one side lacks, or fixes."""
     return (fact.what, fact.side) if fact.what in ("branch", "fixed", "link") else None
 
@@ -116,7 +116,7 @@ def _content(fact: Fact) -> Hashable:
     return fact.what if fact.what in kinds() else None
 
 
-def _named(fact: Fact) -> Hashable:
+def _name(fact: Fact) -> Hashable:
     return fact.what if fact.what == "name" else None
 
 
@@ -134,11 +134,11 @@ def _part(fact: Fact) -> Hashable:
 _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
     (_content, SEVERAL),
     (_weight, SEVERAL),
-    (_scaled, SEVERAL),
-    (_moved, SEVERAL),
-    (_lacks, SEVERAL),
-    (_absent, SEVERAL),
-    (_named, 2),
+    (_factor, SEVERAL),
+    (_value, SEVERAL),
+    (_lack, SEVERAL),
+    (_absence, SEVERAL),
+    (_name, 2),
     (_part, 1),
 )
 
@@ -174,14 +174,14 @@ class Cause:
         return tuple(fact for group in self.groups for fact in group)
 
 
-def causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
+def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
     """Rank causes: the whole, missing parts, the largest shares; then conventions, unseen facts and rounding.
 
     Args:
         known: Facts that a single slip explains.
     """
     digits = sorted((fact for fact in facts if fact.kind == "digits"), key=lambda fact: -fact.size)
-    ranked = _ranked([fact for fact in facts if fact.kind != "digits"], torques, known)
+    ranked = _rank([fact for fact in facts if fact.kind != "digits"], torques, known)
     return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
 
 
@@ -201,8 +201,8 @@ class _Row:
         return 0.0 if self.effect is None else float(np.vdot(total, self.effect) / np.vdot(total, total))
 
 
-def _ranked(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]]) -> list[Cause]:
-    rows = [_row([group], torques) for group in grouped(facts, known)]
+def _rank(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]]) -> list[Cause]:
+    rows = [_row([group], torques) for group in group_facts(facts, known)]
     sizes = {id(row.groups[0]): row.size for row in rows}
     total = _row([row.groups[0] for row in rows if row.effect is not None], torques).effect
     ranked, seen = list[Cause](), list[_Row]()
@@ -213,18 +213,18 @@ def _ranked(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fa
             seen.append(row)
         else:
             ranked.append(Cause(row.groups, 0.0, "unseen"))
-    ranked += _shared(seen, total, torques) if total is not None and seen else [Cause(r.groups, 0.0) for r in seen]
+    ranked += _give_shares(seen, total, torques) if total is not None and seen else [Cause(r.groups, 0.0) for r in seen]
     ranked = [replace(each, groups=tuple(sorted(each.groups, key=lambda g: -sizes[id(g)]))) for each in ranked]
-    return _few(sorted(ranked, key=_order))
+    return _merge_small(sorted(ranked, key=_order))
 
 
 def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
     facts = [fact for group in groups for fact in group]
-    effect = torques.effect(facts) if facts and able(facts) else None
+    effect = torques.effect(facts) if facts and have_values(facts) else None
     return _Row(tuple(groups), None if effect is None else torques.scaled(effect))
 
 
-def _shared(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
+def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
     """Give each row its share; merge the largest row with the one that cancels it best until no share is absurd."""
     size = float(np.linalg.norm(total))
     if size < NOTHING * max(row.size for row in rows):
@@ -257,7 +257,7 @@ def _order(cause: Cause) -> tuple[object, ...]:
     )
 
 
-def _few(causes_: list[Cause]) -> list[Cause]:
+def _merge_small(causes_: list[Cause]) -> list[Cause]:
     """Merge causes of little weight, and unseen causes of one property."""
     tiny = [each for each in causes_ if each.kind == "cause" and 0.0 < abs(each.share) < SMALL]
     whats = dict.fromkeys(each.facts[0].what for each in causes_ if each.kind == "unseen")

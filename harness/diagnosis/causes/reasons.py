@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.causes.causes import factor_of
-from screwgauge.diagnosis.causes.trials import LEFT, WATER, Slip, Trial, Written, written
-from screwgauge.diagnosis.facts.fact import Fact, Pair, apart
+from screwgauge.diagnosis.causes.trials import LEFT, WATER, Slip, Trial, Written, parse_file
+from screwgauge.diagnosis.facts.fact import Fact, Pair, difference
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, UNITS, unit_of
 from screwgauge.models.machine import Machine
@@ -64,23 +64,25 @@ class Case:
         return [fact for fact in self.facts if fact.what in whats]
 
 
-def reasons(facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | None] = (None, None)) -> list[Reason]:
+def find_reasons(
+    facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | None] = (None, None)
+) -> list[Reason]:
     """Find reasons: first those of several facts together, then of each fact that is left.
 
     Args:
         files: Of A and B; None where there is none.
     """
     real = [fact for fact in facts if fact.kind != "digits"]
-    case, found = Case(real, pair, (written(files[0]), written(files[1]))), list[Reason]()
-    for entry in (_geoms, _weighed, _whole, _reordered, _exchanged, _geared, _merged, _placed, _alone):
-        some = _gathered(entry(case))
+    case, found = Case(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
+    for entry in (_geoms, _totals, _whole, _orders, _exchanges, _gears, _merges, _conventions, _single_slips):
+        some = _merge_reasons(entry(case))
         found += some
         taken = {id(fact) for each in some for fact in each.facts}
         case = replace(case, facts=[fact for fact in case.facts if id(fact) not in taken])
     return found
 
 
-def _gathered(some: Iterable[Reason]) -> list[Reason]:
+def _merge_reasons(some: Iterable[Reason]) -> list[Reason]:
     """Merge reasons with equal slips."""
     groups = defaultdict[object, list[Reason]](list)
     for each in some:
@@ -108,7 +110,7 @@ def _geoms(case: Case) -> Iterator[Reason]:
             yield Reason(keys[0] or keys[1], (fact,), ("A" if keys[0] else "B",))
 
 
-def _weighed(case: Case) -> Iterator[Reason]:
+def _totals(case: Case) -> Iterator[Reason]:
     """Explain one factor of all masses and inertias: by a total mass, or by another density of all geoms."""
     machines = case.pair.a, case.pair.b
     wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
@@ -132,7 +134,7 @@ def _weighed(case: Case) -> Iterator[Reason]:
             yield Reason("density", tuple(facts), (x, y))
 
 
-def _reordered(case: Case) -> Iterator[Reason]:
+def _orders(case: Case) -> Iterator[Reason]:
     """Find joints in another order: their names are permuted and axes or kinds differ."""
     names = {fact.part: fact.b for fact in case.of("name")}
     cycles = [cycle for cycle in _cycles(names) if any(fact.part in cycle for fact in case.of("axis", "kind"))]
@@ -155,7 +157,7 @@ def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
             yield [name for name in names if name in cycle]
 
 
-def _exchanged(case: Case) -> Iterator[Reason]:
+def _exchanges(case: Case) -> Iterator[Reason]:
     """Find two parts whose values are exchanged."""
     numbers = [fact for fact in case.facts if _is_number(fact)]
     sizes = {id(fact): (np.linalg.norm(fact.a), np.linalg.norm(fact.b)) for fact in numbers}
@@ -178,7 +180,7 @@ def _trial(case: Case, a: object, b: object, unit: str = "") -> Trial:
     return Trial(np.asarray(a, float), np.asarray(b, float), unit, case.loose)
 
 
-def _geared(case: Case) -> Iterator[Reason]:
+def _gears(case: Case) -> Iterator[Reason]:
     """Find armature, damping or friction that one side states before the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
@@ -187,13 +189,13 @@ def _geared(case: Case) -> Iterator[Reason]:
         for (k, gear), (side, a, b) in product(
             product(powers, gears - {1.0, 0.0}), (("B", fact.b, fact.a), ("A", fact.a, fact.b))
         ):
-            if a and b and apart(float(a) * gear**k, float(b)) < 100.0 * LEFT:
+            if a and b and difference(float(a) * gear**k, float(b)) < 100.0 * LEFT:
                 also = [each for each in case.of("gear") if each.of == fact.part]
                 yield Reason("before the gear" if k == powers[0] else "gear once", (fact, *also), (side, gear))
                 break
 
 
-def _bodies_apart(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
+def _differing_bodies(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
     """Yield bodies that differ, from either side: machine, body, other machine, both matters in its frame, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -211,9 +213,9 @@ def _to_a(pair: Pair, name: str) -> Array:
     return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
 
 
-def _merged(case: Case) -> Iterator[Reason]:
+def _merges(case: Case) -> Iterator[Reason]:
     """Find fixed links that the other side merged into their body with a mistake: all of them, or one."""
-    for own, name, there, old, new, facts in _bodies_apart(case):
+    for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
         for names in dict.fromkeys([tuple(gone), *((p,) for p in gone)]) if gone else ():
@@ -258,9 +260,9 @@ def _mergers(
         yield [*dict.fromkeys(filter(None, (com, inertia, place, "merged without parallel axis" * plain)))], body
 
 
-def _placed(case: Case) -> Iterator[Reason]:
+def _conventions(case: Case) -> Iterator[Reason]:
     """Find placements that agree once the rotations of one file are read in another convention."""
-    moved = [*_joints_apart(case)]
+    moved = [*_differing_joints(case)]
     told = set[tuple[str | float, str]]()
     for k, side in ((1, "B"), (0, "A")) if moved else ():
         for slip, frames in case.files[k].frames():
@@ -281,7 +283,7 @@ def _local(file: Written, machine: Machine, ends: Ends) -> Array:
     return relative(near, far)
 
 
-def _joints_apart(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
+def _differing_joints(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
     """Yield facts on the placement of a link, the bodies at its ends, and its placement in A and in B."""
     for one, other in case.pair.alignment.links:
         names = {"/".join(one.joints), *one.joints}
@@ -293,9 +295,9 @@ def _joints_apart(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, En
             yield tuple(facts), ends, tuple(_local(*side) for side in sides)  # type: ignore[misc]
 
 
-def _alone(case: Case) -> Iterator[Reason]:
+def _single_slips(case: Case) -> Iterator[Reason]:
     """Find slips of single values."""
-    for facts, _, places in _joints_apart(case):
+    for facts, _, places in _differing_joints(case):
         if any(fact.what == "placement" for fact in facts):
             yield from _of_placement(case, facts, *places)
     for facts, part, what, trial in _trials(case):

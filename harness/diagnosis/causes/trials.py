@@ -105,7 +105,7 @@ class Written:
         return "geoms" if stated or self.densities else "default density"
 
 
-def written(file: Path | None) -> Written:
+def parse_file(file: Path | None) -> Written:
     """Parse a model file; a file that is no URDF or MJCF gives an empty record."""
     try:
         text = read_file(file) if file else ""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, apart
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, difference
 from screwgauge.diagnosis.properties import INERTIAL, Change, unit_of
 from screwgauge.models.machine import NO_MASS, Machine
 from screwgauge.models.matter import Matter, displaced, remainder
@@ -46,13 +46,13 @@ def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
     floor = TOLERANCE * max(ours.mass, theirs.mass) * length**2
     off = float(np.abs(ours.inertia - theirs.inertia).max())
     return {
-        "mass": apart(ours.mass, theirs.mass, NO_MASS),
-        "com": _beyond(float(np.linalg.norm(ours.com - theirs.com)) / length) if solid else 0.0,
+        "mass": difference(ours.mass, theirs.mass, NO_MASS),
+        "com": _without_rounding(float(np.linalg.norm(ours.com - theirs.com)) / length) if solid else 0.0,
         "inertia": off / most if most and off > max(10.0 * TOLERANCE * most, 1e-3 * floor) else 0.0,
     }
 
 
-def _beyond(size: float) -> float:
+def _without_rounding(size: float) -> float:
     return size if size > TOLERANCE else 0.0
 
 
@@ -71,7 +71,7 @@ def _compensation(pair: Pair, name: str, other: str) -> Iterator[Fact]:
         own = machine.reading.bodies
         weight = sum(own[member].mass * own[member].gravcomp for member in body.members)
         shares.append(weight / (sum(own[member].mass for member in body.members) or 1.0))
-    if size := apart(*shares):
+    if size := difference(*shares):
         changes = tuple(Change(member, "gravcomp", np.array(shares[1])) for member in pair.a.bodies[name].members)
         a, b = map(np.asarray, shares)
         yield Fact(name, "gravcomp", a, b, "", size, changes=changes, partner=other)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.casebook.book import CASES, shown_here
+from screwgauge.casebook.book import CASES, is_shown_here
 from screwgauge.diagnosis.machine.alignment import Alignment
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PASSIVE, PROPERTIES, RIGID, Change
@@ -129,12 +129,12 @@ def other_gravity(a: Reading, b: Reading) -> str:
     return "" if usual else "A" if a.gravity is None else "B"
 
 
-def among(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
+def select(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
     """Keep the facts of one group of properties; all facts for an empty name."""
     return tuple(fact for fact in facts if not only or fact.what in RIGID)
 
 
-def apart(a: float, b: float, least: float = 0.0) -> float:
+def difference(a: float, b: float, least: float = 0.0) -> float:
     """Return the relative difference of two numbers, 0 where it is rounding.
 
     Args:
@@ -180,7 +180,7 @@ def digits_of(text: str) -> int:
     return most if long[most] >= max(FEWEST, CUT * sum(long.values())) else ALL
 
 
-def longest(text: str) -> int:
+def longest_number(text: str) -> int:
     """Count the digits of the longest number in the attributes of a file."""
     return max(_counts(text), default=0)
 
@@ -205,7 +205,7 @@ def _significant(number: str) -> int:
     return len(re.sub(r"[eE].*|[-+.]", "", number).lstrip("0"))
 
 
-def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, int] = (0, 0)) -> list[Fact]:
+def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, int] = (0, 0)) -> list[Fact]:
     """Mark facts that are the rounding of a file.
 
     Args:
@@ -214,20 +214,20 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
     """
     n = min(digits)
     if n < ALL and any(isinstance(fact.b, Whole) and not fact.b.stands for fact in facts):
-        return [_marked(fact) if fact.size <= SUM * 10.0 ** (1 - n) else fact for fact in facts]
+        return [_mark(fact) if fact.size <= SUM * 10.0 ** (1 - n) else fact for fact in facts]
     if n < ALL and digits[0] != digits[1]:
         side = "a" if digits[0] == n else "b"
-        return [_marked(fact) if _cut_off(fact, n, side) else fact for fact in facts]
+        return [_mark(fact) if _is_cut(fact, n, side) else fact for fact in facts]
     if n < ALL:
-        facts = [_marked(fact) if _printed(fact, n) else fact for fact in facts]
+        facts = [_mark(fact) if _is_printed(fact, n) else fact for fact in facts]
     n, real = min(longest), [fact for fact in facts if fact.changes]
     cut = 0 < MEANT <= n <= EXACT and longest[0] != longest[1] and len(real) >= SEEN
     if cut and all(fact.size <= SUM * 10.0 ** (1 - n) for fact in real):
-        return [_marked(fact) if fact.changes else fact for fact in facts]
+        return [_mark(fact) if fact.changes else fact for fact in facts]
     return list(facts)
 
 
-def _cut_off(fact: Fact, n: int, side: str) -> bool:
+def _is_cut(fact: Fact, n: int, side: str) -> bool:
     """True if a fact is within half a unit of the last digit, or a few units if it is computed from several numbers.
 
     Args:
@@ -243,7 +243,7 @@ def _cut_off(fact: Fact, n: int, side: str) -> bool:
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
 
 
-def _printed(fact: Fact, n: int) -> bool:
+def _is_printed(fact: Fact, n: int) -> bool:
     """True if the numbers of one side are those of the other, rounded to n digits, as after a change of units."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
@@ -254,13 +254,13 @@ def _printed(fact: Fact, n: int) -> bool:
     return any(all(float(f"{x:.{n}g}") == y for x, y in zip(*pair, strict=True)) for pair in ((a, b), (b, a)))
 
 
-def as_compiled(facts: Sequence[Fact], libraries: Sequence[str]) -> list[Fact]:
+def mark_compiled(facts: Sequence[Fact], libraries: Sequence[str]) -> list[Fact]:
     """Mark tensors that differ by no more than what the installed MuJoCo makes of those of a file."""
     small = [fact.what == "inertia" and fact.kind == "model" and fact.size <= INEXACT for fact in facts]
-    if not any(small) or "mujoco" not in libraries or not shown_here(CASES[AXES]):
+    if not any(small) or "mujoco" not in libraries or not is_shown_here(CASES[AXES]):
         return list(facts)
-    return [replace(_marked(fact), of=AXES) if of_it else fact for fact, of_it in zip(facts, small, strict=True)]
+    return [replace(_mark(fact), of=AXES) if of_it else fact for fact, of_it in zip(facts, small, strict=True)]
 
 
-def _marked(fact: Fact) -> Fact:
+def _mark(fact: Fact) -> Fact:
     return fact if fact.what == "whole" else replace(fact, kind="digits")

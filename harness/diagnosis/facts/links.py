@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, apart, step_of
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, difference, step_of
 from screwgauge.diagnosis.facts.loops import SUM, end_facts
 from screwgauge.diagnosis.machine.features import EXACT, Feature, feature, features, gap
-from screwgauge.diagnosis.machine.placement import descended, laid
+from screwgauge.diagnosis.machine.placement import descend, lay
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.shares import freedom_left
 from screwgauge.models.machine import Element, Link
@@ -37,24 +37,24 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
             yield from _base(pair, one, other)
         elif one.articulated and other.articulated and one.letters != other.letters:
             yield Fact(part, "kind", one.letters, other.letters, kind="convention", partner=partner)
-        if one.kind == other.kind and _single(one) and _single(other) and len(one.elements) == len(other.elements):
+        if one.kind == other.kind and _is_plain(one) and _is_plain(other) and len(one.elements) == len(other.elements):
             yield from _coordinates(pair, one, other)
             continue
         if len(one.joints) == len(other.joints):
             pair.joints.update({x: Partner(y) for x, y in zip(one.joints, other.joints, strict=False)})
-        yield from _lost_passive(pair, one, other)
+        yield from _lost_forces(pair, one, other)
         if len(one.joints) == len(other.joints) == 1:
-            yield from _passive(pair, one.joints[0], limited=one.kind == other.kind)
+            yield from _joint_facts(pair, one.joints[0], limited=one.kind == other.kind)
         if one.kind == other.kind:
             yield from _places(pair, one, other, moved=False)
 
 
-def _single(link: Link) -> bool:
+def _is_plain(link: Link) -> bool:
     """True if a link consists of hinges and slides of the file alone."""
     return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
 
 
-def _lost_passive(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     """Yield passive forces of joints that the other side replaces by points."""
     if bool(one.joints) == bool(other.joints):
         return
@@ -69,7 +69,7 @@ def _lost_passive(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
     """Yield joints that the other side fixes; else the two kinds of link, which may be equivalent in loops."""
-    met = [*_in_place(pair, one, other)]
+    met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
             for x in (x for x in link.elements if x.joint and all(x is not pair_[k] for pair_ in met)):
@@ -83,7 +83,7 @@ def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterat
     yield Fact(part, "kind", one.kind, other.kind, kind="convention" if alike else "model", partner=partner)
 
 
-def _in_place(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
+def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
     """Match joints of two links of different kinds that have equal axes, in order."""
     if len(one.elements) == len(other.elements):
         return
@@ -111,7 +111,7 @@ def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     """Split the displacement of the far body into what the joints do and what is left."""
     a, b = pair.a, pair.b
-    D = _moved(pair, one, other)
+    D = _displacement(pair, one, other)
     joints = [
         (a.reading.joints[x.joint], b.reading.joints[y.joint])
         for x, y in zip(one.elements, other.elements, strict=True)
@@ -120,17 +120,17 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     ways = _ways(one, D, a.length, [j.home - s * k.home for s, (j, k) in zip(senses, joints, strict=True)])
     E, size = remainder_of(one, D, ways, a.length)
     if moved := size > SUM * TOLERANCE:
-        yield _displaced(pair, one, other, D, np.asarray(np.linalg.inv(E)))
+        yield _place_fact(pair, one, other, D, np.asarray(np.linalg.inv(E)))
     for x, y, sense, way, (j, k) in zip(one.elements, other.elements, senses, ways, joints, strict=True):
         zero = k.home - sense * j.home + sense * way  # B's coordinate = sense * A's + zero
         zero = math.remainder(zero, math.tau) if x.kind == "hinge" else zero
         pair.joints[x.joint] = Partner(y.joint, sense, zero)
-        yield from _counting(pair, x, j)
-        yield from _passive(pair, x.joint)
+        yield from _count_facts(pair, x, j)
+        yield from _joint_facts(pair, x.joint)
     yield from _places(pair, one, other, moved=moved)
 
 
-def _moved(pair: Pair, one: Link, other: Link) -> Array:
+def _displacement(pair: Pair, one: Link, other: Link) -> Array:
     """Return the displacement from the far body of A to that of B, with open loops closed at the link."""
     D = pair.displacement(one.near, one.far)
     D = (
@@ -169,7 +169,7 @@ def steps_of(link: Link, D: Array, length: float) -> Sequence[float]:
     x, R = link.elements[0], D[:3, :3]
     if len(link.elements) > 1:
         start = np.zeros(len(link.elements))
-        return [*descended(lambda q: _entries(remainder_of(link, D, q, length)[0], length)[None], start)]
+        return [*descend(lambda q: _entries(remainder_of(link, D, q, length)[0], length)[None], start)]
     if x.kind == "slide":
         return [float(x.direction @ D[:3, 3])]
     sine = 0.5 * float(x.direction @ np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
@@ -189,18 +189,18 @@ def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: fl
     return E, float(np.abs(_entries(E, length)).max())
 
 
-def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
+def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
     """Tell on which of its bodies a link sits elsewhere.
 
     Args:
         D: Displacement of the near body of B against that of A, seen from the far ones; `X`: what of it is left of the
             far ones where the link does not move. Shape (4, 4) each.
     """
-    ends = {body for body, *_ in _shifted(pair, one, other)}
+    ends = {body for body, *_ in _shifts(pair, one, other)}
     far = ends == {one.far} if ends else one.elements[0].turned  # a shift along its axis shows on neither body
     body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
     X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
-    change = _on(one, body, X)
+    change = _end_change(one, body, X)
     hangs = change.what == "placement"
     return Fact(
         "/".join(one.joints),
@@ -215,7 +215,7 @@ def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
     )
 
 
-def _on(link: Link, body: str, X: Array) -> Change:
+def _end_change(link: Link, body: str, X: Array) -> Change:
     """Return the change that displaces the end of joints on one of their bodies."""
     far = body == link.far
     element = link.elements[-1 if far else 0]
@@ -224,7 +224,7 @@ def _on(link: Link, body: str, X: Array) -> Change:
     return Change(element.joint, "seat", np.asarray(np.linalg.inv(X)))
 
 
-def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
+def _count_facts(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
     """Compare the sense and the zero of a joint."""
     name, partner = x.joint, pair.joints[x.joint]
     if partner.sign < 0.0:
@@ -238,22 +238,24 @@ def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
         yield Fact(name, "zero", 0.0, step, unit, size, "convention", (change,), partner.name)
 
 
-def _passive(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
+def _joint_facts(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
     """Compare passive forces and limits of a joint, with B's coordinate counted as A's."""
     partner = pair.joints[name]
     a, b = pair.a.reading.joints[name], pair.b.reading.joints[partner.name]
     for what in PASSIVE:
-        if size := apart(getattr(a, what), getattr(b, what), 1e-12):
+        if size := difference(getattr(a, what), getattr(b, what), 1e-12):
             yield _entry(name, what, getattr(a, what), getattr(b, what), a, size, partner)
     rest = partner.sign * (b.rest - partner.zero)
     if a.stiffness and b.stiffness and (size := abs(a.rest - rest)) > SUM * TOLERANCE:
-        yield replace(_entry(name, "rest", a.rest, rest, a, size, partner), changes=(_as_b(name, "rest", b.rest),))
+        yield replace(
+            _entry(name, "rest", a.rest, rest, a, size, partner), changes=(_change_to_b(name, "rest", b.rest),)
+        )
     if limited:
         described = "" in (pair.a.reading.form, pair.b.reading.form)
         yield from _limits(name, a, b, partner, described=described)
 
 
-def _as_b(name: str, what: str, value: object) -> Change:
+def _change_to_b(name: str, what: str, value: object) -> Change:
     """Make a change to B's own number, for a joint whose zero and sense are already those of B."""
     return Change(name, what, np.asarray(value, float))
 
@@ -287,7 +289,7 @@ def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, de
         unit_of("limits", a),
         math.inf if any(none) else size,
         "convention" if same else "model",
-        (_as_b(name, "limits", np.clip(b.limits, -BOUNDLESS, BOUNDLESS)),),
+        (_change_to_b(name, "limits", np.clip(b.limits, -BOUNDLESS, BOUNDLESS)),),
         partner.name,
     )
 
@@ -298,7 +300,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
     Args:
         moved: True if a displacement of the carried body is already a fact.
     """
-    sides = [*_shifted(pair, one, other)]
+    sides = [*_shifts(pair, one, other)]
     if not sides or (moved and len(sides) < 2):
         return
     joint = one.joints[0] if len(one.joints) == len(one.elements) == 1 and len(sides) == 2 else ""
@@ -311,7 +313,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
         if joint:
             changes = tuple(_axis(joint, x, y, step, pair.a.length))
         else:
-            changes = (_on(one, body, laid(y, x)),) if one.articulated and len(sides) == 1 else ()
+            changes = (_end_change(one, body, lay(y, x)),) if one.articulated and len(sides) == 1 else ()
         yield Fact(
             "/".join(one.joints or one.names),
             "axis" if joint else "end",
@@ -325,7 +327,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
         )
 
 
-def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
+def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
     """Yield features of a link whose places on a body and on its partner differ, with the distance."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):

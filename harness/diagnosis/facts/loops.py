@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from screwgauge.diagnosis.amounts import listed
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, apart
-from screwgauge.diagnosis.machine.alignment import assignment
+from screwgauge.diagnosis.amounts import join
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, difference
+from screwgauge.diagnosis.machine.alignment import assign
 from screwgauge.diagnosis.machine.features import EXACT, features, gap
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.machine import Element, Link, Machine
@@ -46,7 +46,7 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
     points = [[_first_end(m, name)[1] for name in e.closures] for m, e in ((pair.a, x), (pair.b, y))]
     moved = [T[:3, :3] @ point + T[:3, 3] for point in points[1]]
     cost = np.array([[float(np.linalg.norm(p - q)) for q in moved] for p in points[0]])
-    return {x.closures[i]: y.closures[k] for i, k in assignment(cost)}
+    return {x.closures[i]: y.closures[k] for i, k in assign(cost)}
 
 
 def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
@@ -84,38 +84,42 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
 
     Linear ones that leave the same motions are the same, whichever joints follow.
     """
-    if _leave_the_same(pair):
+    if _are_equivalent(pair):
         return
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
     # couplings to joints of one side alone are part of the facts on these joints
     ours = {name for name, each in a.items() if {*each.named} <= pair.joints.keys()}
     theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
-    yield from (_alone(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
-    yield from (_alone(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()})
+    yield from (_lone_coupling(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
+    yield from (
+        _lone_coupling(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()}
+    )
     counts = Counter(name for each in a.values() for name in each.named)
     free = {
         name for name in _free_zeros(pair.a, pair) if counts[name] == 1
     }  # a turn for one coupling would spoil another one
     for name, other in partners.items():
-        yield from _followed(pair, name, a[name], b[other], free)
+        yield from _compare_couplings(pair, name, a[name], b[other], free)
 
 
-def _alone(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
+def _lone_coupling(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
     """Make the fact of a joint that is coupled or held on one side only."""
     back = pair.back if side == "B" else {}
     joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
     held = not function.terms
-    value = np.asarray(function.constant) if held else _leads(function)
+    value = np.asarray(function.constant) if held else _leaders(function)
     a, b = (value, None) if side == "A" else (None, value)
     unit = unit_of("zero", pair.a.reading.joints.get(joint)) if held else ""
     return Fact(joint, "held" if held else "coupling", a, b, unit, more=(name,))
 
 
-def _leads(function: PolynomialSum) -> str:
-    return listed([*function.terms]) if function.terms else ""
+def _leaders(function: PolynomialSum) -> str:
+    return join([*function.terms]) if function.terms else ""
 
 
-def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReading, free: set[str]) -> Iterator[Fact]:
+def _compare_couplings(
+    pair: Pair, name: str, one: CouplingReading, other: CouplingReading, free: set[str]
+) -> Iterator[Fact]:
     """Compare two couplings of one joint.
 
     Args:
@@ -124,12 +128,12 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
     ours, joint, follower = one.function, one.joint, pair.partner(one.joint)
     other = other.solved(follower.name)
     if pair.back.get(other.joint, other.joint) != joint:
-        yield from (_alone(pair, name, one, "A"), _alone(pair, name, other, "B"))
+        yield from (_lone_coupling(pair, name, one, "A"), _lone_coupling(pair, name, other, "B"))
         return
-    own, theirs = other.function.renamed(pair.back), _in_a(pair, other)
+    own, theirs = other.function.renamed(pair.back), _function_in_a(pair, other)
     if {*own.terms} != {*ours.terms}:
         a, b = (np.concatenate([*each.polynomials.values()]) for each in (ours, theirs))
-        size, more = _size(ours.minus(theirs)), (_leads(ours), _leads(own))
+        size, more = _size(ours.minus(theirs)), (_leaders(ours), _leaders(own))
         yield Fact(joint, "leading joint", a, b, "", size, of=more[0], more=more)
         return
     # turn a free joint so that the two couplings agree
@@ -137,16 +141,16 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
         free.discard(joint if joint in free else min(turning))
         theirs = theirs.plus(step)
     # a joint that is mounted turned about its own axis carries its coupling along
-    plain = ours.beside(_in_a(pair, other, zeros=False))
+    plain = ours.beside(_function_in_a(pair, other, zeros=False))
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
         changes = (Change(name, "polynomial", ours.beside(own)[1]),)
         several = tuple(ours.terms) if len(ours.terms) > 1 else ()
         a, b = ours.beside(theirs)
-        yield Fact(joint, "polynomial", a, b, "", size, changes=changes, of=_leads(ours), more=several)
+        yield Fact(joint, "polynomial", a, b, "", size, changes=changes, of=_leaders(ours), more=several)
 
 
-def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
+def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
     """Return the function of a coupling of B in coordinates of A.
 
     Args:
@@ -160,7 +164,7 @@ def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> Polyn
     return function.counted(starts, signs).plus(-starts[joint]).times(follower.sign)
 
 
-def _leave_the_same(pair: Pair) -> bool:
+def _are_equivalent(pair: Pair) -> bool:
     """True if all couplings are linear and leave the same motions."""
     a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
     if not (a and b) or not all(each.function.linear for each in (*a, *b)):
@@ -168,7 +172,7 @@ def _leave_the_same(pair: Pair) -> bool:
     ours = [{each.joint: -1.0, **each.function.slopes, "": each.function.constant} for each in a]
     theirs = []
     for each in b:
-        function = _in_a(pair, each)
+        function = _function_in_a(pair, each)
         theirs.append({pair.back.get(each.joint, each.joint): -1.0, **function.slopes, "": function.constant})
     columns = list(dict.fromkeys(name for row in (*ours, *theirs) for name in row))
     A, B = (np.array([[row.get(name, 0.0) for name in columns] for row in rows]) for rows in (ours, theirs))
@@ -226,7 +230,7 @@ def softness_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _largest(a: Array, b: Array) -> float:
-    return max(apart(float(x), float(y)) for x, y in zip(a, b, strict=True))
+    return max(difference(float(x), float(y)) for x, y in zip(a, b, strict=True))
 
 
 def _closure_partners(pair: Pair) -> dict[str, str]:

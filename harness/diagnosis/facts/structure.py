@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, Pair, apart
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Kind, Pair, difference
 from screwgauge.diagnosis.facts.links import remainder_of, steps_of
 from screwgauge.diagnosis.facts.loops import SUM
-from screwgauge.diagnosis.machine.alignment import Names, aligned
+from screwgauge.diagnosis.machine.alignment import Names, align
 from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.content import OTHER, Content, kinds
@@ -23,24 +23,24 @@ from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.mechanism import GROUND
 
 
-def paired(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
+def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
     """Align two machines; bodies that only one side moves against each other are fused on both.
 
     Names show them before the alignment; without names they are found afterwards.
     """
     lost = list[Fact]()
     if names.bodies:
-        a, b, lost = _fused_by_names(a, b)
-    pair = Pair(a, b, aligned(a, b, names.joints, names.bodies, believed))
-    while (found := next(_fixed(pair), None)) is not None:
+        a, b, lost = _fuse_by_names(a, b)
+    pair = Pair(a, b, align(a, b, names.joints, names.bodies, believed))
+    while (found := next(_hidden_links(pair), None)) is not None:
         side, link = found
-        lost.append(_lost(side, "fixed", link, (link.far,)))
+        lost.append(_lost_link(side, "fixed", link, (link.far,)))
         a, b = (fused(pair.a, link), pair.b) if side == "A" else (pair.a, fused(pair.b, link))
         pair = Pair(a, b, pair.alignment.fused(link, side))
     return replace(pair, lost=tuple(lost))
 
 
-def _fixed(pair: Pair) -> Iterator[tuple[str, Link]]:
+def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
     """Find links to bodies without a partner whose mass is part of the partner of their neighbour."""
     for side, each in (("A", pair), ("B", pair.inverse)):
         partners = each.alignment.bodies
@@ -53,14 +53,14 @@ def _fixed(pair: Pair) -> Iterator[tuple[str, Link]]:
                 yield side, link
 
 
-def _fused_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
+def _fuse_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
     """Fuse bodies that the other machine has as one, and drop welds that it lacks."""
     sides, facts = {"A": a, "B": b}, list[Fact]()
     for side, other in ("AB", "BA"):
-        sides[side], lost = _without_welds(sides[side], sides[other], side)
+        sides[side], lost = _drop_welds(sides[side], sides[other], side)
         facts += lost
     for side, other in ("AB", "BA", "AB"):
-        sides[side], lost = _without_links(sides[side], sides[other], side)
+        sides[side], lost = _fuse_links(sides[side], sides[other], side)
         facts += lost
     return sides["A"], sides["B"], facts
 
@@ -70,30 +70,34 @@ def _owners(machine: Machine) -> dict[str, str]:
     return {name: body for body, each in machine.bodies.items() for name in each.frames}
 
 
-def _without_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
+def _drop_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
     """Drop welds between bodies that the other machine has apart."""
     owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
     gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
     if not gone:
         return own, []
     closures = {name: each for name, each in own.reading.closures.items() if name not in gone}
-    return machine_of(replace(own.reading, closures=closures)), [_alone(side, name, "link", "weld") for name in gone]
+    return machine_of(replace(own.reading, closures=closures)), [
+        _lone_fact(side, name, "link", "weld") for name in gone
+    ]
 
 
-def _without_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
+def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
     """Fuse bodies that the other machine has as one, at the coordinate at which it holds them."""
     owners = _owners(other)
     held = {
         link.joints: q
         for link in own.links
-        if len(link.joints) == 1 and _is_one(own, link, owners) and (q := _held(own, other, link, owners)) is not None
+        if len(link.joints) == 1
+        and _is_one(own, link, owners)
+        and (q := _holding_coordinate(own, other, link, owners)) is not None
     }
     own = machine_of(rehomed(own.reading, {name: q for (name,), q in held.items()})[0]) if held else own
     facts = list[Fact]()
     while (link := next((link for link in own.links if _is_one(own, link, owners)), None)) is not None:
         joint = own.reading.joints[link.joints[0]] if link.joints else None
         at = f"{held[link.joints]:.6g} {unit_of('zero', joint)}" if link.joints in held else ""
-        facts.append(_lost(side, "fixed", link, (link.far,), at))
+        facts.append(_lost_link(side, "fixed", link, (link.far,), at))
         own = fused(own, link)
     return own, facts
 
@@ -104,7 +108,7 @@ def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
 
-def _held(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
+def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
     """Return the coordinate of a joint at which its bodies stand as on the other side; None at home, or without one."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
@@ -128,13 +132,13 @@ def structure_facts(pair: Pair) -> Iterator[Fact]:
         for link in links:
             ends = {link.near, link.far} - known
             if not ends:
-                yield _lost(side, "link", link)
+                yield _lost_link(side, "link", link)
             elif not ends & told:
                 bodies = _component(links, ends, known)
                 told |= {*bodies}
                 mass = sum(machine.bodies[body].matter.mass for body in bodies)
                 ways = sum(len({each.near, each.far} & {*bodies}) == 1 for each in machine.links)
-                yield _lost(side, "branch" if ways == 1 else "link", link, bodies, f"{mass:.6g}")
+                yield _lost_link(side, "branch" if ways == 1 else "link", link, bodies, f"{mass:.6g}")
 
 
 def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) -> list[str]:
@@ -146,15 +150,15 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
     return found
 
 
-def _lost(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
+def _lost_link(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
     """Make the fact of a link without a partner, with its bodies, and their mass or its coordinate."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
-    fact = _alone(side, "/".join(link.joints or link.names), what, link.kind)
+    fact = _lone_fact(side, "/".join(link.joints or link.names), what, link.kind)
     return replace(fact, changes=changes, of=of, more=tuple(bodies))
 
 
-def _alone(side: str, part: str, what: str, kind: str) -> Fact:
+def _lone_fact(side: str, part: str, what: str, kind: str) -> Fact:
     a, b = (kind, None) if side == "A" else (None, kind)
     return Fact(part, what, a, b)
 
@@ -175,7 +179,7 @@ def model_facts(pair: Pair) -> Iterator[Fact]:
             change = Change("", "gravity", b.gravity)
             yield Fact("", "gravity", a.gravity, b.gravity, unit_of("gravity"), size, changes=(change,))
     for what, unit, ours, theirs in zip(("density", "viscosity"), ("kg/m^3", "Pa s"), a.medium, b.medium, strict=True):
-        if size := apart(ours, theirs):
+        if size := difference(ours, theirs):
             change = Change("", "medium", np.array(b.medium))
             yield Fact("", what, np.asarray(ours), np.asarray(theirs), unit, size, changes=(change,))
 
@@ -196,8 +200,8 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
             yield Fact(name, "driven joint", joint, driven, partner=partners[name], of=joint)
             continue
         # a motor of a reversed joint may have either sign
-        same = not apart(gear, -other) and pair.partner(joint).sign < 0.0
-        if size := apart(gear, other):
+        same = not difference(gear, -other) and pair.partner(joint).sign < 0.0
+        if size := difference(gear, other):
             change = Change(name, "gear", np.array(other))
             kind: Kind = "convention" if same else "model"
             yield Fact(
@@ -246,7 +250,7 @@ class Beyond:
     aside: tuple[tuple[str, Content], ...] = ()
 
 
-def content_of(pair: Pair) -> Beyond:
+def compare_content(pair: Pair) -> Beyond:
     """Compare content item by item, paired by the parts that it acts on."""
     a, b = pair.a.reading, pair.b.reading
     names = {
@@ -257,7 +261,7 @@ def content_of(pair: Pair) -> Beyond:
     alike = all(name == partner.name for name, partner in pair.joints.items())
     facts, fates = list[Fact](), {"withheld": list[tuple[str, Content]](), "aside": list[tuple[str, Content]]()}
     theirs = [each.renamed(names) for each in b.content]
-    for one, other in _pairs(_kept(a.content, pair), _kept(theirs, pair)):
+    for one, other in _pairs(_drop_lone(a.content, pair), _drop_lone(theirs, pair)):
         fate = _fate(one, other, (a, b), alike=alike)
         if fate == "differs":
             facts.append(_fact(one, other))
@@ -266,7 +270,7 @@ def content_of(pair: Pair) -> Beyond:
     return Beyond(tuple(facts), tuple(fates["withheld"]), tuple(fates["aside"]))
 
 
-def _kept(content: Iterable[Content], pair: Pair) -> list[Content]:
+def _drop_lone(content: Iterable[Content], pair: Pair) -> list[Content]:
     """Drop content that acts only on joints without a partner, which are facts themselves."""
     acts = [({name for room, name, _ in each.of if room == "joints"}, each) for each in content]
     return [each for joints, each in acts if not joints or joints & pair.joints.keys()]
@@ -274,7 +278,7 @@ def _kept(content: Iterable[Content], pair: Pair) -> list[Content]:
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
     """Pair items that act on the same parts, equal ones first."""
-    ours, theirs = _grouped(a), _grouped(b)
+    ours, theirs = _group(a), _group(b)
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
         for each in list(mine):
@@ -288,7 +292,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
         yield from ((None, each) for each in others[both:])
 
 
-def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
+def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
     """Group content by kind and by the parts that it acts on, or by its name where it acts on none."""
     groups = defaultdict[object, list[Content]](list)
     for each in content:
@@ -306,13 +310,13 @@ def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float |
         yield key, one, other
 
 
-def _unlike(a: Content, b: Content) -> list[tuple[str, float | str, float | str]]:
+def _differences(a: Content, b: Content) -> list[tuple[str, float | str, float | str]]:
     return [(key, x, y) for key, x, y in _entries(a, b) if _size(x, y)]
 
 
 def _size(x: float | str, y: float | str) -> float:
     if isinstance(x, float) and isinstance(y, float):
-        return apart(x, y)
+        return difference(x, y)
     return 0.0 if x == y else math.inf
 
 
@@ -321,7 +325,7 @@ def _same(a: Content, b: Content) -> bool:
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
     labels = all(key == other for (key, _), (other, _) in zip(a.values, b.values, strict=True))
-    return labels and not _unlike(a, b)
+    return labels and not _differences(a, b)
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, alike: bool) -> str:
@@ -359,7 +363,7 @@ def _fact(a: Content | None, b: Content | None) -> Fact:
     if a is None or b is None:
         first, second = (None if each is None else dict[str, float | str]() for each in (a, b))
         return Fact(names[0] or names[1], one.kind, first, second, partner=names[1], of=one.sentence)
-    unlike = _unlike(a, b)
+    unlike = _differences(a, b)
     same_length = len(a.of) == len(b.of) and len(a.values or ()) == len(b.values or ())
     size = max((_size(x, y) for _, x, y in unlike), default=math.inf) if same_length else math.inf
     ours, theirs = ({key: pair[k] for key, *pair in unlike} for k in (0, 1))

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.machine.features import EXACT, features, gap, misfits
-from screwgauge.diagnosis.machine.placement import Believed, distance, placed
+from screwgauge.diagnosis.machine.placement import Believed, distance, place_body
 from screwgauge.models.machine import Link, Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -52,7 +52,7 @@ def read_map(path: Path) -> dict[str, str]:
     return given
 
 
-def partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Names:
+def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Names:
     """Find partners as given, by name, then by similar name.
 
     Args:
@@ -69,18 +69,18 @@ def partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> 
             raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
     joints = {name: other for name, other in given.items() if name in a.joints and other in b.joints}
     how = dict.fromkeys(joints, "given")
-    for similar, word in ((str, "name"), (_plain, "similar name")):
-        found = _alike(a, b, joints, similar)
+    for similar, word in ((str, "name"), (_simplify, "similar name")):
+        found = _pair_similar(a, b, joints, similar)
         joints, how = joints | found, how | dict.fromkeys(found, word)
     if not joints:
-        joints = _prefixed(a, b)
+        joints = _pair_prefixed(a, b)
         how = dict.fromkeys(joints, "similar name")
     bodies = {name: other for name, other in given.items() if name in a.bodies and other in b.bodies}
     bodies |= {name: name for name in a.bodies if name in b.bodies and name not in bodies}
     return Names(joints, bodies, how)
 
 
-def _alike(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
+def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
     """Pair further joints of one kind whose names, once simplified, are unique."""
     left = [name for name in b.joints if name not in joints.values()]
     keys, own = [similar(name) for name in left], [similar(name) for name in a.joints if name not in joints]
@@ -94,7 +94,7 @@ def _alike(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[
     return found
 
 
-def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
+def _pair_prefixed(a: Reading, b: Reading) -> dict[str, str]:
     """Pair joints if all names of one model are those of the other with a common prefix."""
     for one, two, back in ((a, b, False), (b, a, True)):
         first = next(iter(one.joints), "")
@@ -106,7 +106,7 @@ def _prefixed(a: Reading, b: Reading) -> dict[str, str]:
     return {}
 
 
-def _plain(name: str) -> str:
+def _simplify(name: str) -> str:
     """Simplify a name: drop case, separators, the words joint and link, and a robot's name before it."""
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
@@ -164,14 +164,14 @@ class Alignment:
         return not (self.only_a or self.only_b) and len(self.bodies) == len(a.bodies) == len(b.bodies)
 
 
-def assignment(cost: Array) -> list[tuple[int, int]]:
+def assign(cost: Array) -> list[tuple[int, int]]:
     """Pair rows with columns at the least total cost, each used once.
 
     Args:
         cost: Shape (n, m); the fewer of both are all assigned, and what is no finite number costs most.
     """
     if cost.shape[0] > cost.shape[1]:
-        return [(i, j) for j, i in assignment(cost.T)]
+        return [(i, j) for j, i in assign(cost.T)]
     cost = np.where(np.isfinite(cost), cost, DEAREST)
     cheapest = cost.argmin(axis=1)
     if len({*cheapest}) == len(cost):  # no two rows compete, and SciPy takes half a second to import
@@ -188,14 +188,12 @@ def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
     return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 
 
-def _behind(machine: Machine, link: Link) -> list[Link]:
+def _next_links(machine: Machine, link: Link) -> list[Link]:
     """Return the other links of the far body of a link."""
     return [far for far in machine.at(link.far) if {*far.names} != {*link.names}]
 
 
-def aligned(
-    a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
-) -> Alignment:
+def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed) -> Alignment:
     """Find partners of all bodies and links.
 
     Args:
@@ -203,7 +201,7 @@ def aligned(
         bodies: Bodies of the readings of A -> those of B, likewise.
         believed: Assumptions on the placement of bodies.
     """
-    return _Walk(a, b, known, bodies, believed).done()
+    return _Walk(a, b, known, bodies, believed).walk()
 
 
 class _Walk:
@@ -219,41 +217,41 @@ class _Walk:
         self.links: list[tuple[Link, Link]] = []
         self.open_a, self.open_b = list(a.links), list(b.links)
 
-    def done(self) -> Alignment:
+    def walk(self) -> Alignment:
         queue = [GROUND]
         while queue:
             near = queue.pop(0)
-            for one, other in chain(self._skipping(near), self._assigned(near)):
-                self._taken(one, other)
+            for one, other in chain(self._skip(near), self._assign(near)):
+                self._take(one, other)
                 if one.far not in self.bodies:
                     self.bodies[one.far] = other.far
-                    self.placed[one.far] = placed(self.a, self.b, (one, other), self.placed[near], self.believed)
+                    self.placed[one.far] = place_body(self.a, self.b, (one, other), self.placed[near], self.believed)
                     queue.append(one.far)
         return Alignment(self.bodies, self.placed, tuple(self.links), tuple(self.open_a), tuple(self.open_b))
 
-    def _taken(self, one: Link, other: Link) -> None:
+    def _take(self, one: Link, other: Link) -> None:
         self.links.append((one, other))
         ours, theirs = {*one.names}, {*other.names}
         self.open_a = [link for link in self.open_a if {*link.names} != ours]
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
-    def _skipping(self, near: str) -> list[tuple[Link, Link]]:
+    def _skip(self, near: str) -> list[tuple[Link, Link]]:
         """Pair links of a body with coincident ones behind another link of its partner: that link is missing."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]
         ours = [link.of(near) for link in self.open_a if link.joins(near)]
         theirs = [link.of(there) for link in self.open_b if link.joins(there)]
-        direct = [pair for pair in product(ours, theirs) if self._lie(*pair, near)]
+        direct = [pair for pair in product(ours, theirs) if self._coincide(*pair, near)]
         ours = [link for link in ours if all(link is not one for one, _ in direct)]
         theirs = [link for link in theirs if all(link is not other for _, other in direct)]
-        pairs = [product(_behind(self.a, link), theirs) for link in ours]
-        pairs += [product(ours, _behind(self.b, link)) for link in theirs]
-        skipped = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
+        pairs = [product(_next_links(self.a, link), theirs) for link in ours]
+        pairs += [product(ours, _next_links(self.b, link)) for link in theirs]
+        skipped = max(([pair for pair in some if self._coincide(*pair, near)] for some in pairs), key=len, default=[])
         self.placed |= {one.near: self.placed[near] for one, _ in skipped}
-        return self._once(skipped)
+        return self._choose(skipped)
 
-    def _once(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
+    def _choose(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
         """Keep one pair for each link, the likeliest first: parallel slides coincide."""
         chosen = list[tuple[Link, Link]]()
         for one, other in sorted(filter(self._may_meet, pairs), key=lambda pair: self._cost(*pair)):
@@ -261,7 +259,7 @@ class _Walk:
                 chosen.append((one, other))
         return chosen
 
-    def _lie(self, one: Link, other: Link, near: str) -> bool:
+    def _coincide(self, one: Link, other: Link, near: str) -> bool:
         """True if two links and most of their descendants coincide under the placement of a body."""
         T = self.placed[near]
         if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
@@ -269,7 +267,7 @@ class _Walk:
         off = misfits(self.a, self.b, (one.far, other.far), T)
         return bool((off < NEAR).sum() >= MANY * len(off))
 
-    def _assigned(self, near: str) -> Iterator[tuple[Link, Link]]:
+    def _assign(self, near: str) -> Iterator[tuple[Link, Link]]:
         """Pair the links of a body, the surest first."""
         there = self.bodies[near]
         ours = [link.of(near) for link in self.open_a if link.joins(near)]
@@ -277,7 +275,7 @@ class _Walk:
         if not ours or not theirs:
             return
         cost = np.array([[self._cost(one, other) for other in theirs] for one in ours])
-        pairs = sorted(assignment(cost), key=lambda pair: cost[pair])
+        pairs = sorted(assign(cost), key=lambda pair: cost[pair])
         for i, j in pairs:
             one, other = ours[i], theirs[j]
             named = one.far in self.called and self.called[one.far] == other.far

@@ -54,7 +54,7 @@ class Believed:
         return whole + float((1.0 / (1.0 + (off / HALF) ** 2) + self.exact * (off < EXACT)).sum())
 
 
-def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
+def place_body(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
     """Place B's world in A's so that the descendants of a link lie on those of its partner.
 
     Args:
@@ -67,7 +67,7 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believ
     nearest, off = tried[best], offs[best]
     if off.max() <= EXACT or not believed.fits:
         return nearest
-    further = [_further(a, b, links, overlay, tried, score)]
+    further = [_fitted_placements(a, b, links, overlay, tried, score)]
     if not {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}:
         further.append(_by_matter(a, b, links))
     for T in chain(*further):
@@ -79,7 +79,7 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believ
     return nearest
 
 
-def _further(
+def _fitted_placements(
     a: Machine,
     b: Machine,
     links: tuple[Link, Link],
@@ -90,8 +90,8 @@ def _further(
     """Yield placements by motions of the link, for use where no candidate is exact."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
-        steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
-        yield from (_fitted(overlay, steps, T, score) for T in tried[:FITTED])
+        steps = _free_motions(links[0]) if elsewhere else _freedoms(links[0])
+        yield from (_fit(overlay, steps, T, score) for T in tried[:FITTED])
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:
@@ -103,7 +103,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     yield near
     mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
-        yield laid(mine[0], yours[0]) @ near
+        yield lay(mine[0], yours[0]) @ near
     first, second = a.bodies[one.far], b.bodies[other.far]
     for name in [name for name in first.frames if name in second.frames][:FRAMES]:
         yield first.frames[name] @ np.linalg.inv(second.frames[name])
@@ -165,7 +165,7 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
     return T
 
 
-def laid(one: Feature, other: Feature) -> Array:
+def lay(one: Feature, other: Feature) -> Array:
     """Return the shortest displacement of the second feature onto the first. Shape (4, 4)."""
     R: Array = np.eye(3)
     if one.kind != "S":
@@ -176,7 +176,7 @@ def laid(one: Feature, other: Feature) -> Array:
     return matrix(way, R)
 
 
-def _fitted(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
+def _fit(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
     """Return the motion by some steps that lays most of a body exactly onto its partner."""
     best, most = near, -math.inf
     for T in _moves(overlay, steps, near):
@@ -192,26 +192,28 @@ def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Arra
     """Yield placements by some steps: in closed form with at most one hinge."""
     hinges = [step for step in steps if step.kind == "hinge"]
     ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
-    if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _along(ways, hinges[0].direction)):
-        for T in _turned(overlay, hinges[0], near) if hinges else [near]:
-            yield from _shifted(overlay, ways, T) if len(ways) else [T]
+    if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _are_parallel(ways, hinges[0].direction)):
+        for T in _turns(overlay, hinges[0], near) if hinges else [near]:
+            yield from _shifts(overlay, ways, T) if len(ways) else [T]
         return
     turns = TURNS if len(hinges) < 3 else (0.0,)
     for start in product(*(turns if step.kind == "hinge" else (0.0,) for step in steps)):
-        yield _descended(overlay, steps, near, np.array(start))
+        yield _descend(overlay, steps, near, np.array(start))
 
 
-def _along(ways: Array, axis: Array) -> bool:
+def _are_parallel(ways: Array, axis: Array) -> bool:
     """True if directions, zero for points, are parallel to an axis. Shape (3,) or (n, 3)."""
     return float(np.abs(cross(ways, np.broadcast_to(axis, ways.shape))).max()) < EXACT
 
 
-def _turned(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
+def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
     """Yield turns about a hinge that bring a feature, the centre of mass or the inertia onto its partner."""
     axis, centre = hinge.direction, hinge.centre
     ours, theirs = overlay.ours, overlay.theirs.placed(near)
     places = product(ours.places(), theirs.places())
-    pairs = [(x - centre, y - centre, False) for (k, x, way), (m, y, _) in places if k == m and _along(way, axis)]
+    pairs = [
+        (x - centre, y - centre, False) for (k, x, way), (m, y, _) in places if k == m and _are_parallel(way, axis)
+    ]
     ways = product(ours.directions(), theirs.directions())
     pairs += [(u, v, True) for (k, u), (m, v) in ways if k == m]
     angles = {0.0}
@@ -225,7 +227,7 @@ def _turned(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
         yield exponential("hinge", axis, centre, angle) @ near
 
 
-def _shifted(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
+def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
     """Return shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
     shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
@@ -235,7 +237,7 @@ def _shifted(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
     return shifted
 
 
-def _descended(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
+def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
     """Return the placement that a fit by some steps reaches from a start."""
 
     def placement(q: Array) -> Array:
@@ -244,10 +246,10 @@ def _descended(overlay: Overlay, steps: list[Element], near: Array, start: Array
             out = exponential(step.kind, step.direction, step.centre, float(value)) @ out
         return np.asarray(out @ near)
 
-    return placement(descended(lambda q: overlay.residuals(placement(q)), start))
+    return placement(descend(lambda q: overlay.residuals(placement(q)), start))
 
 
-def descended(residuals: Callable[[Array], Array], q: Array) -> Array:
+def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
     """Minimise residuals by robust Gauss-Newton steps: large residuals lose weight (Cauchy).
 
     Args:
@@ -278,7 +280,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
     return float(max(gaps, default=0.0))
 
 
-def _elsewhere(link: Link) -> list[Element]:
+def _free_motions(link: Link) -> list[Element]:
     """Return hinges and slides by which the whole can still move once a link at the ground lies on its partner."""
     if link.kind not in ("R", "P"):
         return _freedoms(link)

@@ -14,7 +14,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from screwgauge.diagnosis.properties import turned
+from screwgauge.diagnosis.properties import put_on_axis
 from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.matter import Matter
@@ -70,23 +70,23 @@ class Whole:
         i = min(range(3), key=lambda i: float(np.linalg.norm(turns[i])))
         return _AXES[i], np.array([turns[i], way])
 
-    def undone(self, b: Reading, a: Reading) -> Reading:
+    def undo(self, b: Reading, a: Reading) -> Reading:
         """Return B in the units and the place of A, under the gravity that is nearest to A's."""
         T = np.asarray(np.linalg.inv(self.placement))
         g = downwards(b)
         tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
         gravity = min(tried, key=lambda each: round(float(np.linalg.norm(each - downwards(a))), 9))
-        out = _transformed(b, T, 1.0 / self.length, 1.0 / self.mass, 1.0 / self.inertia)
+        out = _transform(b, T, 1.0 / self.length, 1.0 / self.mass, 1.0 / self.inertia)
         return replace(out, gravity=None if b.gravity is None else gravity)
 
-    def done(self, a: Reading) -> Reading:
+    def apply(self, a: Reading) -> Reading:
         """Return A in the units and the place of B, under A's gravity, as for torques of B."""
         T = self.placement.copy()
         T[:3, 3] *= self.length
-        return replace(_transformed(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
+        return replace(_transform(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
 
 
-def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
+def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
     """Convert a reading to other units, then move or mirror it; coordinates of hinges stay.
 
     Args:
@@ -104,7 +104,7 @@ def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia
 
     def joint(one: JointReading) -> JointReading:
         k, way = (length, 1.0) if one.kind == "slide" else (1.0, sense)  # an axis of rotation is an axial vector
-        new = turned(one, way * (R @ one.direction), R @ (length * one.centre) + T[:3, 3])
+        new = put_on_axis(one, way * (R @ one.direction), R @ (length * one.centre) + T[:3, 3])
         return replace(new, home=k * one.home, rest=k * one.rest, limits=(k * one.limits[0], k * one.limits[1]))
 
     def body(one: BodyReading) -> BodyReading:
@@ -133,7 +133,7 @@ def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia
 Pairs = tuple[Mapping[str, str], Mapping[str, str]]
 
 
-def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
+def find_wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
     """Find transformations that may explain the whole, the likeliest first.
 
     Args:
@@ -141,15 +141,15 @@ def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[st
     """
     pairs: Pairs = (joints, bodies)
     if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
-        pairs = _alike(a, b)
+        pairs = _pair_by_matter(a, b)
     pairs = ({x: y for x, y in pairs[0].items() if a.joints[x].kind == b.joints[y].kind}, pairs[1])
     found = list[tuple[float, Whole]]()
     base = count = 0.0
     several = [each for each in _factors(a, b, pairs) if each[0] != 1.0 or 1.0 not in each[1:]]
     for factors in dict.fromkeys([(1.0, 1.0, 1.0), *several]):
         length, mass, inertia = (1.0 / factor for factor in factors)
-        unit = _transformed(b, np.eye(4), length, mass, inertia)
-        overlays = [_Overlay(a, each, pairs) for each in _posed(a, unit, pairs[0])]
+        unit = _transform(b, np.eye(4), length, mass, inertia)
+        overlays = [_Overlay(a, each, pairs) for each in _poses(a, unit, pairs[0])]
         if not count:  # B as it stands
             count, base = overlays[0].count, max(float(each.score(np.eye(4)[None])[0]) for each in overlays)
             if not count or base > ENOUGH * count:
@@ -172,7 +172,7 @@ def _round(T: Array) -> Array:
     return np.where(np.abs(T - near) < 1e-9, near, T)
 
 
-def _alike(a: Reading, b: Reading) -> Pairs:
+def _pair_by_matter(a: Reading, b: Reading) -> Pairs:
     """Pair joints and bodies by mass and moments of inertia, which no motion changes."""
     sides = []
     for reading in (a, b):
@@ -190,7 +190,7 @@ def _alike(a: Reading, b: Reading) -> Pairs:
     return joints, bodies
 
 
-def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
+def _poses(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
     """Return B at the coordinates of A, if its loops close there, and at the closed pose next to its home."""
     b = at_closed_pose(b)
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
@@ -204,17 +204,17 @@ def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
 def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, float, float]]:
     """Yield ratios of lengths, masses and inertias that most parts share."""
     bodies = [(a.bodies[x], b.bodies[y]) for x, y in pairs[1].items()]
-    mass = _common([(x.mass, y.mass) for x, y in bodies])
-    inertia = _common([(_norm(x.inertia), _norm(y.inertia)) for x, y in bodies])
+    mass = _common_ratio([(x.mass, y.mass) for x, y in bodies])
+    inertia = _common_ratio([(_norm(x.inertia), _norm(y.inertia)) for x, y in bodies])
     inertia = mass if math.isclose(mass, inertia, rel_tol=ROUNDED) else inertia
     joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items()]
     gaps = [(_gap(x, u), _gap(y, v)) for (x, y), (u, v) in pairwise(joints)]
     centres = [(_norm(x.com), _norm(y.com)) for x, y in bodies]
-    yield _common(gaps), mass, inertia
-    yield _common([*gaps, *centres]), mass, inertia
+    yield _common_ratio(gaps), mass, inertia
+    yield _common_ratio([*gaps, *centres]), mass, inertia
 
 
-def _common(pairs: Sequence[tuple[float, float]]) -> float:
+def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
     """Return the ratio that most pairs share; 1 if they share none."""
     ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
     middle = float(np.median(ratios)) if ratios else 1.0

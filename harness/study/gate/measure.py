@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.diagnosis.answer import Difference
 from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.facts.fact import ALL, INEXACT, digits_of
-from screwgauge.diagnosis.model import weighed
+from screwgauge.diagnosis.model import weigh_side
 from screwgauge.diagnosis.shares import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
@@ -212,7 +212,7 @@ def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, fl
 def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     """The row of two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
-    sides = (weighed(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)
+    sides = (weigh_side(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)
     diagnosis = diagnose(*sides)
     given = (settings.tolerances or {}).get("tree_force")
     rounded = bool(diagnosis.differences) and all(each.kind == "digits" for each in diagnosis.differences)
