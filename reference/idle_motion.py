@@ -56,20 +56,9 @@ NEAR = 0.3
 DIFFERENCE = 2.0**-26
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Rule:
-    """Collocation points of a piece of duration 1, and matrices that integrate accelerations there.
-
-    Attributes:
-        points: Shape (s,).
-        terms: Accelerations at the points -> Legendre coefficients. Shape (s, s).
-        once, twice: Integrals at the points. Shape (s, s).
-    """
-
-    points: Array
-    terms: Array
-    once: Array
-    twice: Array
+Rule = tuple[Array, Array, Array, Array]
+"""Collocation points of a piece of duration 1, shape (s,); then, shape (s, s) each, the matrix from accelerations there
+to Legendre coefficients, and those to first and second integrals."""
 
 
 @cache
@@ -79,7 +68,7 @@ def rule(s: int) -> Rule:
     x[-1] = 1.0
     terms = np.asarray(np.linalg.inv(legvander(x, s - 1)), dtype=float)
     once, twice = (np.asarray(basis @ terms, dtype=float) for basis in _integrals(x, s))
-    return Rule(0.5 * (x + 1.0), terms, once, twice)
+    return 0.5 * (x + 1.0), terms, once, twice
 
 
 def _integrals(x: Array, s: int) -> tuple[Array, Array]:
@@ -297,7 +286,7 @@ class _Integration:
     def _pieces(self, ends: list[float], by: Rule, a: Array) -> list[Piece]:
         pieces, y, yd = list[Piece](), self.y, self.yd
         for (since, until), each in zip(pairwise(ends), a, strict=True):
-            pieces.append(Piece(since, until, y, yd, by.terms @ each))
+            pieces.append(Piece(since, until, y, yd, by[1] @ each))
             y, yd = _end(pieces[-1])
         return pieces
 
@@ -372,13 +361,14 @@ def _sums(h: Array, by: Rule) -> tuple[Array, Array, Array]:
         Matrices that take accelerations at all points to rates and to coordinates there, shape (n, n) each, and the
         time of each point since the start [s], shape (n,).
     """
-    s, ends = len(by.points), np.cumsum(h)
-    after = (ends - h)[:, None] + h[:, None] * by.points
+    points, _, first, second = by
+    s, ends = len(points), np.cumsum(h)
+    after = (ends - h)[:, None] + h[:, None] * points
     once, twice = (np.zeros((len(h), s, len(h), s)) for _ in range(2))
     for p, duration in enumerate(h):
-        once[p, :, p], twice[p, :, p] = duration * by.once, duration**2 * by.twice
-        once[p + 1 :, :, p] = duration * by.once[-1]
+        once[p, :, p], twice[p, :, p] = duration * first, duration**2 * second
+        once[p + 1 :, :, p] = duration * first[-1]
         later = (after[p + 1 :] - ends[p])[..., None]
-        twice[p + 1 :, :, p] = duration**2 * by.twice[-1] + later * duration * by.once[-1]
+        twice[p + 1 :, :, p] = duration**2 * second[-1] + later * duration * first[-1]
     n = len(h) * s
     return once.reshape(n, n), twice.reshape(n, n), after.ravel()

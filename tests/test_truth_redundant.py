@@ -14,7 +14,7 @@ from support.geometry import rotation
 from support.mechanism import DATA, load_mechanism, mechanism_tables
 from support.singular import four_bar
 from support.tolerances import LINEAR, ROUNDING
-from support.truth import Acting, Certifier, Linkage, newton_euler, notes, number, state, widened
+from support.truth import Certifier, Linkage, newton_euler, notes, number, required, state, widened
 
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
 RADIUS_OF_ROUNDED = 1e-8
@@ -154,7 +154,8 @@ def test_size_does_not_matter(name, size, write):
             linkage = Linkage(mechanism, mechanism_tables(path))
             now = state(Certifier(linkage), [[number("1.6"), arb(1), arb(2)]], mechanism.home.tolist())
             B = arb_mat([[now.partial[i, 0]] for i in mechanism.actuated_columns])
-            forces.append(newton_euler(linkage, now, B, Acting([arb(0)] * 3, (), axial=False, idle=()))[1][0, 0])
+            need = required(linkage, now, [arb(0)] * 3, ())
+            forces.append(newton_euler(linkage, now, B, need, (), axial=False)[1][0, 0])
     with ctx.workprec(192):
         assert (forces[0] * number(size) ** 2).overlaps(forces[1])
         assert float(forces[1].rel_accuracy_bits()) > 100

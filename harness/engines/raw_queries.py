@@ -60,24 +60,15 @@ class Answers:
 Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Carried:
-    """Motion of the frame carried by the library's own ball or free joint.
-
-    Attributes:
-        pose: In that frame at home. Shape (n, 4, 4).
-        velocity: Of that frame, along its axes, from the velocities of the reading. Shape (3 or 6, 3 or 6).
-    """
-
-    pose: Array
-    velocity: Array
-
-
-def carried(states: JointStates, frame: Array) -> Carried:
+def carried(states: JointStates, frame: Array) -> tuple[Array, Array]:
     """Convert the reading's motion to that of a frame of the library.
 
     Args:
         frame: Of the library's joint in the world at home. Shape (4, 4).
+
+    Returns:
+        Pose in that frame at home, (n, 4, 4), and the map of velocities of the reading to those of that frame, along
+        its axes, (3 or 6, 3 or 6).
     """
     C = np.linalg.inv(frame) @ states.frame
     if states.kind == "ball":
@@ -86,4 +77,4 @@ def carried(states: JointStates, frame: Array) -> Carried:
     X[:, :3, :3] = quaternion_rotation(states.q[:, -4:])
     X[:, : states.q.shape[1] - 4, 3] = states.q[:, :-4]
     n = FREEDOMS[states.kind]
-    return Carried(C @ X @ np.linalg.inv(C), adjoint(C)[:n, :n])
+    return C @ X @ np.linalg.inv(C), adjoint(C)[:n, :n]

@@ -16,7 +16,6 @@ from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.identifiability import (
     BRACKET,
-    CoveredAccelerations,
     compared_forces,
     covered_motion,
     parameters,
@@ -261,13 +260,13 @@ def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
     return GivenMotion(motion.t, motion.y, yd, ydd)
 
 
-def _by_unit(of: CoveredAccelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
+def _by_unit(of: tuple[Array, Array, Array], units: Sequence[str]) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
-    has = np.array(units)
+    has, (joints, angular, com) = np.array(units), of
     return {
-        **{("joint_acceleration", f"{unit}/s^2"): of.joints[:, has == unit] for unit in dict.fromkeys(units)},
-        ("body_angular_acceleration", "rad/s^2"): of.angular,
-        ("com_acceleration", "m/s^2"): of.com,
+        **{("joint_acceleration", f"{unit}/s^2"): joints[:, has == unit] for unit in dict.fromkeys(units)},
+        ("body_angular_acceleration", "rad/s^2"): angular,
+        ("com_acceleration", "m/s^2"): com,
     }
 
 

@@ -43,20 +43,6 @@ _Table = dict[str, tuple[tuple[str, ...], Array]]
 """Quantity -> units and values of its components, shape (n, m, p)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CoveredAccelerations:
-    """Accelerations of joints and bodies.
-
-    Attributes:
-        joints: Shape (n, n_q).
-        angular, com: Of the bodies, and of their centres of mass. Shape (n, n_body, 3).
-    """
-
-    joints: Array
-    angular: Array
-    com: Array
-
-
 @dataclass(frozen=True, eq=False)
 class CoveredMotion:
     """A given motion at n closed poses."""
@@ -70,9 +56,9 @@ class CoveredMotion:
     admissible: AdmissibleMotion
 
     @property
-    def accelerations(self) -> CoveredAccelerations:
-        """Accelerations of all joints and bodies."""
-        return CoveredAccelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
+    def accelerations(self) -> tuple[Array, Array, Array]:
+        """Accelerations of joints, angular ones of bodies, and of centres of mass."""
+        return self.states.qdd, self.motion.com.b, self.motion.com.a
 
     @property
     def axial(self) -> tuple[str, Array] | None:
@@ -80,13 +66,13 @@ class CoveredMotion:
         return self.mechanism.axial if self.problem.rule == "spherical_axial" else None
 
     @cached_property
-    def lost(self) -> dict[str, CoveredAccelerations]:
+    def lost(self) -> dict[str, tuple[Array, Array, Array]]:
         """Losses of accelerations without single terms of the Lie bracket, in every loop and body."""
         products = velocity_products(self.motion, self.states.qd)
         products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
 
-    def _lost(self, products: Array) -> CoveredAccelerations:
+    def _lost(self, products: Array) -> tuple[Array, Array, Array]:
         """Accelerations lost without some of the `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
@@ -97,7 +83,7 @@ class CoveredMotion:
         joints = self.admissible.joints(np.zeros((len(self.t), len(self.admissible.columns))), gaps)
         bodies = tree.moves @ (products + unit_twists(motion) * joints[..., None])
         angular = bodies[..., :3]
-        return CoveredAccelerations(joints, angular, bodies[..., 3:] + cross(angular, motion.com.p))
+        return joints, angular, bodies[..., 3:] + cross(angular, motion.com.p)
 
 
 def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, q: Array) -> CoveredMotion:
@@ -118,31 +104,19 @@ def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, 
     return CoveredMotion(mechanism, problem, motion.t, tree, states, move(tree, states), admissible)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Needed:
-    """Wrenches that joints and actuators must exert on each body.
-
-    Attributes:
-        own: What the bodies themselves need.
-        applied: What loads, springs, motors, rotors and friction make of it, which the forces of an open tree leave
-            out, but for rotors.
-    """
-
-    own: Array
-    applied: Array
-
-
-def compared_forces(at: CoveredMotion, needed: Needed, counted: Mobility) -> Iterator[tuple[str, str, Array]]:
+def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iterator[tuple[str, str, Array]]:
     """Yield (quantity, unit, components) of every compared force. Shape (n, m, p).
 
     Args:
+        needed: Wrenches that joints and actuators must exert on each body: what bodies need themselves, and what
+            applied forces, rotors and friction add, which open trees lack but for rotors. Shape (2, p, n, n_body, 6).
         counted: Which reactions are determined; the others are not compared.
     """
-    wanted, table = at.problem.wanted, _Table()
+    wanted, table, (own, applied) = at.problem.wanted, _Table(), needed
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
-        table[trees[0]] = _tree_forces(at, needed.own)  # the second adds nothing
+        table[trees[0]] = _tree_forces(at, own)  # the second adds nothing
     if wanted & _SOLVED:
-        table |= _solved(at, needed.own + needed.applied, counted)
+        table |= _solved(at, own + applied, counted)
     for name, (units, array) in table.items():
         for unit in dict.fromkeys(units if name in wanted else ()):
             yield name, unit, array[:, [i for i, has in enumerate(units) if has == unit]]
@@ -198,7 +172,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
     return tuple(FORCE[mechanism.units[i]] for i in columns)
 
 
-def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
+def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     """Names of the kinds of terms, and body needs by each; the bracket's parts are parts of `inertial`."""
     applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
     split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
@@ -209,7 +183,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
 
     own = {"gravity": nothing.copy(), "inertial": split.inertial, "gyroscopic": nothing.copy()}
     own["gravity"][..., :3], own["gyroscopic"][..., 3:] = split.gravity, split.gyroscopic
-    own |= {term: inertial(lost.angular, lost.com) for term, lost in now.lost.items()}
+    own |= {term: inertial(*lost[1:]) for term, lost in now.lost.items()}
     outside = dict[str, Array]()
     if applied.loads:
         outside["loads"] = _exerted(now, Applied(loads=applied.loads))
@@ -219,7 +193,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
         if resist := [one for one in now.mechanism.resistances if one.what == what]:
             outside[what] = _exerted(now, Applied(), resist)
     names = tuple(dict.fromkeys([*own, *outside]))
-    return names, Needed(*(np.stack([part.get(name, nothing) for name in names]) for part in (own, outside)))
+    return names, np.array([[part.get(name, nothing) for name in names] for part in (own, outside)])
 
 
 def _exerted(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
@@ -234,7 +208,7 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 """Name, body, and the parameter's effect on its needs: force and moment about its centre of mass, own and applied."""
 
 
-def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
+def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     """Names of inertial parameters, load points, rotors and friction, and derivatives of body needs by each.
 
     By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
@@ -249,7 +223,7 @@ def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
         for part, (force, moment) in zip(parts, wrenches, strict=True):
             part[column, :, body, :3], part[column, :, body, 3:] = force, moment
     names = (*(name for name, *_ in columns), *(f"{one.what} of {one.coordinate}" for one in resist))
-    return names, Needed(*parts)
+    return names, parts
 
 
 def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:

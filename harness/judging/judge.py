@@ -143,7 +143,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
     """
     mechanism = answer.mechanism
     names = [f"{joint}.{axis}" for joint in answer.tree.closures for axis in "xyz"]
-    tied = [one.column for one in answer.tree.couplings.values()]
+    tied = [column for column, *_ in answer.tree.couplings.values()]
     y = () if given is None else (given.y, given.yd, given.ydd)
     for order in orders:
         name, quantity, per = _CLOSURE[order]

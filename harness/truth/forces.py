@@ -23,15 +23,8 @@ class RoutesDisagree(NotCertified):
     """Raised when the two routes give disjoint enclosures, so that one of them is wrong."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BallLoad:
-    """A load in balls: force [N] and torque [N m] in world axes, on a point of a body (None: centre of mass)."""
-
-    body: int
-    point: Vector | None
-    force: Vector
-    torque: Vector
-
+BallLoad = tuple[int, Vector | None, Vector, Vector]
+"""A load in balls: its body, the point on it (None: centre of mass), force [N] and torque [N m] in world axes."""
 
 Component = tuple[Vector, list[Vector]] | Callable[[float], arb]
 """A function of time: polynomial and harmonics as in `Terms`, or its value at a sample."""
@@ -57,7 +50,7 @@ class VaryingLoad:
         """Load at a time [s] on a body placed by T."""
         now = [one(t) if callable(one) else drive([one], t)[0][0] for one in self.components]
         force, torque = (point(T, each, 0) if self.turns else each for each in (now[:3], now[3:]))
-        return BallLoad(self.body, self.point, force, torque)
+        return self.body, self.point, force, torque
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +74,10 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
         Q = arb(0)
         for mass, T, A in zip(linkage.masses, virtual[1:], second[1:], strict=True):
             Q += _trace(T[1] * mass.pseudo, A) - mass.mass * dot(gravity, point(T[1], mass.com))
-        for load in loads:
-            T = virtual[load.body]
-            at = linkage.masses[load.body - 1].com if load.point is None else load.point
-            Q -= dot(load.force, point(T[1], at)) + dot(load.torque, spin(T, 1))
+        for body, place, push, torque in loads:
+            T = virtual[body]
+            at = linkage.masses[body - 1].com if place is None else place
+            Q -= dot(push, point(T[1], at)) + dot(torque, spin(T, 1))
         Q += sum((force * now.partial[column, j] for column, force in resisted), arb(0))
         forces.append(Q)
     return forces
@@ -280,34 +273,21 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
         w, b = spin(T, 1), spin(T, 2)
         Jw, Jb = ((J * arb_mat([[x] for x in v])).entries() for v in (w, b))
         M = [x + y for x, y in zip(Jb, cross(w, Jw), strict=True)]
-        for load in loads:
-            if load.body == i:
-                F, M = difference(F, load.force), difference(M, load.torque)
-                if load.point is not None:
-                    arm = point(T[0], difference(load.point, mass.com), 0)
-                    M = difference(M, cross(arm, load.force))
+        for body, place, force, torque in loads:
+            if body == i:
+                F, M = difference(F, force), difference(M, torque)
+                if place is not None:
+                    arm = point(T[0], difference(place, mass.com), 0)
+                    M = difference(M, cross(arm, force))
         right += [*F, *M]
-    for column, force in taken(linkage, now):
-        right = [a + force * b for a, b in zip(right, along_coordinate(linkage, now, column), strict=True)]
+    for column, resisting in taken(linkage, now):
+        right = [a + resisting * b for a, b in zip(right, along_coordinate(linkage, now, column), strict=True)]
     return right
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Acting:
-    """Applied forces besides actuators and joints, and the rule among balanced forces.
-
-    Attributes:
-        axial: Whether redundant actuators obey the rule of eq. (56).
-        idle: Joint coordinates that nothing drives.
-    """
-
-    gravity: Vector
-    loads: Sequence[BallLoad]
-    axial: bool
-    idle: Sequence[int]
-
-
-def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tuple[list[arb], arb_mat, list[arb]]:
+def newton_euler(
+    linkage: Linkage, now: State, B: arb_mat, right: list[arb], idle: Sequence[int], *, axial: bool
+) -> tuple[list[arb], arb_mat, list[arb]]:
     """Route 2: all reactions, then couplings, and actuator forces, from the balance of all bodies.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
@@ -318,6 +298,9 @@ def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tu
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates that they drive.
             Shape (n_actuator, k).
+        right: Force and moment on each body, see `required`.
+        idle: Joint coordinates that nothing drives.
+        axial: Redundant actuators obey the rule of eq. (56).
 
     Returns:
         Reaction components, f of shape (n_actuator, 1), and the forces along what nothing drives.
@@ -328,17 +311,16 @@ def newton_euler(linkage: Linkage, now: State, B: arb_mat, acting: Acting) -> tu
     parts = unknowns(linkage, now)
     reactions = [*balances(linkage, now, parts), *coupling_balances(linkage, now)]
     drives = arb_mat(balances(linkage, now, driving(linkage, now)))
-    driven = drives if acting.axial else B.transpose() * drives
-    columns = [*reactions, *driven.tolist(), *(along_coordinate(linkage, now, column) for column in acting.idle)]
-    right = required(linkage, now, acting.gravity, acting.loads)
-    if acting.axial:
+    driven = drives if axial else B.transpose() * drives
+    columns = [*reactions, *driven.tolist(), *(along_coordinate(linkage, now, column) for column in idle)]
+    if axial:
         for row in _axial_rows(linkage, now, [part.name for part in parts]):
             columns = [[*column, row.get(i, arb(0))] for i, column in enumerate(columns)]
             right = [*right, arb(0)]
     solution = _solve(columns, right, linkage.length)
-    end = len(columns) - len(acting.idle)
+    end = len(columns) - len(idle)
     forces = arb_mat([[x] for x in solution[len(reactions) : end]])
-    return solution[: len(reactions)], forces if acting.axial else B * forces, solution[end:]
+    return solution[: len(reactions)], forces if axial else B * forces, solution[end:]
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:

@@ -21,7 +21,6 @@ from screwgauge.solution import Clock
 from screwgauge.truth import cache
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
 from screwgauge.truth.forces import (
-    Acting,
     BallLoad,
     Component,
     RoutesDisagree,
@@ -32,6 +31,7 @@ from screwgauge.truth.forces import (
     jacobian,
     min_norm,
     newton_euler,
+    required,
     taken,
 )
 from screwgauge.truth.kinematics import (
@@ -166,9 +166,9 @@ class Sampler:
         B = self._drive(now)
         driving, freely = columns_of(B, given), [linkage.mechanism.independent_columns[i] for i in idle]
         f = min_norm(driving, [Q[j] for j in given])
-        acting = Acting(self.gravity, loads, self.axial, freely)
         with self.clock.stage("forces by the balance of all bodies"):
-            reactions, f_second, nothing = newton_euler(linkage, now, driving, acting)
+            need = required(linkage, now, self.gravity, loads)
+            reactions, f_second, nothing = newton_euler(linkage, now, driving, need, freely, axial=self.axial)
         Q_second = (B.transpose() * f_second).entries() if driven else [arb(0)] * len(Q)
         pairs = [*zip(Q, Q_second, strict=True), *((force, arb(0)) for force in nothing)]
         if self.axial:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
 from screwgauge.witness.kinematics import TreeMotion, move
-from screwgauge.witness.tree import FREEDOMS, CoupledColumn, SpanningTree, TreeStates
+from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 
 #: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
 #: the machine, or m where it is smaller].
@@ -55,15 +55,17 @@ def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Arr
     """Deviation of coupled coordinates or derivatives from the couplings' values. (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
-        here = states.q[:, one.column], states.qd[:, one.velocity], states.qdd[:, one.velocity]
+        column, velocity, *_ = one
+        here = states.q[:, column], states.qd[:, velocity], states.qdd[:, velocity]
         out[:, k] = here[order] - _leads(one, states)[order]
     return out
 
 
-def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
+def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
     """Value of a coupling at the other coordinates, and its two derivatives. Shape (n,) each."""
-    total, rate, change = (np.full(len(states.q), x) for x in (one.constant, 0.0, 0.0))
-    for column, velocity, p in one.leads:
+    _, _, constant, leads = one
+    total, rate, change = (np.full(len(states.q), x) for x in (constant, 0.0, 0.0))
+    for column, velocity, p in leads:
         q, v, a = states.q[:, column], states.qd[:, velocity], states.qdd[:, velocity]
         value, slope, bend = (np.asarray(polynomial.polyval(q, polynomial.polyder(p, k)), float) for k in range(3))
         total, rate, change = total + value, rate + slope * v, change + slope * a + bend * v**2
@@ -88,9 +90,9 @@ def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
 def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     """Rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
-    for k, one in enumerate(tree.couplings.values()):
-        rows[:, k, one.velocity] = 1.0
-        for column, velocity, p in one.leads:
+    for k, (_, own, _, leads) in enumerate(tree.couplings.values()):
+        rows[:, k, own] = 1.0
+        for column, velocity, p in leads:
             rows[:, k, velocity] -= polynomial.polyval(q[:, column], polynomial.polyder(p))
     return rows
 
@@ -275,7 +277,7 @@ def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], column
     tree, length = motion.tree, motion.tree.length
     size = np.array([1.0 if unit == "rad" else length for unit in units])
     gap_size = [np.array([1.0] * 3 + [length] * 3)[-3 * (1 + (c.kind == "weld")) :] for c in tree.closures.values()]
-    gaps = np.concatenate([*gap_size, [size[one.velocity] for one in tree.couplings.values()], np.zeros(0)])
+    gaps = np.concatenate([*gap_size, [size[velocity] for _, velocity, *_ in tree.couplings.values()], np.zeros(0)])
     rows = constraint_rows(tree, motion, q) / gaps[:, None] * size
     chosen = np.broadcast_to(np.eye(len(size))[columns], (len(q), len(columns), len(size)))
     return AdmissibleMotion(motion, np.concatenate([rows, chosen], axis=1), gaps, size, columns)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,30 +24,17 @@ from screwgauge.witness.tree import (
     stacked,
 )
 
-
-class JointKind(NamedTuple):
-    """Freedoms and constraints of a kind of joint.
-
-    Attributes:
-        freedoms: Elementary joints in order.
-        forces, moments: Directions that it holds: axes of the world or of the child's joint frame, those across or
-            along the joint's axis, the normal to its two.
-    """
-
-    freedoms: tuple[str, ...]
-    forces: str
-    moments: str
-
-
-JOINT_KINDS = {
-    "R": JointKind(("hinge",), "world", "across"),
-    "P": JointKind(("slide",), "across", "frame"),
-    "U": JointKind(("hinge", "hinge"), "world", "normal"),
-    "S": JointKind(("hinge", "hinge", "hinge"), "world", ""),
-    "C": JointKind(("hinge", "slide"), "across", "across"),
-    "E": JointKind(("slide", "slide", "hinge"), "along", "across"),
-    "F": JointKind(("slide",) * 3 + ("hinge",) * 3, "", ""),
-    "fixed": JointKind(("hinge",), "world", "across"),
+#: Kind -> its elementary joints in order, and the directions in which it holds forces and moments: axes of the world or
+#: of the child's joint frame, those across or along the joint's axis, the normal to its two.
+JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "R": (("hinge",), "world", "across"),
+    "P": (("slide",), "across", "frame"),
+    "U": (("hinge", "hinge"), "world", "normal"),
+    "S": (("hinge", "hinge", "hinge"), "world", ""),
+    "C": (("hinge", "slide"), "across", "across"),
+    "E": (("slide", "slide", "hinge"), "along", "across"),
+    "F": (("slide",) * 3 + ("hinge",) * 3, "", ""),
+    "fixed": (("hinge",), "world", "across"),
 }
 
 
@@ -57,7 +43,7 @@ def freedoms(joint: Joint) -> list[tuple[str, Array]]:
 
     Hinges have the joint's axes. One slide is along the first, two are across it, three along the frame's axes.
     """
-    kinds = JOINT_KINDS[joint.kind].freedoms
+    kinds = JOINT_KINDS[joint.kind][0]
     ways = {2: list(across(joint.axes[0]).values()), 3: list(np.eye(3))}
     hinges, slides = iter(joint.axes), iter(ways.get(kinds.count("slide"), joint.axes))
     return [(kind, next(hinges if kind == "hinge" else slides)) for kind in kinds]

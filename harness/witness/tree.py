@@ -81,23 +81,15 @@ class LoopConstraint(NamedTuple):
     second: FixedFrame
 
 
-class CoupledColumn(NamedTuple):
-    """A coordinate that is a polynomial sum of others, by columns of coordinates and velocities.
-
-    Attributes:
-        leads: Columns of each coordinate that it depends on, and coefficients of powers of it, that of 1 first.
-    """
-
-    column: int
-    velocity: int
-    constant: float
-    leads: tuple[tuple[int, int, Array], ...]
+Coupled = tuple[int, int, float, tuple[tuple[int, int, Array], ...]]
+"""A polynomial sum of coordinates: its column, that of its velocity, and the constant; then both columns of each other
+coordinate, and coefficients of its powers, that of 1 first."""
 
 
-def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> CoupledColumn:
+def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> Coupled:
     """Build a coupling in a tree; `columns`: coordinate -> its column, and that of its velocity."""
     leads = tuple((*columns[name], np.array([0.0, *p])) for name, p in function.terms.items())
-    return CoupledColumn(*columns[coordinate], function.constant, leads)
+    return *columns[coordinate], function.constant, leads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +125,7 @@ class SpanningTree:
     bodies: FixedFrames
     matter: MassProperties
     closures: Mapping[str, LoopConstraint] = field(default_factory=dict)
-    couplings: Mapping[str, CoupledColumn] = field(default_factory=dict)
+    couplings: Mapping[str, Coupled] = field(default_factory=dict)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     weight: Array | float = 1.0
     passive: Mapping[str, Array] = field(default_factory=dict)

@@ -119,7 +119,8 @@ class _Moves:
 
     def _free(self, context: Any, k: int) -> tuple[Array, Array]:
         """Angular velocity, and velocity of the origin, along axes of the world."""
-        T, V = self.start @ self.motion.pose[k], self.motion.velocity
+        poses, V = self.motion
+        T = self.start @ poses[k]
         X = RigidTransform(RotationMatrix.ProjectToRotationMatrix(T[:3, :3]), T[:3, 3])
         self.plant.SetFreeBodyPose(context, self.joint.child_body(), X)
         R, rates = T[:3, :3], V @ self.states.qd[k]

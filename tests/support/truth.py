@@ -5,7 +5,7 @@ from __future__ import annotations
 from screwgauge import Results
 from screwgauge.truth import exact, forces, samples
 from screwgauge.truth.exact import drive, number, read_terms, widened
-from screwgauge.truth.forces import Acting, newton_euler, unknowns
+from screwgauge.truth.forces import newton_euler, required, unknowns
 from screwgauge.truth.kinematics import Certifier, NotCertified, State, state
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Sampler

@@ -60,7 +60,7 @@ class MujocoMover:
         harden(self.model)
         self.data = mujoco.MjData(self.model)
         self.passes = PASSES if self.model.neq else 0
-        self.curvature = curvature(self.model, tree.couplings)
+        self.complete = curvature(self.model, tree.couplings)
         hard = f"solimp {STIFFEST:g}, body_invweight0 / {HARDER:g}, at most {PASSES} refinements"
         self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
         self.made = self.most = self.calls = 0
@@ -69,7 +69,8 @@ class MujocoMover:
         self.data.qpos[:], self.data.qvel[:] = q, v
         mujoco.mj_fwdPosition(self.model, self.data)
         mujoco.mj_fwdVelocity(self.model, self.data)
-        self.curvature.complete(self.data)
+        if self.complete:
+            self.complete(self.data)
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
         J = np.zeros((6, self.model.nv))

@@ -7,14 +7,13 @@ count as straight.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 
 from screwgauge.problem import InitialValue, Problem, States
-from screwgauge.reference.couplings import Coupling, CouplingRows, bind
+from screwgauge.reference.couplings import Coupling, bind
 from screwgauge.reference.rotations import Array
 
 _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
@@ -25,31 +24,21 @@ def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
     return [one for one in couplings if not one.function.linear]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Curvature:
-    """Nonlinear couplings bound to a model.
+def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Callable[[mujoco.MjData], None] | None:
+    """Return a function that completes MuJoCo's reference accelerations by the `curved` couplings; None without any.
 
-    Attributes:
-        rows: These couplings, in MuJoCo's coordinates.
-        ids: Number of the equality of each.
+    It is to be called after MuJoCo's velocity stage.
     """
+    if not (some := curved(couplings)):
+        return None
+    rows = bind(some, [model.joint(j).name for j in range(model.njnt)])
+    ids = [model.equality(one.name).id for one in some]
 
-    rows: CouplingRows
-    ids: tuple[int, ...]
-
-    def complete(self, data: mujoco.MjData) -> None:
-        """Add the curvature term to the reference accelerations after MuJoCo's velocity stage."""
-        if not self.ids:
-            return
-        for number, own in zip(self.ids, self.rows.bias(data.qpos[None], data.qvel[None])[0], strict=True):
+    def complete(data: mujoco.MjData) -> None:
+        for number, own in zip(ids, rows.bias(data.qpos[None], data.qvel[None])[0], strict=True):
             data.efc_aref[np.flatnonzero((data.efc_type == _KIND) & (data.efc_id == number))] -= own
 
-
-def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Curvature:
-    """Bind the `curved` couplings to a model."""
-    some = curved(couplings)
-    rows = bind(some, [model.joint(j).name for j in range(model.njnt)])
-    return Curvature(rows, tuple(model.equality(one.name).id for one in some))
+    return complete
 
 
 def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_steps: bool) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from screwgauge.engines.raw_queries import Answers, Carried, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, JointStates, carried
 from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import prepare
@@ -82,15 +82,15 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
     return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd)
 
 
-def _carried(model: Any, data: Any, name: str, states: JointStates) -> Carried:
+def _carried(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array, Array]:
     body, frame = model.jnt_bodyid[model.joint(name).id], np.eye(4)
     frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-    motion = carried(states, frame)
-    return Carried(frame @ motion.pose, motion.velocity) if states.kind == "free" else motion
+    pose, velocity = carried(states, frame)
+    return frame @ pose if states.kind == "free" else pose, velocity
 
 
 def _state(
-    model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, Carried], k: int
+    model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, tuple[Array, Array]], k: int
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Coordinates, velocities, accelerations; map from the reading's velocities to MuJoCo's, with derivatives."""
     q, a, column = model.qpos0.copy(), np.zeros(model.nv), 0
@@ -103,7 +103,8 @@ def _state(
         if width == 1:
             q[at], B[dof, column] = states.q[k, 0], 1.0
         else:
-            T, V = motions[name].pose[k], motions[name].velocity
+            poses, V = motions[name]
+            T = poses[k]
             R, quaternion = T[:3, :3], np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
             q[at + width - 3 : at + width + 1] = quaternion

@@ -111,7 +111,7 @@ class MujocoTree(OpenTree):
         self.parents = tuple(self._name(int(model.body_parentid[b])) for b in self.ids)
         self.masses, self.com = model.body_mass[self.ids].copy(), model.body_ipos[self.ids].copy()
         self.closures, self.couplings = self._closures(file), self._couplings(file)
-        self.curvature = curvature(self.model, self.couplings)
+        self.complete = curvature(self.model, self.couplings)
         self.hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         self.moves = np.array([np.isin(model.jnt_bodyid, self._above(b)) for b in (0, *self.ids)], dtype=float)
         data = self.data
@@ -208,13 +208,13 @@ class MujocoTree(OpenTree):
         """
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
-        state, qacc, bent = self.state.block, data.qacc, soft and self.curvature.ids  # views are slow to get
+        state, qacc, bent = self.state.block, data.qacc, self.complete if soft else None  # views are slow to get
         data.xfrc_applied[:] = 0.0
         for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
             state[:], qacc[:] = x, xdd
             mujoco.mj_inverse(model, data)
             if bent:
-                self.curvature.complete(data)
+                bent(data)
                 mujoco.mj_inverseSkip(model, data, VELOCITY_STAGE, 1)
             yield i
         model.opt.disableflags |= DISABLED

@@ -72,12 +72,12 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
                 states.q if part.n_q == 1 else np.stack([np.cos(angle), np.sin(angle)], axis=1)
             )
         else:
-            motion = carried(states, data.oMi[part.joint].homogeneous)
+            pose, velocity = carried(states, data.oMi[part.joint].homogeneous)
             begin = pin.XYZQUATToSE3(q[0, part.q : part.q + 7]).homogeneous if width == 6 else np.eye(4)
-            q[:, part.q : part.q + part.n_q] = [_coordinates(begin @ T, width) for T in motion.pose]
+            q[:, part.q : part.q + part.n_q] = [_coordinates(begin @ T, width) for T in pose]
             # [linear; angular] of a free joint
             order = [3, 4, 5, 0, 1, 2] if width == 6 else [0, 1, 2]
-            B[rows, column : column + width] = motion.velocity[order]
+            B[rows, column : column + width] = velocity[order]
         column += width
     return q, np.hstack([each.qd for each in joints.values()]), np.hstack([each.qdd for each in joints.values()]), B
 

@@ -6,7 +6,6 @@ Reactions of all joints come from the wrenches that the engine transmits through
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,30 +14,12 @@ from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.quantities import RULED
-from screwgauge.reference.equations.joint_types import JointPose, reaction_names
+from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.reference.resistance import ROTORS, resistances
 from screwgauge.reference.rotations import Array, across_direction, cross
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ClosedForces:
-    """Forces at some samples.
-
-    Attributes:
-        values: Quantity -> shape (n, m).
-        conditions: Quantity -> condition number of its equations, if it has some of its own. Shape (n,).
-        largest: Largest force along a coordinate with and without loads, moments over the mechanism's length [N].
-            Shape (n,).
-        reactions: Names and units of the reaction components, if these are wanted.
-    """
-
-    values: dict[str, Array]
-    conditions: dict[str, Array]
-    largest: Array
-    reactions: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
 
 def closed_forces(
@@ -48,7 +29,7 @@ def closed_forces(
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
     exerted: tuple[Array, Array],
-) -> ClosedForces:
+) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Compute generalised and actuator forces by projection, reactions by multipliers of the closing rows.
 
     Args:
@@ -57,6 +38,10 @@ def closed_forces(
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
         exerted: Loads, springs and motors, see `applied_wrenches`.
+
+    Returns:
+        Quantity -> values, (n, m); quantity -> condition number of its own equations, if any, (n,); and the largest
+        force along a coordinate with and without loads, moments over the mechanism's length [N], (n,).
     """
     (problem, idle), (inverse, K), (acting, along) = given, system, exerted
     tau, wanted, sizes = motion[3], problem.wanted, closed.sizes
@@ -65,7 +50,7 @@ def closed_forces(
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
     if not wanted & RULED:
-        return ClosedForces(values, {}, largest)
+        return values, {}, largest
     driven = closed.driven
     f, condition = min_norm(K[:, driven], Q, idle)
     conditions = dict.fromkeys(("actuator_force", "axis_moment"), condition)
@@ -79,7 +64,7 @@ def closed_forces(
         place = closed.tree.coordinates.index(one.coordinate)
         values["axis_moment"][:, one.column] -= one.amount * motion[2][:, place]
     if "reaction" not in wanted:
-        return ClosedForces(values, conditions, largest)
+        return values, conditions, largest
     rest = need.copy()
     rest[:, driven] -= f
     # what actuators leave over moves no y: the rows of y take nothing of it
@@ -87,7 +72,7 @@ def closed_forces(
     multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], acting + closed.loops.wrenches(at, multipliers))
     values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
-    return ClosedForces(values, conditions, largest, reaction_names(closed.file.joints, closed.file.couplings))
+    return values, conditions, largest
 
 
 def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone: Array) -> tuple[Array, Array]:

@@ -21,27 +21,14 @@ SMALLEST = 1e-7
 MOST = 4  # from a state that drifted by 1e-6 two corrections are enough
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Projected:
-    """A state on the closed loops, and its distance before projection.
-
-    Attributes:
-        q, v: Tree coordinates and rates. Shape (n_v,).
-        gap, rate: Largest closing error that was removed, in position [m or rad] and rate [per s].
-        left: Largest closing error that is left [m or rad].
-    """
-
-    q: Array
-    v: Array
-    gap: float
-    rate: float
-    left: float
-
-
-def project(mover: Mover, q: Array, v: Array) -> Projected:
+def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float, float, float]]:
     """Project a state onto the closed loops and leave the engine there.
 
     Newton's method with one factorisation: what drifted by 1e-6 is closed to 1e-12 by the first correction.
+
+    Returns:
+        Tree coordinates and rates, shape (n_v,) each, and the largest closing errors: removed in position [m or rad]
+        and rate [per s], and left in position.
 
     Raises:
         SingularPoseError: The state has grown until it is no pose any more.
@@ -49,7 +36,7 @@ def project(mover: Mover, q: Array, v: Array) -> Projected:
     mover.place(q, v)
     gaps, G = mover.closure()
     if not len(gaps):
-        return Projected(q, v, 0.0, 0.0, 0.0)
+        return q, v, (0.0, 0.0, 0.0)
     gap = left = float(np.abs(gaps).max())
     with np.errstate(invalid="ignore", over="ignore"):
         rate = float(np.abs(G @ v).max())
@@ -58,7 +45,7 @@ def project(mover: Mover, q: Array, v: Array) -> Projected:
             "the state grew until nothing brings it back onto the loops", "integration", "take smaller steps"
         )
     if gap <= ROUNDING and rate <= 4 * ROUNDING * float(np.abs(v).max()):
-        return Projected(q, v, gap, rate, gap)
+        return q, v, (gap, rate, gap)
     inverse = _pseudo_inverse(G)
     for _ in range(MOST):
         if not ROUNDING < left < np.inf:
@@ -76,7 +63,7 @@ def project(mover: Mover, q: Array, v: Array) -> Projected:
     for _ in range(2):
         v = v - inverse @ (G @ v)
     mover.place(q, v)
-    return Projected(q, v, gap, rate, left)
+    return q, v, (gap, rate, left)
 
 
 def _pseudo_inverse(G: Array) -> Array:

@@ -25,6 +25,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import Names, component_names, stages
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array, cross
@@ -80,7 +81,6 @@ class _Work:
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
         self.assembly: list[Array] = []
-        self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
         self.softness = dict[str, float]()
 
     def part(self, rows: slice) -> Part:
@@ -143,7 +143,8 @@ class _Work:
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
-        named = file.joints, file.bodies, file.independent, tree, actuators, self.reaction_names
+        reactions = reaction_names(file.joints, file.couplings)
+        named = file.joints, file.bodies, file.independent, tree, actuators, reactions
         return component_names(*named, points=self.problem.points)
 
 
@@ -314,8 +315,8 @@ class _Pass:
 
     def _forces(self) -> None:
         motion, given = (self.poses.q, self.v, self.a, self.tau), (self.work.problem, self.poses.motion.idle)
-        forces = closed_forces(self.closed, given, self.poses.at, (self.inverse, self.K), motion, self._acting)
-        self.values |= forces.values
-        self.conditions = worst_of(self.conditions, forces.conditions)
-        self.work.reaction_names = forces.reactions or self.work.reaction_names
-        self.load = self.load + forces.largest
+        system = self.inverse, self.K
+        values, conditions, largest = closed_forces(self.closed, given, self.poses.at, system, motion, self._acting)
+        self.values |= values
+        self.conditions = worst_of(self.conditions, conditions)
+        self.load = self.load + largest

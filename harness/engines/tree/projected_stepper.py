@@ -33,8 +33,7 @@ class ProjectedStepper:
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         for i in range(n):
-            closed = project(self.mover, *self.once(t + i * h, h))
-            self.q, self.v = closed.q, closed.v
+            self.q, self.v, _ = project(self.mover, *self.once(t + i * h, h))
         return self.q.copy(), self.v.copy()
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
@@ -42,8 +41,8 @@ class ProjectedStepper:
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
         """Accelerations on the closed loops; off them redundant rows contradict each other."""
-        closed = project(self.mover, q, v)
-        self.forces.act(t, closed.q, closed.v, self.mover.body, self.tau)
+        q, v, _ = project(self.mover, q, v)
+        self.forces.act(t, q, v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)
 
     def _euler(self, t: float, h: float) -> tuple[Array, Array]:

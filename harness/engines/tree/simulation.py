@@ -92,8 +92,7 @@ class _TreeRun:
         q, v = state[:n], state[n:-1]
         out[:n] = v
         if self.closed:
-            closed = project(self.mover, q, v)
-            q, v = closed.q, closed.v
+            q, v, _ = project(self.mover, q, v)
         else:
             self.mover.place(q, v)
         out[-1] = self.forces.act(t, q, v, self.mover.body, self.tau)
@@ -117,15 +116,15 @@ class _TreeRun:
 
     def back(self, state: Array) -> Array:
         """Project a state onto the closed loops."""
-        closed = project(self.mover, state[: self.n], state[self.n : -1])
-        if not closed.left < OPEN:
+        q, v, (gap, rate, left) = project(self.mover, state[: self.n], state[self.n : -1])
+        if not left < OPEN:
             raise ClosureError(
-                f"the loops stay open by {closed.left:.3g}",
+                f"the loops stay open by {left:.3g}",
                 self.mover.tree.engine,
                 "integrate with a smaller tolerance",
             )
-        self.drift = [max(self.drift[0], closed.gap), max(self.drift[1], closed.rate)]
-        return np.concatenate([closed.q, closed.v, state[-1:]])
+        self.drift = [max(self.drift[0], gap), max(self.drift[1], rate)]
+        return np.concatenate([q, v, state[-1:]])
 
     def forget(self, t: float) -> None:
         """Drop the states after a time [s]."""

@@ -247,7 +247,7 @@ def collocate(slope: Slope, state: Array, times: Array) -> Array:
 
 
 def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> Array:
-    A, m = rule(STAGES).once, len(state)
+    (_, _, A, _), m = rule(STAGES), len(state)
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
     slopes = slope(np.concatenate([state + np.diag(size), state - np.diag(size)]))
     J = ((slopes[:m] - slopes[m:]) / (2.0 * size[:, None])).T
