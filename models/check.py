@@ -25,7 +25,7 @@ from screwgauge.models.readings.reading import (
     CouplingReading,
     JointReading,
     Reading,
-    collapsed,
+    collapse,
     couplings_of,
 )
 from screwgauge.reference.applied import GRAVITY
@@ -94,7 +94,7 @@ def _short(values: Array) -> str:
 def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
     """Add rows for all properties of a reading."""
     length = length_scale(mechanism)
-    actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
+    actual = collapse(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
     bodies = out.both("body", expected.bodies, actual.bodies)
     joints = out.both("coordinate", expected.joints, actual.joints)
     out.numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
@@ -169,7 +169,7 @@ def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, 
         out.numbers("", "direction of spherical_axial", expected.axial[1], actual.axial[1])
     joints = [{joint.name: joint for joint in file.joints} for file in (expected, actual)]
     for name, want, have in out.both("joint", *joints):
-        out.names(name, "joint", _joint_says(want), _joint_says(have))
+        out.names(name, "joint", _joint_facts(want), _joint_facts(have))
         out.names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
         for what in RESISTS:
             one, other = getattr(want, what), getattr(have, what)
@@ -180,13 +180,13 @@ def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, 
     _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, actual)))
     closures = [{closure.joint: closure for closure in file.closures} for file in (expected, actual)]
     for name, shut, other in out.both("closure", *closures):
-        out.names(name, "closure", _closure_says(shut), _closure_says(other))
+        out.names(name, "closure", _closure_facts(shut), _closure_facts(other))
         if shut.type == other.type:
             values = _closure_values(shut, length), _closure_values(other, length)
             out.numbers(name, "closure points and frames", *values)
 
 
-def _joint_says(joint: Joint) -> tuple[object, ...]:
+def _joint_facts(joint: Joint) -> tuple[object, ...]:
     return joint.kind, joint.parent, joint.child, joint.coordinates, joint.actuated, joint.held
 
 
@@ -196,7 +196,7 @@ def _joint_values(joint: Joint, length: float) -> Array:
     return np.concatenate([joint.axes.ravel(), home, *_frames(joint, length)])
 
 
-def _closure_says(closure: Closure) -> tuple[object, ...]:
+def _closure_facts(closure: Closure) -> tuple[object, ...]:
     return closure.type, closure.parent, closure.child
 
 
@@ -302,7 +302,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         bodies[link.name] = BodyReading(*matter, link.near, names, poses[link.name], copy_of=copy_of)
         joints |= {} if link.joint.fixed else _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=False)
-    bodies, fixed, closures = _as_merged(mechanism, bodies, closure_readings(tree.closures))
+    bodies, fixed, closures = _merge_links(mechanism, bodies, closure_readings(tree.closures))
     return Reading(
         name=mechanism.name,
         library="screwgauge",
@@ -316,7 +316,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     )
 
 
-def _as_merged(
+def _merge_links(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
     """Merge links of fixed joints into bodies; return bodies, links fixed to ground, and closures between bodies."""
@@ -335,7 +335,7 @@ def _as_merged(
     return assembly.bodies, assembly.fixed, moved
 
 
-def limited(reading: Reading, mechanism: Mechanism) -> Reading:
+def with_limits(reading: Reading, mechanism: Mechanism) -> Reading:
     """Add the limits of the description to an expected reading."""
     limits = dict(zip(mechanism.coordinates, map(tuple, mechanism.limits.tolist()), strict=True))
     joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}

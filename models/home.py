@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.check import expected_reading, limited
-from screwgauge.models.importing.homes import Home, Loops, measured, some, starts
-from screwgauge.models.kinematics import plant
+from screwgauge.models.check import expected_reading, with_limits
+from screwgauge.models.importing.homes import Home, Loops, few_of, measure, starts
+from screwgauge.models.kinematics import tree_of
 from screwgauge.models.straight import why_singular
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.closed.anchors import Flags
@@ -108,10 +108,10 @@ def at_closed_home(mechanism: Mechanism) -> Mechanism:
     try:
         check_closed(lay)
     except ClosureError:
-        return _solved(mechanism)
+        return _solve_home(mechanism)
     if mechanism.home.any() or not lay.cuts or _is_regular(mechanism):
         return mechanism
-    moved = _solved(mechanism)
+    moved = _solve_home(mechanism)
     return moved if _is_regular(moved) else mechanism
 
 
@@ -132,14 +132,14 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
     home, reached, step = mechanism.home, 0.0, 1.0
     while reached < 1.0:
         goal = min(1.0, reached + step)
-        system = loop_equations(layout(_placed(changed(goal), home)))
+        system = loop_equations(layout(_at_home(changed(goal), home)))
         closed = system.correct(home, home[mechanism.independent_columns])
         if closed is not None and (np.abs(closed[0] - home) / system.sizes).max(initial=0.0) < FAR:
             home, reached = closed[0], goal
         elif (step := 0.5 * step) < SHORTEST:
             what = "with these numbers no pose near home closes the loops"
             raise ClosureError(what, mechanism.where, "change them less, or together")
-    return _placed(changed(1.0), home)
+    return _at_home(changed(1.0), home)
 
 
 def _is_regular(mechanism: Mechanism) -> bool:
@@ -151,9 +151,9 @@ def _is_regular(mechanism: Mechanism) -> bool:
     return True
 
 
-def _solved(mechanism: Mechanism) -> Mechanism:
+def _solve_home(mechanism: Mechanism) -> Mechanism:
     """Return the mechanism at the best of the poses that close its loops."""
-    free = Loops(plant(limited(expected_reading(mechanism, "full", GRAVITY), mechanism)))
+    free = Loops(tree_of(with_limits(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
     for loops in (held, free):
@@ -162,7 +162,7 @@ def _solved(mechanism: Mechanism) -> Mechanism:
             open_by = loops.gaps(loops.newton(nearest)[0], CLOSED)
             continue
         homes = [_home(mechanism, loops, each.q) for each in poses]
-        moved = _placed(mechanism, _to_rounding(_placed(mechanism, homes[0]), mechanism.home != homes[0]))
+        moved = _at_home(mechanism, _to_rounding(_at_home(mechanism, homes[0]), mechanism.home != homes[0]))
         remark = _remark(mechanism, moved.home, [] if loops is free else homes[1:])
         moved = replace(moved, remarks=(*mechanism.remarks, remark))
         if _is_fine(poses[0]) and _is_regular(moved):
@@ -170,7 +170,7 @@ def _solved(mechanism: Mechanism) -> Mechanism:
         solved.append((len(poses[0].beyond), moved))
     if solved:
         return min(solved, key=itemgetter(0))[1]
-    what = f"no pose closes its loops: the smallest gap that is reached is {some(open_by)}"
+    what = f"no pose closes its loops: the smallest gap that is reached is {few_of(open_by)}"
     raise ClosureError(what, mechanism.where, "correct lengths or placements")
 
 
@@ -187,7 +187,7 @@ def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
         if (size := float(np.linalg.norm(loops.system(q)[0]))) < smallest:
             nearest, smallest = q, size
         if error <= CLOSED:
-            poses.append(measured(held, start, _near_turns(loops, q), error))
+            poses.append(measure(held, start, _near_turns(loops, q), error))
         if count >= few and any(map(_is_fine, poses)):
             break
     distinct = list[Home]()
@@ -235,7 +235,7 @@ def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
     return moved
 
 
-def _placed(mechanism: Mechanism, q: Array) -> Mechanism:
+def _at_home(mechanism: Mechanism, q: Array) -> Mechanism:
     """Return the mechanism with its home at joint coordinates, shape (n_q,)."""
     joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints))

@@ -50,7 +50,7 @@ class ReadingTree(SpanningTree):
     frames: Mapping[int, Array]
 
 
-def plant(reading: Reading) -> ReadingTree:
+def tree_of(reading: Reading) -> ReadingTree:
     """Build the spanning tree of a reading."""
     number = {name: i for i, name in enumerate(reading.joints, 1)}
     places, freedoms = slices(reading.joints, COORDINATES), reading.freedoms
@@ -61,7 +61,7 @@ def plant(reading: Reading) -> ReadingTree:
         near = at.get(body.near, FixedFrame()).link
         for joint in body.joints:
             i, one = number[joint], reading.joints[joint]
-            poses[i] = _carried(one, body.pose)
+            poses[i] = _carried_frame(one, body.pose)
             if FREEDOMS[one.kind] > 1:
                 frames[i - 1] = poses[i]
             start = _fixed(near, poses[near], poses[i])
@@ -87,7 +87,7 @@ def plant(reading: Reading) -> ReadingTree:
             for name, c in reading.closures.items()
         },
         couplings={name: coupled_column(columns, c.joint, c.function) for name, c in reading.couplings.items()},
-        gravity=downwards(reading),
+        gravity=gravity_of(reading),
         weight=np.array([1.0 - body.gravcomp for body in bodies]),
         passive={name: np.repeat([getattr(j, name) for j in reading.joints.values()], wide) for name in _PASSIVE},
         length=size(reading),
@@ -98,7 +98,7 @@ def plant(reading: Reading) -> ReadingTree:
     )
 
 
-def _carried(joint: JointReading, pose: Array) -> Array:
+def _carried_frame(joint: JointReading, pose: Array) -> Array:
     """Return the frame carried at home: world axes for a hinge or slide, else body axes, at the joint or the body."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
@@ -111,7 +111,7 @@ def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
 
 
-def downwards(reading: Reading) -> Array:
+def gravity_of(reading: Reading) -> Array:
     """Return the gravity of a reading, zero if it has none [m/s^2]. Shape (3,)."""
     return np.zeros(3) if reading.gravity is None else reading.gravity
 
@@ -174,7 +174,7 @@ def residual_at_home(tree: ReadingTree) -> dict[str, float]:
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
 
-def moved(joint: JointReading, T: Array) -> JointReading:
+def displace_joint(joint: JointReading, T: Array) -> JointReading:
     """Displace a joint in the world.
 
     Args:
@@ -185,7 +185,7 @@ def moved(joint: JointReading, T: Array) -> JointReading:
     return replace(joint, screw=np.append(axis, R @ joint.screw[3:] + cross(p, axis)), centre=R @ joint.centre + p)
 
 
-def rehomed(
+def rehome(
     reading: Reading, q: Mapping[str, float] | Mapping[str, Array]
 ) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
     """Move the home of a reading to other coordinates.
@@ -199,7 +199,7 @@ def rehomed(
     if not q:
         still = np.eye(4)
         return reading, dict.fromkeys(reading.joints, still), dict.fromkeys(reading.bodies, still)
-    tree, rest = plant(reading), home(reading)
+    tree, rest = tree_of(reading), home(reading)
     there = rest.q.copy()
     for name, value in q.items():
         there[0, tree.places[name]] = value
@@ -207,7 +207,7 @@ def rehomed(
     carried = [_displacement(*pair) for pair in zip(old.R[0], old.p[0], new.R[0], new.p[0], strict=True)]
     behind = dict(zip(reading.joints, carried[1:], strict=True))
     before = {name: carried[link.start.link] for name, link in zip(reading.joints, tree.links, strict=True)}
-    joints = {name: moved(joint, behind[name]) for name, joint in reading.joints.items()}
+    joints = {name: displace_joint(joint, behind[name]) for name, joint in reading.joints.items()}
     counted = {name: float(there[0, tree.places[name]][0]) for name in q if FREEDOMS[joints[name].kind] == 1}
     joints |= {name: replace(joints[name], home=value) for name, value in counted.items()}
     after = {name: behind[body.joints[-1]] for name, body in reading.bodies.items()}
@@ -223,7 +223,7 @@ def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
     return matrix(new_p - turn @ p, turn)
 
 
-def not_modelled(reading: Reading) -> tuple[str, ...]:
+def unmodelled_forces(reading: Reading) -> tuple[str, ...]:
     """List the forces of a reading that the dynamics of its tree omit."""
     density, viscosity = reading.medium
     fluid = (f"the medium (density {density:g} kg/m^3, viscosity {viscosity:g} Pa s)",)

@@ -166,7 +166,7 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
         raise UnknownNameError("cut", cut, CUTS)
     spanning = spanning_tree(mechanism)
     cuts = spanning.cuts
-    copies = [_copied(j) for j in cuts if cut == "full" or j.actuated or j.rotor.any() or j.kind not in POINTS]
+    copies = [_copy(j) for j in cuts if cut == "full" or j.actuated or j.rotor.any() or j.kind not in POINTS]
     edges = [*spanning.edges, *copies]
     shares = Counter(edge.far for edge in edges)
     links = [_link(edge, mechanism, shares, edge in copies) for edge in edges]
@@ -204,7 +204,7 @@ def length_scale(mechanism: Mechanism) -> float:
     return max(lengths) if max(lengths) > 1e-300 else 1.0
 
 
-def _copied(joint: Joint) -> Edge:
+def _copy(joint: Joint) -> Edge:
     """Return the edge to the copy of the far body of a cut joint; of the near body, if the far one is ground."""
     return Edge(joint, GROUND if joint.child == GROUND else joint.parent)
 

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.models.kinds import SAME, kind_of, letters_of
-from screwgauge.models.kinematics import home, length_of, plant, rehomed, residual_at_home
-from screwgauge.models.matter import NOTHING, Matter, combined, displaced
+from screwgauge.models.kinematics import home, length_of, rehome, residual_at_home, tree_of
+from screwgauge.models.matter import NOTHING, Matter, combine, displace
 from screwgauge.models.poses import relative, shortest_step
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
@@ -157,7 +157,7 @@ class Body:
     @cached_property
     def matter(self) -> Matter:
         """Mass properties in the world."""
-        return displaced(self.local, self.pose)
+        return displace(self.local, self.pose)
 
     @property
     def solid(self) -> bool:
@@ -203,8 +203,8 @@ class Machine:
 
 def machine_of(reading: Reading) -> Machine:
     """Return the normal form, at a pose that closes the loops if one is near."""
-    machine = uncontracted(at_closed_pose(reading))
-    machine = contracted(machine, [name for name, body in machine.bodies.items() if not body.solid])
+    machine = graph_at_home(at_closed_pose(reading))
+    machine = contract(machine, [name for name, body in machine.bodies.items() if not body.solid])
     idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
     return replace(machine, links=tuple(link for link in machine.links if link not in idle)) if idle else machine
 
@@ -219,14 +219,14 @@ def _is_held(machine: Machine, free: Link) -> bool:
     return free.far in reached
 
 
-def fused(machine: Machine, link: Link) -> Machine:
+def fuse(machine: Machine, link: Link) -> Machine:
     """Merge the two bodies of a link, and drop the links between them."""
     near, far = sorted((link.near, link.far), key=lambda name: name != GROUND)
     one, two = machine.bodies[near], machine.bodies[far]
     body = Body(
         one.members + two.members,
         one.pose,
-        combined(one.local, displaced(two.local, relative(one.pose, two.pose))),
+        combine(one.local, displace(two.local, relative(one.pose, two.pose))),
         {**one.frames, **two.frames},
     )
     bodies = {name: body if name == near else each for name, each in machine.bodies.items() if name != far}
@@ -236,7 +236,7 @@ def fused(machine: Machine, link: Link) -> Machine:
 
 def at_closed_pose(reading: Reading) -> Reading:
     """Move the home of a reading to the nearest pose that closes its loops; keep it if none is near."""
-    tree = plant(reading)
+    tree = tree_of(reading)
     if max(residual_at_home(tree).values(), default=0.0) <= CLOSED * length_of(reading) and not reading.couplings:
         return reading
     start = home(reading)
@@ -244,10 +244,10 @@ def at_closed_pose(reading: Reading) -> Reading:
     if not fits[0]:
         return reading
     moved = {n: there.q[0, at] for n, at in tree.places.items() if np.abs(there.q - start.q)[0, at].max() > CLOSED}
-    return rehomed(reading, moved)[0]
+    return rehome(reading, moved)[0]
 
 
-def uncontracted(reading: Reading) -> Machine:
+def graph_at_home(reading: Reading) -> Machine:
     """Return the bodies and links at the home of a reading, with massless bodies and without kinds of links."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
@@ -259,10 +259,10 @@ def uncontracted(reading: Reading) -> Machine:
         near, far = owner[body.near], owner[name]
         if near != far:
             elements = tuple(_element(joint, reading.joints[joint]) for joint in body.joints)
-            links.append(_between(Link(body.near, name, elements, ""), owner, shift))
+            links.append(_merged_link(Link(body.near, name, elements, ""), owner, shift))
             continue
         remarks += [f"Joint '{joint}' is held by closures, and left out." for joint in body.joints]
-    links += [_between(pin, owner, shift) for pin in pins if owner[pin.near] != owner[pin.far]]
+    links += [_merged_link(pin, owner, shift) for pin in pins if owner[pin.near] != owner[pin.far]]
     bodies = {name: _body(reading, owner, shift, name) for name, root in owner.items() if name == root}
     return Machine(reading, bodies, tuple(links), length, tuple(remarks))
 
@@ -334,7 +334,7 @@ def _pin(points: Array, closures: tuple[str, ...]) -> Element:
     return Element("hinge", np.append(along, np.cross(centre, along)), centre, "", closures)
 
 
-def _between(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
+def _merged_link(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
     """Convert a link between bodies of the reading to one between merged bodies, displaced by `shift`."""
     near, far = shift[link.near], shift[link.far]
     found = replace(link, near=owner[link.near], far=owner[link.far])
@@ -359,11 +359,11 @@ def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array]
         there = shift[member] @ body.pose
         frames |= {member: there, **{link: there @ T for link, T in body.fixed.items()}}
         if member != name:
-            local = combined(local, displaced(body, relative(pose, there)))
+            local = combine(local, displace(body, relative(pose, there)))
     return Body(members, pose, local, frames)
 
 
-def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
+def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
     """Merge the two links of each massless body, if a joint can have so many freedoms, and set the kinds of links.
 
     Args:
@@ -380,9 +380,9 @@ def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
         links[links.index(held[0])] = one.on(two)
         links.remove(held[1])
         del bodies[name]
-    return replace(machine, bodies=bodies, links=tuple(_classed(link, machine.length) for link in links))
+    return replace(machine, bodies=bodies, links=tuple(_classify(link, machine.length) for link in links))
 
 
-def _classed(link: Link, length: float) -> Link:
+def _classify(link: Link, length: float) -> Link:
     kind, centre = kind_of(link.elements, length)
     return replace(link, kind=kind, centre=centre)

@@ -78,7 +78,7 @@ def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matte
     half = 2.0 / 3.0 * math.pi * density * r**3  # a hemisphere, about its own centre, 3/8 of the radius off its base
     cap = half * r * r * np.diag([0.4 - 9.0 / 64.0, 0.4 - 9.0 / 64.0, 0.4])
     ends = (Matter(half, np.array([0.0, 0.0, side * (0.5 * l + 0.375 * r)]), cap) for side in (-1.0, 1.0))
-    return joined((whole, *ends))
+    return join((whole, *ends))
 
 
 def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
@@ -102,7 +102,7 @@ def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
     return Matter(mass, com, mass / volume * (np.trace(spread) * np.eye(3) - spread))
 
 
-def displaced(matter: Matter, T: Array) -> Matter:
+def displace(matter: Matter, T: Array) -> Matter:
     """Return mass properties in another frame, or displaced in their own.
 
     Args:
@@ -112,13 +112,13 @@ def displaced(matter: Matter, T: Array) -> Matter:
     return Matter(matter.mass, R @ matter.com + T[:3, 3], R @ matter.inertia @ R.T)
 
 
-def same(first: Matter, second: Matter) -> bool:
+def is_same(first: Matter, second: Matter) -> bool:
     """True if two bodies are equal to the last bit."""
     pairs = ((first.com, second.com), (first.inertia, second.inertia))
     return first.mass == second.mass and all(np.array_equal(a, b) for a, b in pairs)
 
 
-def combined(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
+def combine(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
     """Combine two bodies; with `sign` -1 remove the second from the first.
 
     Where nothing but a dipole is left, its mass is zero and the centre of mass stays where the first has it.
@@ -135,10 +135,10 @@ def combined(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
 
 def remainder(whole: Matter, parts: Iterable[Matter]) -> Matter:
     """Return what is left of a whole without some of its parts, all in one frame."""
-    return reduce(lambda left, part: combined(left, part, -1.0), parts, whole)
+    return reduce(lambda left, part: combine(left, part, -1.0), parts, whole)
 
 
-def joined(parts: Iterable[Matter]) -> Matter:
+def join(parts: Iterable[Matter]) -> Matter:
     """Return rigid parts as one, all in one frame."""
     parts = [*parts]
     mass = sum(part.mass for part in parts)
@@ -154,7 +154,7 @@ def steiner(r: Array) -> Array:
     return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
 
 
-def changed(matter: Matter, before: Matter, after: Matter) -> Matter:
+def change_part(matter: Matter, before: Matter, after: Matter) -> Matter:
     """Apply the change of a body from `before` to `after` to one of its parts; all in one frame."""
     # (part - before) + after, in the ten parameters, in which bodies add: (m, m c, inertia about the origin)
     old, new = _parameters(before), _parameters(after)
@@ -182,7 +182,7 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
     """
     if len(parts) == 1:
         return next(iter(parts)), after
-    found = {i: changed(part, before, after) for i, part in parts.items()}
+    found = {i: change_part(part, before, after) for i, part in parts.items()}
     if _much(before, after):  # beside a part that is much too large the others would drown
         others = {i: [part for j, part in parts.items() if j != i] for i in parts}
         found = {i: remainder(after, others[i]) for i in parts}
@@ -208,7 +208,7 @@ def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[i
     return found
 
 
-def shared(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
+def divide(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
     """Divide a body among its parts in the ratio of their masses, about a common centre of mass."""
     whole = sum(part.mass for part in parts.values())
     shares = {i: part.mass / whole for i, part in parts.items()}

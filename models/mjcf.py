@@ -57,7 +57,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
         return {"fullinertia": tensor_text(I)}
     moments, q = principal(I)
     turned = {} if q is None else {"quat": vector_text(q)}
-    return {"diaginertia": vector_text(_taken(moments)), **turned}
+    return {"diaginertia": vector_text(_acceptable(moments)), **turned}
 
 
 def principal(I: Array) -> tuple[Array, Array | None]:
@@ -69,15 +69,15 @@ def principal(I: Array) -> tuple[Array, Array | None]:
     return moments, quaternion(axes)
 
 
-def _taken(moments: Array) -> Array:
+def _acceptable(moments: Array) -> Array:
     """Return the nearest moments that MuJoCo accepts. Shape (3,)."""
-    taken = np.where(_none(moments), LEAST, np.where(moments == LEAST, np.nextafter(LEAST, 1.0), moments))
+    taken = np.where(_is_zero(moments), LEAST, np.where(moments == LEAST, np.nextafter(LEAST, 1.0), moments))
     low, mid, high = np.argsort(taken)
     taken[high] = min(taken[high], taken[low] + taken[mid])  # more only by rounding, or `Body` had refused it
     return taken
 
 
-def _none(moments: Array) -> Array:
+def _is_zero(moments: Array) -> Array:
     """True for moments that `LEAST` stands for. Shape (3,)."""
     return np.asarray((moments < LEAST) & (moments <= NEGLIGIBLE * float(moments.max())))
 
@@ -104,12 +104,12 @@ def mass_properties(model: Any) -> tuple[Array, Array]:
     return masses, moments
 
 
-def _refused(body: Body) -> bool:
+def _is_refused(body: Body) -> bool:
     """True if MuJoCo refuses the tensor of a body."""
     return bool(body.mass and triangle_excess(body.inertia))
 
 
-def stood_in(names: Sequence[str]) -> Iterator[str]:
+def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
     """Yield a sentence on moments that stand for zero, and are set to zero after loading."""
     if names:
         yield (
@@ -121,9 +121,9 @@ def stood_in(names: Sequence[str]) -> Iterator[str]:
 def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     """Yield sentences on the moments of inertia that MJCF cannot express, and on their substitutes."""
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
-    for sentence in stood_in([name for name, its in moments.items() if _none(its).any()]):
+    for sentence in stand_in_sentence([name for name, its in moments.items() if _is_zero(its).any()]):
         yield f"MJCF: {sentence}"
-    beyond = [body.name for body in mechanism.bodies if _refused(body)]
+    beyond = [body.name for body in mechanism.bodies if _is_refused(body)]
     if beyond:
         yield (
             f"MJCF: MuJoCo refuses A + B < C: the largest moment of {first_few(beyond, SHOWN)} is A + B; the engine "
@@ -132,7 +132,7 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     for name, its in moments.items():
         if name in beyond:
             continue
-        off = float(np.abs(without_stand_ins(np.ones(1), _taken(its)[None])[1] - its).max())
+        off = float(np.abs(without_stand_ins(np.ones(1), _acceptable(its)[None])[1] - its).max())
         if off > ROUNDING * float(its.max()):
             yield (
                 f"MJCF: a principal moment of {name} is {off:.2g} kg m^2 off the description, as MuJoCo takes none so "
@@ -180,7 +180,7 @@ def write_mjcf(
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
     if "geoms" in include:
         add_geoms(bodies, tree, solid="contacts" in include)
-    _moments(root, [link.body for link in tree.links if _refused(link.body)])
+    _moments(root, [link.body for link in tree.links if _is_refused(link.body)])
     _closures(root, bodies, tree.closures)
     _couplings(root, mechanism.couplings)
     if "contacts" in include:

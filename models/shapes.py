@@ -158,7 +158,7 @@ def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> I
         yield Shape("links", "rod", i, nearest / unit, point / unit, 0.6 * LINK, colour_of(i), body)
 
 
-def placed(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
+def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
     """Return the shapes of a mechanism, and more, in the world at home."""
     lay = layout(mechanism)
     at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
@@ -169,7 +169,7 @@ def placed(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
     return drawn
 
 
-def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
+def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
     """Return shapes of the parts that differ at home, in the world: joints with their bodies, axes.
 
     A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
@@ -189,10 +189,10 @@ def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] 
             ways = [-way if (one.parent, one.child) == (joint.child, joint.parent) else way for one, _, way in same]
             if not all(any(_close(screw, each) for way in ways for each in way) for screw in screws):
                 turned.add(joint.name)
-    lines = [one for one in placed(mechanism) if one.group == "links"]
+    lines = [one for one in place_shapes(mechanism) if one.group == "links"]
     held = {body for joint, *_ in there if joint.name in moved for body in (joint.parent, joint.child)}
     found, ratio = list[Shape](), length(layout(other)) / unit
-    for one in placed(other):
+    for one in place_shapes(other):
         one = replace(one, a=ratio * one.a, b=ratio * one.b)
         if (
             (one.group in ("joints", "axes") and one.name in moved)
@@ -288,7 +288,8 @@ def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
     """Return the direction to the viewer: face-on for a planar mechanism, else from the front, hiding no joint."""
-    points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
+    every = place_shapes(mechanism)
+    points = np.array([one.a for one in every if one.group == "masses" or one.kind in ("slide", "ball")])
     places = [place for _, place, _ in joint_marks(mechanism)]  # none where all bodies are free
     points = np.unique(np.concatenate([points, np.reshape(places, (-1, 3))]).round(6), axis=0)
     lay = layout(mechanism)

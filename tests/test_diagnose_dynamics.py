@@ -16,8 +16,8 @@ from support.mechanics import (
     closed,
     dynamics,
     inverse_dynamics,
-    not_modelled,
     passive_force,
+    unmodelled_forces,
 )
 from support.mechanism import GROUND, PolynomialSum
 from support.readings import (
@@ -29,10 +29,10 @@ from support.readings import (
     draw,
     equations,
     move,
-    plant,
     read,
     residual_at_home,
     stepped,
+    tree_of,
 )
 from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
@@ -66,7 +66,7 @@ def known(path, library):
 @pytest.mark.parametrize(("form", "library"), [(0, "pinocchio"), (0, "mujoco"), (1, "pinocchio"), (1, "mujoco")])
 def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, library):
     path = robots.write(tmp_path)[form]
-    tree = plant(known(path, library))
+    tree = tree_of(known(path, library))
     states = draw(tree.reading, 8, seed=3)
     for quantity, pair in compare_tree(ask_library(path, library, tree, states), tree, states).items():
         assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
@@ -76,14 +76,14 @@ def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, librar
 def test_so_it_is_with_every_kind_of_joint(zoo, tmp_path, library):
     if library == "pinocchio":  # reads no gravcomp
         zoo.write_text(ZOO.format(gravcomp=""), encoding="utf-8")
-    tree = plant(known(zoo, library))
+    tree = tree_of(known(zoo, library))
     states = draw(tree.reading, 8, seed=3)
     for quantity, pair in compare_tree(ask_library(zoo, library, tree, states), tree, states).items():
         assert pair.scaled <= 1e-12, f"{quantity}: {pair.scaled:.2g}"
 
 
 def test_torques_are_linear_in_what_the_regressors_say(zoo):
-    tree = plant(known(zoo, "mujoco"))
+    tree = tree_of(known(zoo, "mujoco"))
     states = draw(tree.reading, 6)
     motion = move(tree, states)
     values = parameters(tree.matter.mass, tree.matter.com, tree.matter.inertia)
@@ -101,7 +101,7 @@ def test_torques_are_linear_in_what_the_regressors_say(zoo):
 
 
 def test_the_mass_matrix_is_what_accelerations_cost(zoo):
-    tree = plant(known(zoo, "mujoco"))
+    tree = tree_of(known(zoo, "mujoco"))
     states = draw(tree.reading, 4)
     M, still = dynamics(tree, states).mass_matrix, TreeStates(states.q, 0.0 * states.qd, 0.0 * states.qdd)
     for i, unit in enumerate(np.eye(M.shape[1])):
@@ -110,7 +110,7 @@ def test_the_mass_matrix_is_what_accelerations_cost(zoo):
 
 
 def test_rows_of_closures_are_rates_of_their_gaps(zoo):
-    tree = plant(known(zoo, "mujoco"))
+    tree = tree_of(known(zoo, "mujoco"))
     # near home the rate of a rotation vector is the angular velocity
     reading = tree.reading
     states = draw(reading, 1)
@@ -132,7 +132,7 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
     reading = known(zoo, "mujoco")
     weld = ClosureReading("weld", GROUND, reading.bodies["d"].pose, "d", np.eye(4))
     bent = CouplingReading("h2", PolynomialSum(0.1, {"h": np.array([0.7, 0.3])}))
-    tree = plant(replace(reading, closures={"point": reading.closures["point"], "d": weld}, couplings={"bent": bent}))
+    tree = tree_of(replace(reading, closures={"point": reading.closures["point"], "d": weld}, couplings={"bent": bent}))
     states, fits = closed(tree, draw(tree.reading, 12, seed=5))
     assert fits.sum() == len(states.q) >= 4
     assert np.abs(states.qd).max() > 0.1
@@ -149,5 +149,5 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
 
 def test_a_medium_is_said_not_to_be_modelled(zoo):
     reading = replace(known(zoo, "mujoco"), medium=(1.2, 0.0))
-    assert "density 1.2" in not_modelled(reading)[0]
-    assert not_modelled(replace(reading, medium=(0.0, 0.0))) == ()
+    assert "density 1.2" in unmodelled_forces(reading)[0]
+    assert unmodelled_forces(replace(reading, medium=(0.0, 0.0))) == ()

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.machine.alignment import find_partners
 from screwgauge.diagnosis.model import check_loops, load_side, match_cuts
 from screwgauge.diagnosis.motion import follow, partners_of
 from screwgauge.diagnosis.shares import Torques, with_gravity
-from screwgauge.models.kinematics import plant
+from screwgauge.models.kinematics import tree_of
 from screwgauge.models.machine import machine_of
 from screwgauge.models.poses import matrix
 from screwgauge.reference.mechanism import GROUND
@@ -75,7 +75,7 @@ def reframed(reading, seed=0):
 def test_bodies_of_another_cut_follow_their_partners(pair, name, turned):
     both = pair(name, turned)
     states = Torques(with_gravity(both.a.reading), 1).states
-    leader, tree, same = plant(both.a.reading), plant(both.b.reading), partners_of(both)
+    leader, tree, same = tree_of(both.a.reading), tree_of(both.b.reading), partners_of(both)
     found = follow(leader, states, tree, same)
     assert len(found.fits) > 10
     assert found.fits.all()

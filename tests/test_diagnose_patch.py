@@ -14,7 +14,7 @@ from support.diagnosis import Change, apply_changes
 from support.errors import DescriptionError, OutputError
 from support.geometry import rotation
 from support.mechanics import inverse_dynamics
-from support.readings import draw, plant, read
+from support.readings import draw, read, tree_of
 from support.robots import mjcf, tree, urdf
 
 #: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
@@ -40,7 +40,7 @@ def torques(reading, states=None):
         if reading.gravity is None
         else reading
     )
-    return inverse_dynamics(plant(own), states or draw(own, 8))
+    return inverse_dynamics(tree_of(own), states or draw(own, 8))
 
 
 def changes_of(reading):

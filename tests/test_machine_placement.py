@@ -13,8 +13,8 @@ from support.machines import (
     load_side,
     machine_of,
     misfits,
-    plant,
-    rehomed,
+    rehome,
+    tree_of,
 )
 from support.mechanism import load_mechanism
 from support.models import write_models
@@ -35,10 +35,10 @@ PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0
 
 def elsewhere(reading):
     """A reading in closed poses that are not its home."""
-    tree = plant(reading)
+    tree = tree_of(reading)
     for q in closed(tree, draw(reading, 8))[0].q:
         values = {name: q[at] if at.stop - at.start > 1 else q[at][0] for name, at in tree.places.items()}
-        yield rehomed(reading, values)[0]
+        yield rehome(reading, values)[0]
 
 
 def farthest(one, other):

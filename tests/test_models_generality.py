@@ -22,7 +22,7 @@ from support.models import (
     write_mjcf,
     write_models,
 )
-from support.readings import collapsed, read
+from support.readings import collapse, read
 from support.tolerances import CLOSED, PLACED
 
 FOUR_BAR = """
@@ -232,7 +232,7 @@ def test_engines_agree_on_a_reversed_chain_away_from_home(reversed_loop: Mechani
     )
     expected = home_poses(lay_out(moved, cut))  # the loop is open there: a copy hangs on the ball
     for reading in (
-        collapsed(read(tmp_path / f"{stem}.urdf", "pinocchio", home=values)),
+        collapse(read(tmp_path / f"{stem}.urdf", "pinocchio", home=values)),
         read(tmp_path / f"{stem}.xml", "mujoco", home=values),
     ):
         assert set(reading.bodies) == set(expected) - {GROUND}

@@ -6,7 +6,7 @@ import pytest
 from screwgauge import diagnose
 from support.diagnosis import STATES, summary
 from support.mechanics import inverse_dynamics, with_gravity
-from support.readings import by_name, draw, in_file, plant, prepare, read
+from support.readings import by_name, draw, in_file, prepare, read, tree_of
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))
@@ -78,7 +78,7 @@ def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(
         ("FL_hip", "FL_thigh", "FL_calf"),
         ("FR_hip", "FR_thigh", "FR_calf"),
     )
-    tau = inverse_dynamics(plant(with_gravity(reading)), draw(with_gravity(reading), STATES, 0))
+    tau = inverse_dynamics(tree_of(with_gravity(reading)), draw(with_gravity(reading), STATES, 0))
     names = list(reading.joints)
     off = np.abs(tau - tau[:, [names.index(name) for name in order.second]])
     assert order.value == pytest.approx(off.max())

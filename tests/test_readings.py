@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support.mechanism import GROUND
-from support.readings import BodyReading, JointReading, Reading, collapsed, libraries_for, read
+from support.readings import BodyReading, JointReading, Reading, collapse, libraries_for, read
 
 #: Numbers of a file pass through roll-pitch-yaw or quaternions, and through the principal axes that MuJoCo keeps.
 READ = 1e-13
@@ -222,10 +222,10 @@ def test_a_massless_cross_stays_until_it_is_collapsed(write):
     parts.append(joint("v", "revolute", "cross", "end", '<axis xyz="0 1 0"/>'))
     reading = read(write("cross.urdf", f'<robot name="r">{"".join(parts)}</robot>'), "pinocchio")
     assert (reading.bodies["cross"].mass, reading.bodies["end"].near) == (0.0, "cross")
-    whole = collapsed(reading)
+    whole = collapse(reading)
     assert {name: (body.near, body.joints) for name, body in whole.bodies.items()} == {"end": (GROUND, ("u", "v"))}
     assert whole.joints == reading.joints
-    assert collapsed(reading, keep=["cross"]).bodies.keys() == reading.bodies.keys()
+    assert collapse(reading, keep=["cross"]).bodies.keys() == reading.bodies.keys()
 
 
 def test_libraries_are_those_of_the_format_its_own_first(urdf, mjcf):

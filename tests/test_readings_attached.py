@@ -16,7 +16,7 @@ from screwgauge import ScrewgaugeError
 from support.command import main
 from support.errors import ModelFileError
 from support.models import Options, import_model
-from support.readings import prepare, read, read_source, warned
+from support.readings import collect_warnings, prepare, read, read_source
 from support.scene import sampled
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
@@ -47,7 +47,7 @@ def arm(tmp_path: Path) -> Path:
 
 def by_mujoco(path: Path) -> Any:
     """The model as MuJoCo itself opens it; its warnings would be written into the working directory."""
-    with warned():
+    with collect_warnings():
         return mujoco.MjModel.from_xml_path(str(path))
 
 

@@ -18,12 +18,12 @@ from support.readings import (
     CouplingReading,
     Reading,
     TreeStates,
-    collapsed,
+    collapse,
     draw,
     move,
-    plant,
     read,
     read_loops_yaml,
+    tree_of,
     with_loops,
 )
 
@@ -93,7 +93,7 @@ def test_a_universal_joint_turns_about_two_axes_of_the_frame_of_its_link(turned,
     pinocchio.forwardKinematics(model, data, q)
     still, rest = model.createData(), np.zeros((1, 4))
     pinocchio.forwardKinematics(model, still, rest[0])
-    tree = plant(reading)
+    tree = tree_of(reading)
     motion = move(tree, TreeStates(q[None], rest, rest))
     i = list(reading.bodies).index("palm")
     expected = (data.oMi[last] * still.oMi[last].inverse()).homogeneous @ reading.bodies["palm"].pose
@@ -190,7 +190,7 @@ def test_a_loops_file_of_our_own_says_what_the_mjcf_says(name, tmp_path: Path):
     for stem in (name, f"{name}-full"):
         expected = read(tmp_path / f"{stem}.xml", "mujoco")
         reading = with_loops(read(tmp_path / f"{stem}.urdf", "pinocchio"), tmp_path / f"{stem}.loops.toml")
-        assert set(collapsed(reading).bodies) == set(expected.bodies)
+        assert set(collapse(reading).bodies) == set(expected.bodies)
         assert set(reading.closures) == set(expected.closures)
         assert len(reading.actuators) == len(expected.actuators)
         for key, want in expected.closures.items():
@@ -213,7 +213,7 @@ def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write
 
 
 def test_a_tree_moves_alike_in_whatever_order_its_joints_stand(legs):
-    one, two = plant(legs), plant(replace(legs, joints=dict(reversed(legs.joints.items()))))
+    one, two = tree_of(legs), tree_of(replace(legs, joints=dict(reversed(legs.joints.items()))))
     states = draw(legs, 3, 0)
     other = TreeStates(*(x[:, ::-1] for x in (states.q, states.qd, states.qdd)))
     assert (one.moves == two.moves[:, ::-1]).all()

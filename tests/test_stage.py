@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.shapes import DOUBT, across, differing, facing, shapes, viewed_from
+from screwgauge.models.shapes import DOUBT, across, differences, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import remarks, stage
@@ -255,7 +255,7 @@ def flipped(mechanism: Mechanism, name: str) -> Mechanism:
 
 def test_a_forgotten_sign_of_an_axis_differs_in_its_arrow_alone() -> None:
     mechanism = load_mechanism("3-rps")
-    found = differing(mechanism, flipped(mechanism, "leg2.base"))
+    found = differences(mechanism, flipped(mechanism, "leg2.base"))
     assert {(one.name, one.kind) for one in found} == {("leg2.base", "arrow")}
     assert drawing(mechanism) != drawing(flipped(mechanism, "leg2.base"))  # seen alone, too
 
@@ -267,8 +267,8 @@ def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
         for j in mechanism.joints
     ]
     other = replace(mechanism, joints=tuple(moved))
-    assert {one.name for one in differing(mechanism, other)} >= {"leg1.base", "leg1.lower"}
-    assert differing(mechanism, mechanism) == []
+    assert {one.name for one in differences(mechanism, other)} >= {"leg1.base", "leg1.lower"}
+    assert differences(mechanism, mechanism) == []
     picture = stage(mechanism, other=other)
     assert "the other" in words_of(picture.svg)
     assert any(s["g"] == "other" for s in data_of(picture)["shapes"])

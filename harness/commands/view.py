@@ -23,7 +23,7 @@ WIDTH, DPI = "17cm", 200  # of a picture: as wide as a page's text
 
 def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, or two side by side."""
-    from screwgauge.models.shapes import differing
+    from screwgauge.models.shapes import differences
     from screwgauge.reference.lint import suspicious
     from screwgauge.report.figures.saved import check_ending, picture_file
     from screwgauge.report.stage.drawing import drawing
@@ -43,7 +43,7 @@ def view(options: argparse.Namespace) -> int:
     unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
     if picture:
         check_ending(picture, [f".{chosen[0]}"], f"view --{chosen[0]}")
-        against = differing(mechanism, other, unsigned) if other else ()
+        against = differences(mechanism, other, unsigned) if other else ()
         content = picture_file(drawing(mechanism, against), picture.suffix, WIDTH, DPI)
         say(str(save_file(picture, content, inputs, force=options.force)))
         for odd in suspicious(mechanism):

@@ -22,7 +22,7 @@ from screwgauge.diagnosis.patch import change_file
 from screwgauge.diagnosis.properties import OPTIONAL, Change, apply_changes, sequence
 from screwgauge.models.content import FORMATS
 from screwgauge.models.formats import number_text
-from screwgauge.models.kinematics import rehomed
+from screwgauge.models.kinematics import rehome
 from screwgauge.models.mjcf import LEAST
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import Reading
@@ -100,7 +100,7 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
         except ScrewgaugeError as error:
             best = replace(best, why_not=(*why, f"the changed file cannot be read: {error.what}"))
             continue
-        left = select(explain(a.posed, rehomed(again, b.home)[0], _names(pair, again)).facts, only)
+        left = select(explain(a.posed, rehome(again, b.home)[0], _names(pair, again)).facts, only)
         left = tuple(fact for fact in left if fact.what != "name")
         lost = {(change.item, change.what) for change, _ in patch.left}
         deaf = [f.what for f in left if f.what in OPTIONAL and (f.partner or f.part, f.what) not in lost]
@@ -131,7 +131,7 @@ def _bodies(pair: Pair) -> dict[str, str]:
 def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
     """Convert changes from the pose of the comparison to that of the file."""
     q = {name: joint.home for name, joint in posed.joints.items() if written.joints[name].home != joint.home}
-    _, before, after = rehomed(written, q)
+    _, before, after = rehome(written, q)
     at_home = [_convert(change, _carrier(change, written, before, after), written, posed) for change in changes]
     return [*at_home, *_derived_ends(apply_changes(written, at_home))]
 

@@ -20,7 +20,7 @@ from screwgauge.diagnosis.motion import Partners, follow, namesakes, partners_of
 from screwgauge.diagnosis.properties import CALLS, PASSIVE
 from screwgauge.diagnosis.shares import Largest, Torques, components, with_gravity, without_forces
 from screwgauge.engines.raw_queries import Answers, Ask, JointStates
-from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
+from screwgauge.models.kinematics import ReadingTree, draw, size, tree_of, unmodelled_forces
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -171,7 +171,7 @@ def check_libraries(models: Sequence[Model], seed: int, deadline: Deadline) -> I
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
             continue
         reading = model.as_read or model.reading
-        tree = plant(with_gravity(reading))
+        tree = tree_of(with_gravity(reading))
         states = draw(reading, STATES, seed)
         try:
             theirs, by_name = _ask(model, tree, states)
@@ -180,7 +180,7 @@ def check_libraries(models: Sequence[Model], seed: int, deadline: Deadline) -> I
             continue
         scaled = {name: pair.scaled for name, pair in by_name.items()}
         acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
-        omits = (*sorted(acts - theirs.covers), *not_modelled(reading))
+        omits = (*sorted(acts - theirs.covers), *unmodelled_forces(reading))
         adds = tuple(sorted(acts & theirs.covers))
         yield LibraryCheck(side, model.library, scaled, omits, adds)
 
@@ -280,8 +280,8 @@ def _torques_along(
     torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return torques of a reading that follows A, along A's velocities, and flags of success. (n, n_freedom), (n,)."""
-    tree = plant(with_gravity(reading))
-    there = follow(plant(torques.reading), _states(torques), tree, partners)
+    tree = tree_of(with_gravity(reading))
+    there = follow(tree_of(torques.reading), _states(torques), tree, partners)
     tau = of(tree, there.states)
     return (np.swapaxes(there.velocities, 1, 2) @ tau[..., None])[..., 0], there.fits
 
@@ -302,6 +302,6 @@ def _library_torques(model: Model) -> _Dynamics:
 def _project(torques: Torques, tau: Array) -> Array:
     """Project torques on the motions that loops leave, with less weight near singular poses. (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
-    P, sure = admissible_projector(equations(plant(reading), _states(torques)).rows, slides, size(reading))
+    P, sure = admissible_projector(equations(tree_of(reading), _states(torques)).rows, slides, size(reading))
     units = np.where(slides, size(reading), 1.0)
     return np.asarray(np.minimum(1.0, sure / SURE)[:, None] * (P @ (units * tau)[..., None])[..., 0] / units)

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from screwgauge.diagnosis.facts.fact import ALL, SINGLE, STANDARD, digits_of, longest_number
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import expected_reading, limited
+from screwgauge.models.check import expected_reading, with_limits
 from screwgauge.models.files.loops import OWN, read_loops
 from screwgauge.models.importing import is_model
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.homes import Loops as LoopEquations
-from screwgauge.models.importing.homes import some
-from screwgauge.models.kinematics import plant, rehomed
+from screwgauge.models.importing.homes import few_of
+from screwgauge.models.kinematics import rehome, tree_of
 from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
@@ -108,7 +108,7 @@ class Model:
     @cached_property
     def posed(self) -> Reading:
         """The reading at its home, which a URDF cannot say."""
-        return rehomed(self.reading, self.home)[0]
+        return rehome(self.reading, self.home)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +236,7 @@ def _load_description(name: str) -> Model:
 
 
 def _read_description(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
-    return replace(limited(expected_reading(mechanism, cut, STANDARD), mechanism), gravity=gravity)
+    return replace(with_limits(expected_reading(mechanism, cut, STANDARD), mechanism), gravity=gravity)
 
 
 def match_cuts(a: Model, b: Model, load: Read = read_here) -> tuple[Model, Model]:
@@ -252,14 +252,14 @@ def check_loops(models: tuple[Model, Model]) -> tuple[Model, Model]:
     """
     measured, refused = list[Model](), list[ClosureError]()
     for model in models:
-        system = LoopEquations(plant(model.posed))
+        system = LoopEquations(tree_of(model.posed))
         gaps = system.gaps(system.home, HOME)
         try:
             assemble(model.reading, model.label, {}) if gaps else None
-            measured.append(replace(model, open_by=some(gaps)))
+            measured.append(replace(model, open_by=few_of(gaps)))
         except ClosureError as error:
             refused.append(error)
-            measured.append(replace(model, open_by=some(gaps), never_closed=error.what))
+            measured.append(replace(model, open_by=few_of(gaps), never_closed=error.what))
     if len(refused) == len(models):
         raise refused[0]
     return measured[0], measured[1]

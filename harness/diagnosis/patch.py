@@ -12,7 +12,7 @@ from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, apply_
 from screwgauge.models.files import mjcf, urdf
 from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
-from screwgauge.models.matter import Matter, displaced, plainest, remainder, same, shared, spread
+from screwgauge.models.matter import Matter, displace, divide, is_same, plainest, remainder, spread
 from screwgauge.models.poses import matrix, relative, shortest_step
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
@@ -51,7 +51,7 @@ class Opened:
         """Return the matter of each link of a body, in the frame of the body."""
         whole = self.reading.bodies[body]
         links = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
-        parts = {i: displaced(matter, T) for i, (matter, T) in links.items() if matter is not None}
+        parts = {i: displace(matter, T) for i, (matter, T) in links.items() if matter is not None}
         silent = [i for i in links if i not in parts]
         if silent:  # the remainder belongs to the geoms of one of them
             parts[silent[0]] = remainder(whole, parts.values())
@@ -311,18 +311,18 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     for i, part in new.items():
         now = relative(body.pose, frames[i])
         if part is not parts[i] or np.abs(now - T[i]).max() > SAME:
-            file.writer.fill(file.xml, file.links[i], displaced(part, relative(now, np.eye(4))), plain=plain)
+            file.writer.fill(file.xml, file.links[i], displace(part, relative(now, np.eye(4))), plain=plain)
 
 
 def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
     """Change one part of a body, if that is possible, else all of them."""
-    if same(old, new):
+    if is_same(old, new):
         return parts
     chosen, matter = plainest(parts, old, new)
     if matter.possible or len(parts) == 1:
         return {**parts, chosen: matter}
     alike = spread(parts, old, new)
-    return alike if all(part.possible for part in alike.values()) else shared(parts, new)
+    return alike if all(part.possible for part in alike.values()) else divide(parts, new)
 
 
 def _links_of_joint(file: Opened, joint: str) -> list[int]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.models.kinematics import moved
+from screwgauge.models.kinematics import displace_joint
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross
@@ -61,7 +61,7 @@ def displace(reading: Reading, joint: str, T: Array) -> Reading:
     return replace(
         reading,
         bodies={**reading.bodies, **{n: replace(reading.bodies[n], pose=T @ reading.bodies[n].pose) for n in bodies}},
-        joints={**reading.joints, **{n: moved(reading.joints[n], T) for n in joints}},
+        joints={**reading.joints, **{n: displace_joint(reading.joints[n], T) for n in joints}},
     )
 
 

@@ -16,7 +16,7 @@ from screwgauge.diagnosis.properties import CALLS, CLOSING, OPTIONAL, PROPERTIES
 from screwgauge.diagnosis.shares import SAME, UNSEEN, Torques, components, have_values, with_gravity
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.content import Content, kinds, phrases
-from screwgauge.models.kinematics import not_modelled, plant
+from screwgauge.models.kinematics import tree_of, unmodelled_forces
 from screwgauge.reference.errors import first_few
 from screwgauge.witness.dynamics import inverse_dynamics
 
@@ -321,7 +321,7 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
         alone = all(each.gravity is None for each in readings)
         taken = f"{-STANDARD[2]:g} m/s^2 downwards" if alone else "that of the other file"
         yield f"the file states no gravity; {taken} is taken"
-    yield from (f"{what} is not in the dynamics" for what in not_modelled(model.reading))
+    yield from (f"{what} is not in the dynamics" for what in unmodelled_forces(model.reading))
     if model.loops is not None and model.file is not None:
         where = "" if model.loops.parent == model.file.parent else f" in {model.loops.parent}"
         yield f"{model.loops.name}{where or ' beside it'} says what closes the loops"
@@ -346,7 +346,7 @@ def _call(more: LibraryCheck, less: LibraryCheck, what: Sequence[str], found: Fi
     reading = with_gravity((found.a if less.side == "A" else found.b).reading)
     free = {name: replace(joint, **dict.fromkeys(what, 0.0)) for name, joint in reading.joints.items()}  # type: ignore[arg-type]
     torques = Torques(reading, found.seed)
-    most = torques.largest(inverse_dynamics(plant(replace(reading, joints=free)), torques.states) - torques.own)
+    most = torques.largest(inverse_dynamics(tree_of(replace(reading, joints=free)), torques.states) - torques.own)
     cases = [*filter(None, (PROPERTIES[each].call for each in what))]
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return (

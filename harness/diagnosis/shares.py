@@ -17,7 +17,7 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.properties import PASSIVE, apply_changes, sequence
 from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.model import Imported
-from screwgauge.models.kinematics import draw, near_home, plant
+from screwgauge.models.kinematics import draw, near_home, tree_of
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import ScrewgaugeError, first_few
@@ -42,7 +42,7 @@ def with_gravity(reading: Reading) -> Reading:
 
 def freedom_left(reading: Reading, seed: int = 0) -> int:
     """Count freedoms that closures and couplings leave at poses near home; -1 where no pose closes."""
-    tree = plant(reading)
+    tree = tree_of(reading)
     if not (reading.closures or reading.couplings):
         return reading.freedom
     states, _ = closed(tree, near_home(tree, 3, _units(reading), seed))
@@ -106,7 +106,7 @@ class Torques:
     @cached_property
     def states(self) -> TreeStates:
         """Random states; with loops, closed ones near home, with admissible velocities and accelerations."""
-        tree = plant(self.reading)
+        tree = tree_of(self.reading)
         if not (self.reading.closures or self.reading.couplings):
             return draw(self.reading, STATES, self.seed)
         return closed(tree, near_home(tree, STATES, _units(self.reading), self.seed))[0]
@@ -117,12 +117,12 @@ class Torques:
         if not (self.reading.closures or self.reading.couplings):
             return None
         units = _units(self.reading)
-        return [null_space(rows * units, DEPENDENT) for rows in equations(plant(self.reading), self.states).rows]
+        return [null_space(rows * units, DEPENDENT) for rows in equations(tree_of(self.reading), self.states).rows]
 
     @cached_property
     def own(self) -> Array:
         """Torques of the machine as it is. Shape (n, n_freedom)."""
-        return inverse_dynamics(plant(self.reading), self.states)
+        return inverse_dynamics(tree_of(self.reading), self.states)
 
     @cached_property
     def scale(self) -> Array:
@@ -136,7 +136,7 @@ class Torques:
     def effect(self, facts: Iterable[Fact]) -> Array | None:
         """Return the change of torques by facts; None where it cannot be computed. Shape (n, n_freedom)."""
         try:
-            tau = inverse_dynamics(plant(self.changed(facts)), self.states)
+            tau = inverse_dynamics(tree_of(self.changed(facts)), self.states)
         except (ScrewgaugeError, LookupError, ValueError):  # another change removes the part
             return None
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
@@ -286,7 +286,7 @@ def _order(
     if first == second:
         return None
     reading = with_gravity(reading)
-    tau = inverse_dynamics(plant(reading), draw(reading, STATES, seed))
+    tau = inverse_dynamics(tree_of(reading), draw(reading, STATES, seed))
     entries = components(reading)
     places = list(range(len(entries)))
     ours, theirs = ([i for name in order for i in places[reading.freedoms[name]]] for order in orders)

@@ -307,13 +307,13 @@ def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, wan
     Raises:
         ScrewgaugeError: It is no model, or no scene can be made of it.
     """
-    from screwgauge.models.importing.left_out import measured
+    from screwgauge.models.importing.left_out import left_out_of_model
     from screwgauge.models.importing.model import describe, scratch_folder
     from screwgauge.models.readings.built import read_model
 
     where = "import_model"
     reading = read_model(model, constraints, None if q is None else np.asarray(q), where)
-    imported = describe(reading, where, wanted, beyond=measured(reading, where))
+    imported = describe(reading, where, wanted, beyond=left_out_of_model(reading, where))
     return write_imported(imported, scratch_folder() / f"{imported.mechanism.name}.toml")[1]
 
 

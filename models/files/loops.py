@@ -109,19 +109,19 @@ def read_loops(path: Path) -> LoopsFile:
         data = read_toml(path)
         check_keys(data, _TOP, where)
         cut = check_name("cut", str(required(data, "cut", where)), CUTS, f"{where}, cut")
-        tables = _typed(data, "joints", dict, where)
+        tables = _entry(data, "joints", dict, where)
         joints = tuple(read_joint(name, table, f"{where}, joints.{name}") for name, table in tables.items())
         file = LoopsFile(
-            mechanism=_typed(data, "mechanism", str, where),
+            mechanism=_entry(data, "mechanism", str, where),
             cut=cut,
             bodies=_names(data, "bodies", where),
             tree=_names(data, "tree", where),
             joints=joints,
             closures=tuple(
                 _read_closure(table, tables, joints, f"{where}, closures[{i}]")
-                for i, table in enumerate(_typed(data, "closures", list, where, []))
+                for i, table in enumerate(_entry(data, "closures", list, where, []))
             ),
-            independent=_typed(data, "independent", dict, where),
+            independent=_entry(data, "independent", dict, where),
             axial=read_axial(data.get("spherical_axial"), tables, f"{where}, spherical_axial"),
             couplings=read_couplings(data, joints, where),
         )
@@ -133,7 +133,7 @@ def read_loops(path: Path) -> LoopsFile:
     return file
 
 
-def _typed(table: Any, key: str, kind: type[Sized], where: str, default: Any = None) -> Any:
+def _entry(table: Any, key: str, kind: type[Sized], where: str, default: Any = None) -> Any:
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
         raise ModelFileError(f"{shown(value)} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
@@ -143,7 +143,7 @@ def _typed(table: Any, key: str, kind: type[Sized], where: str, default: Any = N
 
 
 def _names(data: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
-    names = _typed(data, key, list, where)
+    names = _entry(data, key, list, where)
     for name in names:
         if not isinstance(name, str):
             raise ModelFileError(f"{shown(name)} is not a name", f"{where}, {key}", "write names in quotes")
@@ -151,18 +151,18 @@ def _names(data: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
 
 
 def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ...], where: str) -> Closure:
-    kind = _typed(table if isinstance(table, dict) else {}, "type", str, where)
+    kind = _entry(table if isinstance(table, dict) else {}, "type", str, where)
     check_name("closure type", kind, _CLOSURES, where)
     what, count = _CLOSURES[kind]
     check_keys(table, ["joint", "type", *_SIDES, *(f"{side}_{what}" for side in _SIDES)], where)
-    name = check_name("joint", _typed(table, "joint", str, where), tables, where)
+    name = check_name("joint", _entry(table, "joint", str, where), tables, where)
     joint = joints[list(tables).index(name)]
-    parent, child = (_typed(table, side, str, where) for side in _SIDES)
+    parent, child = (_entry(table, side, str, where) for side in _SIDES)
     if kind == "weld":
         frames = [_read_frame(required(table, f"{side}_frame", where), where) for side in _SIDES]
         none = np.zeros((0, 3))
         return Closure(name, kind, parent, child, none, none, frames[0], frames[1]).facing(joint)
-    lists = [_typed(table, f"{side}_points", list, where) for side in _SIDES]
+    lists = [_entry(table, f"{side}_points", list, where) for side in _SIDES]
     points = [np.array([vector(point, where) for point in given]) for given in lists]
     if [len(given) for given in lists] != [count, count]:
         raise ModelFileError(f"a closure of type {kind} has another number of points", where, "mend the lists")

@@ -283,13 +283,13 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
     if entry.tag == "weld":
         q = quaternion(first[:3, :3] @ second[:3, :3].T)
         xml.set(entry, anchor=vector_text(second[:3, 3]), relpose=vector_text([*first[:3, 3], *q]))
-    elif _apart(*ends[name], entry.tag):
+    elif _differ(*ends[name], entry.tag):
         raise UnpatchableError(f"the points of '{name}' are apart, and one anchor says both: join sites instead")
     else:
         xml.set(entry, anchor=vector_text(first[:3, 3]))
 
 
-def _apart(one: Array, other: Array, tag: str) -> bool:
+def _differ(one: Array, other: Array, tag: str) -> bool:
     """True if two frames differ; of a connect, if their origins differ."""
     return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
@@ -304,7 +304,7 @@ def _put_site(
     ties = _entries(xml, "equality")
     wanted = [(tie.tag, ends[key][i]) for key, tie in ties.items() for i in (0, 1) if tie.get(_SITES[i]) == name]
     others = [element for element in xml.root.iter() if element not in ties.values() and name in _values(element)]
-    if others or any(_apart(T, other, tag) for tag, other in wanted):
+    if others or any(_differ(T, other, tag) for tag, other in wanted):
         raise UnpatchableError(f"site '{name}' is used elsewhere, too: give the closure one of its own")
     at = relative(frames.get(site.parent, np.eye(4)), T)
     xml.set(site, pos=vector_text(at[:3, 3]))
@@ -340,7 +340,7 @@ def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
     names = set()
     for link in gone:
         xml.replace(link.element)
-        names |= _named(link.element.iter())
+        names |= _names(link.element.iter())
     _forget(xml, names)
 
 
@@ -349,7 +349,7 @@ def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
     names = set()
     for link in gone:
         xml.unwrap(link.element)
-        names |= _named([link.element])
+        names |= _names([link.element])
         waiting = [*link.element.children]
         while waiting:
             element = waiting.pop()
@@ -357,11 +357,11 @@ def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
                 waiting += element.children
             elif element.tag != "body":
                 xml.replace(element)
-                names |= _named([element])
+                names |= _names([element])
     _forget(xml, names)
 
 
-def _named(elements: Iterable[Element]) -> set[str]:
+def _names(elements: Iterable[Element]) -> set[str]:
     """Names that others may refer to."""
     kinds = ("body", "joint", "freejoint", "geom", "site", "camera")
     return {element.get("name") for element in elements if element.tag in kinds} - {""}
@@ -370,14 +370,14 @@ def _named(elements: Iterable[Element]) -> set[str]:
 def _forget(xml: XmlText, names: set[str]) -> None:
     """Takes out all that refers to some names, and all that refers to that."""
     parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
-    while lost := [part for room, part in parts if room.tag == "keyframe" or names & _referred(part)]:
+    while lost := [part for room, part in parts if room.tag == "keyframe" or names & _references(part)]:
         parts = [(room, part) for room, part in parts if part not in lost]
         for part in lost:
             xml.replace(part)
             names |= {part.get("name")} - {""}
 
 
-def _referred(part: Element) -> set[str]:
+def _references(part: Element) -> set[str]:
     """Names in an element but its own."""
     return set().union(*map(_values, (part, *part.children)))
 

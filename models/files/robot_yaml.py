@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from screwgauge.models.content import Content
 from screwgauge.models.files.loops import motors, place_in
 from screwgauge.models.layout import lay_out
-from screwgauge.models.readings.assemble import retyped
+from screwgauge.models.readings.assemble import retype
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, shown
 from screwgauge.reference.files import check_count, read_file
@@ -98,7 +98,7 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
 def with_robot_yaml(reading: Reading, path: Path) -> Reading:
     """Return a reading with the closures, motors and spherical joints of a ``robot.yaml``."""
     file = read_loops_yaml(path)
-    reading = retyped(reading, file.types, str(path))
+    reading = retype(reading, file.types, str(path))
     closures = {}
     for i, (kind, pair) in enumerate(zip(file.kinds, file.pairs, strict=True)):
         (first, T1), (second, T2) = (_frame(reading, name, path) for name in pair)

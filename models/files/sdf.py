@@ -61,7 +61,7 @@ def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[
             file = _included_file(path, uri, folder)
             other = parse(file)
             more = expand(other, file, folder, depth + 1)
-            parent[i] = _included(include, other, file)
+            parent[i] = _merge_include(include, other, file)
             content += [*more[0], Content("put in place", f"include {uri}, put in its place before it is read")]
             said += more[1]
     return content, said
@@ -80,7 +80,7 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
     return inside(config, files[-1].strip() if files else "model.sdf", folder, "includes")
 
 
-def _included(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
+def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
     """Return the only model of a file with the name, pose and further elements of its include."""
     models = root.findall("model")
     if len(models) != 1:

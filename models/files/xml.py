@@ -68,7 +68,7 @@ def check_numbers(root: ET.Element, where: str) -> None:
             words = value.lower().split() if attribute not in _TEXT else []
             bad = any(map(_NAN.fullmatch, words))
             if bad or (any(map(_INFINITE.fullmatch, words)) and not _UNLIMITED.fullmatch(attribute)):
-                what = f"{_said(element, attribute)} is not a finite number ({value})"
+                what = f"{_label(element, attribute)} is not a finite number ({value})"
                 raise ModelFileError(what, where, "write one")
 
 
@@ -82,10 +82,10 @@ def number(element: ET.Element, attribute: str, default: float, where: str) -> f
     try:
         return default if value is None else float(value)
     except ValueError:
-        raise ModelFileError(f"{_said(element, attribute)} is no number ({value})", where, "write one") from None
+        raise ModelFileError(f"{_label(element, attribute)} is no number ({value})", where, "write one") from None
 
 
-def _said(element: ET.Element, attribute: str) -> str:
+def _label(element: ET.Element, attribute: str) -> str:
     return f"{attribute} of {element.tag} {element.get('name', '')}".rstrip()
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, chosen, limits, some
-from screwgauge.models.importing.joints import SHOWN, listed
-from screwgauge.models.kinematics import plant, rehomed
+from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, choose_home, few_of, limits
+from screwgauge.models.importing.joints import SHOWN, few_names
+from screwgauge.models.kinematics import rehome, tree_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
@@ -37,15 +37,15 @@ def assemble(
     Raises:
         ClosureError: Some loops do not close from any start.
     """
-    loops = Loops(plant(reading))
-    home, why = chosen(loops, keyframes, where)
+    loops = Loops(tree_of(reading))
+    home, why = choose_home(loops, keyframes, where)
     free = {name: replace(reading.joints[name], limits=FREE) for name in home.beyond}
     reading = replace(reading, joints={**reading.joints, **free})
     there = {name: home.q[place] for name, place in loops.tree.places.items() if (home.q != loops.home)[place].any()}
-    return rehomed(reading, there)[0], _said(loops, home, why)
+    return rehome(reading, there)[0], _sentences(loops, home, why)
 
 
-def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
+def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
     home = loops.values(loops.home)
     moved = {name: value - home[name] for name, value in loops.values(chosen.q).items() if value != home[name]}
     sentences, opened = [], loops.gaps(loops.home, CLOSED)
@@ -57,16 +57,16 @@ def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
         sentences.append(f"Home is a pose with {aim}: {what}.")
     sentences += why
     if opened:
-        sentences.append(f"At the file's own home loops are open: {some(opened)}.")
+        sentences.append(f"At the file's own home loops are open: {few_of(opened)}.")
     if chosen.error > CLOSED:
-        rounding = some(loops.gaps(chosen.q, CLOSED))
+        rounding = few_of(loops.gaps(chosen.q, CLOSED))
         sentences.append(
             f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}."
         )
     if tight := [f"'{name}'" for name, (low, high) in limits(loops) if not low < high]:
-        sentences.append(f"Limits of {some(tight)} leave no room, and are left out.")
+        sentences.append(f"Limits of {few_of(tight)} leave no room, and are left out.")
     if chosen.beyond:
-        sentences.append(f"Loops or couplings keep {some(chosen.beyond)} beyond limits, which are left out.")
+        sentences.append(f"Loops or couplings keep {few_of(chosen.beyond)} beyond limits, which are left out.")
     return tuple(sentences)
 
 
@@ -83,7 +83,7 @@ HIDDEN = 1e-4
 FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
 
 
-def rounded(hidden: Array) -> str:
+def rounding_sentence(hidden: Array) -> str:
     """Return a sentence on equations that only rounding makes independent."""
     return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
@@ -121,14 +121,14 @@ def choose(
     check_connected(mechanism, where)
     K, hidden = motions(mechanism)
     if not K.shape[1]:
-        hint = f"; {rounded(hidden)}" if len(hidden) else ""
+        hint = f"; {rounding_sentence(hidden)}" if len(hidden) else ""
         remedy = FULL if hint else "check the closures"
         raise DescriptionError(f"its loops leave no degree of freedom{hint}", where, remedy)
     names, passed = mechanism.coordinates, ""
     if independent is None:
         tiers = preferences(mechanism, actuated or ())
         picked = pick(K, tiers)
-        chosen, passed = {names[i]: names[i] for i in picked}, _passed_over(K, tiers[DRIVEN], picked, names)
+        chosen, passed = {names[i]: names[i] for i in picked}, _passed_sentence(K, tiers[DRIVEN], picked, names)
     else:
         for name in independent.values():
             if name not in names:
@@ -142,7 +142,7 @@ def choose(
     joints = tuple(
         replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints
     )
-    doubt = f"Its loops leave {K.shape[1]} freedoms; {rounded(hidden)}: {FULL}." if len(hidden) else ""
+    doubt = f"Its loops leave {K.shape[1]} freedoms; {rounding_sentence(hidden)}: {FULL}." if len(hidden) else ""
     return replace(mechanism, joints=joints, independent=chosen), tuple(filter(None, (passed, doubt)))
 
 
@@ -184,7 +184,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
     return sorted(chosen)
 
 
-def _passed_over(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
+def _passed_sentence(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
     """Return a sentence on the driven coordinates that are not independent, with reasons; empty if all are."""
     followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
@@ -192,7 +192,7 @@ def _passed_over(K: Array, driven: Sequence[int], chosen: Sequence[int], names: 
         if np.linalg.norm(K[row]) > DEAD:
             shares = np.linalg.solve(K[chosen].T, K[row]) * np.linalg.norm(K[chosen], axis=1)
             leads = [names[i] for i, share in zip(chosen, np.abs(shares), strict=True) if share > DEAD]
-            reason = f"determined by {listed(leads)}"
+            reason = f"determined by {few_names(leads)}"
         followers.setdefault(reason, []).append(names[row])
-    reasons = [f"{listed(some)} ({reason})" for reason, some in followers.items()]
+    reasons = [f"{few_names(some)} ({reason})" for reason, some in followers.items()]
     return f"Driven, but not independent: {first_few(reasons, SHOWN)}." if reasons else ""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.models.importing.joints import listed
+from screwgauge.models.importing.joints import few_names
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.couplings import PolynomialSum, circle
 from screwgauge.reference.rotations import Array
@@ -19,7 +19,7 @@ _OTHER, _LEADS, _CANNOT = 1.0, 1e3, 1e9
 _NOTHING = 1e-12
 
 
-def solved(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
+def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
     """Solve couplings for other joints where the file's own cannot depend or lead the machine; say so in sentences.
 
     Args:
@@ -27,13 +27,13 @@ def solved(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, l
     """
     if not couplings:
         return couplings, []
-    new = _each_by_itself(couplings, leading)
+    new = _solve_each(couplings, leading)
     if new is None or any(circle(one.joint, _leads(new)) for one in new.values()):
-        new = _together(couplings, leading)
+        new = _solve_linear(couplings, leading)
     other = [one.joint for name, one in new.items() if one.joint != couplings[name].joint]
-    sentences = [f"Couplings are solved for {listed(other)}: driven and independent joints lead."] if other else []
+    sentences = [f"Couplings are solved for {few_names(other)}: driven and independent joints lead."] if other else []
     if gone := [name for name in couplings if name not in new]:
-        sentences.append(f"Couplings that follow from others are left out: {listed(gone)}.")
+        sentences.append(f"Couplings that follow from others are left out: {few_names(gone)}.")
     return new, sentences
 
 
@@ -41,7 +41,7 @@ def _leads(couplings: Couplings) -> dict[str, Collection[str]]:
     return {one.joint: one.function.terms for one in couplings.values()}
 
 
-def _each_by_itself(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
+def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
     """Solve each coupling for one of its joints, none of them twice; None if this is impossible."""
     from scipy.optimize import linear_sum_assignment
 
@@ -60,7 +60,7 @@ def _each_by_itself(couplings: Couplings, leading: Collection[str]) -> Couplings
     return {name: one.solved(joint) for (name, one), joint in zip(couplings.items(), follow, strict=True)}
 
 
-def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
+def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:
     """Solve linear couplings together for joints that depend on independent ones; drop redundant couplings."""
     linear = [name for name, one in couplings.items() if one.function.linear]
     kept = {one.joint for one in couplings.values() if not one.function.linear}
@@ -71,7 +71,7 @@ def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
         for joint, share in {one.joint: -1.0, **one.function.slopes}.items():
             row[joints.index(joint)] = share
         row[-1] = one.function.constant
-    pivots = _reduced(system, [[joint not in kept, joint not in leading] for joint in joints])
+    pivots = _reduce(system, [[joint not in kept, joint not in leading] for joint in joints])
     new = dict(couplings)
     for name, row, pivot in zip(linear, system, pivots, strict=True):
         if pivot < 0:
@@ -82,7 +82,7 @@ def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
     return new
 
 
-def _reduced(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
+def _reduce(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
     """Bring rows to reduced echelon form in place, the largest entry of the highest rank being each pivot.
 
     Args:

@@ -56,7 +56,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
     wanted = deepcopy(tables)
     for name, home in homes.items():
         wanted.setdefault("joints", {}).setdefault(name, {})["home"] = home.tolist()
-        texts = (each for each in _texts(text, name, value_text(home)) if _parsed(each) == wanted)
+        texts = (each for each in _texts(text, name, value_text(home)) if _parse(each) == wanted)
         if (changed := next(texts, None)) is None:
             return None
         text = changed
@@ -72,7 +72,7 @@ def _texts(text: str, name: str, home: str) -> Iterator[str]:
     yield f"{text.rstrip()}\n\n[joints.{key(name)}]\nhome = {home}\n"
 
 
-def _parsed(text: str) -> Any:
+def _parse(text: str) -> Any:
     try:
         return tomllib.loads(text)
     except ValueError:

@@ -68,7 +68,7 @@ class Home:
         return -self.rank, singular, len(self.beyond), -min(self.least, WELL), self.distance
 
 
-def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
+def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
     """Choose the best closed pose: regular, within limits, well conditioned, near; the file's own if it is closed.
 
     Args:
@@ -87,20 +87,20 @@ def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: st
         nearest = min(nearest, (q, error), key=lambda pair: pair[1])
         if not error <= ROUNDING:
             continue
-        homes.append(one := measured(loops, start, *_centred(loops, q, error)))
+        homes.append(one := measure(loops, start, *_centre(loops, q, error)))
         kept = begin is loops.home and q is begin  # closed as it is
         fine = [each for each in homes if not each.beyond and each.least > REGULAR]
         if one.good or (kept and one in fine) or len(fine) == ENOUGH:
             break
     if not homes:
-        open_by = some(loops.gaps(nearest[0], ROUNDING))
+        open_by = few_of(loops.gaps(nearest[0], ROUNDING))
         what = f"loops do not close from any of {tried} starts: nearest are {open_by}"
         raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
     best = min(homes, key=Home.key)
-    return best, tuple(_why(best, homes))
+    return best, tuple(_reasons(best, homes))
 
 
-def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
+def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     """Yield the reason for a pose that was not found from the file's own home."""
     if best.start == OWN:
         return
@@ -113,7 +113,7 @@ def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     if (own := homes[0]).start != OWN:
         yield f"{reason} From {OWN} loops do not close."
         return
-    kept = f", with {some(own.beyond)} beyond limits" if own.beyond else ""
+    kept = f", with {few_of(own.beyond)} beyond limits" if own.beyond else ""
     yield f"{reason} From {OWN} they close where it is {own.least:.2g}{kept}."
 
 
@@ -130,15 +130,15 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
     bounded = [name for name in bounded if loops.closing[loops.tree.freedoms[name]].any()]
     near, inside = np.random.default_rng(0), np.random.default_rng(1)
     if bounded:
-        yield "the middle of the limits", _between(loops, bounded, np.full(len(bounded), 0.5))
+        yield "the middle of the limits", _interpolate(loops, bounded, np.full(len(bounded), 0.5))
     for i in range(1, STARTS):
         step = FARTHEST * i / (STARTS - 1) * near.uniform(-1.0, 1.0, len(loops.closing))
         yield "a random pose near the file's own", loops.stepped(loops.home, loops.closing * step)
         if bounded and i % EVERY == 0:
-            yield "a random pose within the limits", _between(loops, bounded, inside.uniform(size=len(bounded)))
+            yield "a random pose within the limits", _interpolate(loops, bounded, inside.uniform(size=len(bounded)))
 
 
-def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
+def _interpolate(loops: Loops, names: Sequence[str], share: Array) -> Array:
     """Return home with some joints at a share of the way between their limits. `share`: shape (n,)."""
     q = loops.home.copy()
     for name, part in zip(names, share, strict=True):
@@ -147,10 +147,10 @@ def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
     return q
 
 
-def measured(loops: Loops, start: str, q: Array, error: float) -> Home:
+def measure(loops: Loops, start: str, q: Array, error: float) -> Home:
     """Return a closed pose with the properties that rank it."""
     rank, least = _rank(loops, q)
-    return Home(start, q, error, rank, least, tuple(beyond(loops, q)), _distance(loops, q))
+    return Home(start, q, error, rank, least, tuple(joints_beyond(loops, q)), _distance(loops, q))
 
 
 def _rank(loops: Loops, q: Array) -> tuple[int, float]:
@@ -165,19 +165,19 @@ def limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
     return [(name, joint.limits) for name, joint in loops.reading.joints.items()]
 
 
-def beyond(loops: Loops, q: Array) -> list[str]:
+def joints_beyond(loops: Loops, q: Array) -> list[str]:
     """List the joints beyond their limits."""
     at = loops.values(q)
     return [name for name, (low, high) in limits(loops) if name in at and low < high and not low <= at[name] <= high]
 
 
-def _stopped(loops: Loops, q: Array) -> bool:
+def _is_at_limit(loops: Loops, q: Array) -> bool:
     """True where a joint is at a limit, or outside."""
     at = loops.values(q)
     return any(name in at and low < high and not low < at[name] < high for name, (low, high) in limits(loops))
 
 
-def some(phrases: Sequence[str]) -> str:
+def few_of(phrases: Sequence[str]) -> str:
     """Return the first phrases and the number of others."""
     return first_few(phrases, SHOWN)
 
@@ -188,7 +188,7 @@ def _distance(loops: Loops, q: Array) -> float:
     return float(np.linalg.norm(way))
 
 
-def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
+def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
     """Move coordinates, with the loops closed, away from their limits as far as possible."""
     for _ in range(CENTRINGS):
         wish = _wish(loops, q)
@@ -203,7 +203,7 @@ def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
             break
         trial, left = loops.newton(loops.stepped(q, wish))
         # within the limits room is worth less than a good condition, but at a limit nothing moves
-        floor = REGULAR if _stopped(loops, q) else min(least, WELL)
+        floor = REGULAR if _is_at_limit(loops, q) else min(least, WELL)
         worse = rank and _rank(loops, trial)[1] < floor
         if not left <= max(error, 1e-9) or worse or _lack(loops, trial) >= _lack(loops, q):
             break

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.models.kinds import kind_of
-from screwgauge.models.machine import Element, Link, Machine, contracted, uncontracted
+from screwgauge.models.machine import Element, Link, Machine, contract, graph_at_home
 from screwgauge.models.poses import screw
 from screwgauge.models.readings.compiled import RESISTS
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
@@ -51,7 +51,7 @@ class Group:
         return tuple(self.freedoms.values())
 
 
-def pruned(machine: Machine, followed: Collection[str]) -> Machine:
+def prune(machine: Machine, followed: Collection[str]) -> Machine:
     """Remove bodies without mass that carry nothing, except those of joints that others follow."""
     bodies, links, remarks = dict(machine.bodies), list(machine.links), list(machine.remarks)
     while True:
@@ -64,7 +64,7 @@ def pruned(machine: Machine, followed: Collection[str]) -> Machine:
         for name, link in idle.items():
             links.remove(link)
             del bodies[name]
-            remarks.append(f"'{name}' has no mass and carries nothing; left out with {listed(link.joints)}.")
+            remarks.append(f"'{name}' has no mass and carries nothing; left out with {few_names(link.joints)}.")
 
 
 def followed_joints(reading: Reading) -> set[str]:
@@ -74,9 +74,9 @@ def followed_joints(reading: Reading) -> set[str]:
 
 def graph_of(reading: Reading) -> Machine:
     """Return the graph of a reading with closed loops, merging links through massless crosses."""
-    machine = pruned(uncontracted(reading), followed_joints(reading))
+    machine = prune(graph_at_home(reading), followed_joints(reading))
     pinned = {machine.part_of(end) for c in reading.closures.values() for end in (c.first, c.second)}
-    return contracted(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
+    return contract(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
 
 
 def groups(
@@ -101,9 +101,9 @@ def groups(
                 group, count = made, n
                 break
             if kind != "F":
-                names = listed(each.joint for each in part)
+                names = few_names(each.joint for each in part)
                 remarks.append(f"{names} are {COMPOSITE[kind]}, but {made}: they are divided into simpler ones.")
-        out.append(group or _alone(link.elements[i], link, machine))
+        out.append(group or _single_joint(link.elements[i], link, machine))
         i += count
     return out, remarks
 
@@ -113,7 +113,7 @@ def _single(part: tuple[Element, ...]) -> bool:
     return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 
-def _alone(element: Element, link: Link, machine: Machine) -> Group:
+def _single_joint(element: Element, link: Link, machine: Machine) -> Group:
     """Return a freedom as a joint of its own: hinge, slide, ball, free joint, or a freedom of closures."""
     name = element.joint or pin_name(element.closures)
     if FREEDOMS[element.kind] > 1:
@@ -291,7 +291,7 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
         ],
         "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
     }
-    phrases = [f"{what} {listed(names)}" for what, names in names_by.items() if names]
+    phrases = [f"{what} {few_names(names)}" for what, names in names_by.items() if names]
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")
@@ -299,6 +299,6 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     return (*phrases, *(phrase for phrase in reading.ignored if not phrase.startswith(held)))
 
 
-def listed(names: Iterable[str]) -> str:
+def few_names(names: Iterable[str]) -> str:
     """Return the first names and the number of others."""
     return first_few((f"'{name}'" for name in names), SHOWN)

@@ -11,8 +11,8 @@ import numpy as np
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
 from screwgauge.models.mjcf import mass_properties
-from screwgauge.models.readings.compiled import coupled_joints, heard, shares, sites_along
-from screwgauge.models.readings.mujoco import is_disabled, loaded, turn
+from screwgauge.models.readings.compiled import collect_phrases, coupled_joints, shares, sites_along
+from screwgauge.models.readings.mujoco import is_disabled, load_mujoco, turn
 from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.reading import FREEDOMS, ActuatorReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
@@ -79,11 +79,11 @@ def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
     except ModelFileError:  # another library reads it, and has all that is known
         return _everything(reading, None, where)
     check_whole(own, source)
-    with heard():
-        return _everything(replace(reading, joints=own.joints), loaded(source), where)
+    with collect_phrases():
+        return _everything(replace(reading, joints=own.joints), load_mujoco(source), where)
 
 
-def measured(reading: Reading, where: str) -> tuple[LeftOut, ...]:
+def left_out_of_model(reading: Reading, where: str) -> tuple[LeftOut, ...]:
     """Return the forces of a model without a file other than rigid bodies, joints, closures and gravity."""
     return _everything(reading, None, where)
 
@@ -236,7 +236,7 @@ def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
     return borne == {True}
 
 
-def kept(
+def convert(
     left_out: Iterable[LeftOut],
     mechanism: Mechanism,
     graph: Machine,
@@ -274,7 +274,7 @@ def with_resistance(
     """Move forces along one coordinate into the joints of the mechanism; all others are still left out.
 
     Args:
-        left_out: See `kept`.
+        left_out: See `convert`.
         actuators: Of the file.
 
     Returns:
@@ -298,11 +298,11 @@ def with_resistance(
             own = f"{one.armature / actuator.gear**2:g} of {one.of} times the square of its gear {actuator.gear:g}"
             unit = mechanism.units[mechanism.coordinates.index(name)]
             gears.append(f"Rotor of {name}: {taken['rotor']:g} {'kg m^2' if unit == 'rad' else 'kg'}, {own}.")
-    joints = (_resisting(joint, amounts) for joint in mechanism.joints)
+    joints = (_add_resistance(joint, amounts) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints), left_out=tuple(rest)), gears
 
 
-def _resisting(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) -> Joint:
+def _add_resistance(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) -> Joint:
     """Add amounts to the coordinates of a joint."""
     more = {what: np.array([amounts[name][what] for name in joint.coordinates]) for what in RESISTS}
     return replace(joint, **{what: getattr(joint, what) + added for what, added in more.items()})

@@ -16,18 +16,18 @@ from screwgauge.models.files.parts import files_allowed
 from screwgauge.models.formats import body_entries, document, joint_entries, key, lines
 from screwgauge.models.importing import MESHES
 from screwgauge.models.importing.assemble import assemble, choose
-from screwgauge.models.importing.couplings import solved
-from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
-from screwgauge.models.importing.left_out import check_whole, kept, left_out_of, with_resistance
-from screwgauge.models.importing.names import TAKEN, accepted, unused
+from screwgauge.models.importing.couplings import solve_couplings
+from screwgauge.models.importing.joints import Group, few_names, graph_of, groups, joint, left_out, pin_name, springs_of
+from screwgauge.models.importing.left_out import check_whole, convert, left_out_of, with_resistance
+from screwgauge.models.importing.names import TAKEN, accept_names, free_name
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
 from screwgauge.models.readings.anchors import points_off_bodies
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.readings.compiled import collect_warnings
 from screwgauge.models.readings.loops import loops_for, with_loops
-from screwgauge.models.readings.mujoco import is_single, loaded
-from screwgauge.models.readings.read import dropped, libraries_of, read_source
-from screwgauge.models.readings.reading import CouplingReading, Reading, renamed
+from screwgauge.models.readings.mujoco import is_single, load_mujoco
+from screwgauge.models.readings.read import dropped_parts, libraries_of, read_source
+from screwgauge.models.readings.reading import CouplingReading, Reading, rename
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
@@ -124,7 +124,7 @@ def describe(
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
-    own, tables = _renamed(reading)
+    own, tables = _rename(reading)
     names = {old: new for table in tables.values() for old, new in table.items() if old != new}
     poses = {key: {names.get(name, name): x for name, x in q.items()} for key, q in (keyframes or {}).items()}
     reading, moves = assemble(own, where, poses)
@@ -132,22 +132,22 @@ def describe(
     if not any(link.articulated for link in graph.links):
         said = " ".join(graph.remarks)
         raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
-    actuated = _actuated(graph, wanted.actuated, where)
+    actuated = _driven_joints(graph, wanted.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
     leading = {*(actuated or ()), *(wanted.independent or {}).values()}
-    couplings, followers = solved(graph.reading.couplings, leading)
+    couplings, followers = solve_couplings(graph.reading.couplings, leading)
     graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.tensors, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
-    mechanism, gears = with_resistance(mechanism, kept(beyond, mechanism, graph, tables, where), reading.actuators)
+    mechanism, gears = with_resistance(mechanism, convert(beyond, mechanism, graph, tables, where), reading.actuators)
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
-        driven = listed(joint.name for joint in mechanism.actuators) or "of which there is none"
+        driven = few_names(joint.name for joint in mechanism.actuators) or "of which there is none"
         remarks.append(f"The file names no actuators: driven is {rule}, {driven}; --actuated chooses others.")
     return Imported(
         mechanism, springs_of(reading, mechanism), reading.gravity, names, tuple(remarks), left_out(reading, mechanism)
@@ -168,7 +168,7 @@ def _mechanism(
     bodies, sentences = settled((*solid, *carriers), joints, couplings, allow, where)
     remarks += (f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences)
     mechanism = Mechanism(
-        name=accepted([reading.name], "model")[reading.name],
+        name=accept_names([reading.name], "model")[reading.name],
         bodies=bodies,
         joints=joints,
         independent={},
@@ -182,20 +182,20 @@ def _mechanism(
     return mechanism, remarks
 
 
-def _renamed(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
+def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
     """Return the reading with names that a description accepts, and these: room -> name -> accepted name."""
-    joints = accepted(reading.joints, "joint")
+    joints = accept_names(reading.joints, "joint")
     names = {
-        "bodies": accepted(reading.bodies, "body"),
+        "bodies": accept_names(reading.bodies, "body"),
         "joints": joints,
-        "closures": accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
-        "couplings": accepted(reading.couplings, "coupling"),
+        "closures": accept_names(reading.closures, "loop", (*TAKEN, *joints.values())),
+        "couplings": accept_names(reading.couplings, "coupling"),
     }
     known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
-    return renamed(replace(reading, couplings=known), names), names
+    return rename(replace(reading, couplings=known), names), names
 
 
-def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
+def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
     """Return the driven joints: those chosen, those of the file, or all of an open chain; None if nothing says so."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
@@ -243,7 +243,7 @@ def _joints(
             if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
                 pose = far[1].copy()
                 pose[:3, 3] = group.point
-                far = unused(f"{next(iter(group.freedoms))}.carrier", names), pose
+                far = free_name(f"{next(iter(group.freedoms))}.carrier", names), pose
                 carriers.append(Body(far[0], 0.0, np.zeros(3), np.zeros((3, 3))))
             name = group.name or _joint_name(group, used)
             known = given.get(group.name)  # of closures
@@ -258,7 +258,7 @@ def _joint_name(group: Group, used: set[str]) -> str:
         return next(iter(group.freedoms))
     parts = {name.rpartition(".")[0] for name in group.freedoms}
     whole = parts.pop() if len(parts) == 1 else ""
-    return unused(whole or "+".join(group.freedoms), used)
+    return free_name(whole or "+".join(group.freedoms), used)
 
 
 #: Keyframe that users of MJCF call so.
@@ -302,7 +302,7 @@ def _imported_model(path: Path, options: Options) -> Imported:
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
     keyframes = _keyframes(source) if own is None else {HOME: own.home}
     reading = read_source(source, library, home=keyframes.pop(HOME, None))
-    if lost := dropped(source, reading):
+    if lost := dropped_parts(source, reading):
         raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
     check_whole(reading, source)
     reading = reading if loops is None else with_loops(reading, loops)
@@ -321,8 +321,8 @@ def _keyframes(source: Source) -> dict[str, dict[str, float]]:
     """Return the coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; unnamed ones are numbered."""
     if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
-    with warned():
-        model = loaded(source)
+    with collect_warnings():
+        model = load_mujoco(source)
     single = {model.joint(i).name: model.jnt_qposadr[i] for i in range(model.njnt) if is_single(model, i)}
     return {
         model.key(k).name or str(k + 1): {name: float(model.key_qpos[k][at]) for name, at in single.items()}

@@ -11,7 +11,7 @@ from screwgauge.reference.mechanism import GROUND
 TAKEN = (GROUND, "world", "environment")
 
 
-def accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
+def accept_names(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
     """Return each name, or a similar unused one that a description accepts.
 
     Args:
@@ -21,11 +21,11 @@ def accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> d
     fine = {name for name in wanted if re.fullmatch(r"\w[\w.:+-]*", name) and name not in {*taken}}
     used, result = {*taken, *fine}, {}
     for name in wanted:
-        result[name] = name if name in fine else unused(re.sub(r"[^\w.:+-]+", "-", name).strip("-.:+") or kind, used)
+        result[name] = name if name in fine else free_name(re.sub(r"[^\w.:+-]+", "-", name).strip("-.:+") or kind, used)
     return result
 
 
-def unused(name: str, used: set[str]) -> str:
+def free_name(name: str, used: set[str]) -> str:
     """Return the name, numbered if it is used, and mark it as used."""
     number, base = 2, name
     while name in used:

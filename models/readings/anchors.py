@@ -9,9 +9,9 @@ import numpy as np
 
 from screwgauge.models.files.parts import name_all, parts
 from screwgauge.models.files.xml import parse
-from screwgauge.models.readings.compiled import heard
+from screwgauge.models.readings.compiled import collect_phrases
 from screwgauge.models.readings.meshes import classes_of, shapes
-from screwgauge.models.readings.mujoco import loaded
+from screwgauge.models.readings.mujoco import load_mujoco
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
@@ -34,11 +34,11 @@ def points_off_bodies(source: Source) -> Iterator[str]:
     import mujoco
 
     try:
-        with heard():
-            model = loaded(source)
+        with collect_phrases():
+            model = load_mujoco(source)
     except ModelFileError:  # another library reads it
         return
-    data, meshed = mujoco.MjData(model), _meshed(source)
+    data, meshed = mujoco.MjData(model), _mesh_bodies(source)
     mujoco.mj_kinematics(model, data)
     for i in range(model.neq):
         body = int(model.eq_obj2id[i])
@@ -49,7 +49,7 @@ def points_off_bodies(source: Source) -> Iterator[str]:
                 yield _sentence(model, i, distance)
 
 
-def _meshed(source: Source) -> tuple[str, ...]:
+def _mesh_bodies(source: Source) -> tuple[str, ...]:
     """Names of bodies that have geoms from files, in the models that they are from: attached, they have a prefix."""
     files = parts(parse(source.path), source.path)
     taken, names = {element.get("name") for part in files for element in part.root.iter()}, list[str]()

@@ -10,7 +10,7 @@ from itertools import permutations
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.matter import displaced, joined
+from screwgauge.models.matter import displace, join
 from screwgauge.models.poses import screw
 from screwgauge.models.readings.reading import BARE, BodyReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
@@ -61,23 +61,23 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
             raise ModelFileError(f"a body that moves is called '{GROUND}'", where, "give it another name")
         near = places[links[first].near][0] if links[first].near else GROUND
         bodies[named] = replace(
-            _merged(named, ordered), near=near, joints=links[first].joints, first="" if named == first else first
+            _merge(named, ordered), near=near, joints=links[first].joints, first="" if named == first else first
         )
         places |= {name: (named, T) for name, T in bodies[named].fixed.items()}
         places[named] = named, np.eye(4)
     return Assembly(bodies, fixed, places)
 
 
-def _merged(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
+def _merge(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
     """Merge links into one body, in the frame of the link that it is named after."""
     body = links[named]
     back = np.linalg.inv(body.pose)
     fixed = {name: back @ link.pose for name, link in links.items() if name != named}
-    parts = {name: displaced(links[name], T) for name, T in fixed.items() if links[name].solid}
+    parts = {name: displace(links[name], T) for name, T in fixed.items() if links[name].solid}
     if not parts:
         return replace(body, fixed=fixed)
     solid = {name: link for name, link in links.items() if link.solid}
-    whole = joined(parts.get(name, link) for name, link in solid.items())
+    whole = join(parts.get(name, link) for name, link in solid.items())
     gravcomp = sum(link.mass * link.gravcomp for link in solid.values()) / (whole.mass or 1.0)
     return replace(body.with_matter(whole), gravcomp=gravcomp, fixed=fixed, parts=parts)
 
@@ -90,7 +90,7 @@ KNOWN = (SPHERICAL, FIXED, *UNIVERSAL)
 _OWN = ("armature", "damping", "friction", "stiffness")
 
 
-def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
+def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
     """Return the reading with joints of other types.
 
     A spherical or universal joint sits where the old one did, is unlimited, and is at zero where the old one was at
@@ -112,16 +112,16 @@ def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
             raise UnknownNameError(f"type of joint '{name}',", kind, KNOWN, f"{where}, joint_type")
     _check_free(reading, types, where)
     frames = {name: link for name in types if (link := reading.carried(name))}
-    lost = (phrase for name, kind in types.items() for phrase in _lost(reading.joints[name], name, kind))
+    lost = (phrase for name, kind in types.items() for phrase in _lost_properties(reading.joints[name], name, kind))
     content = (Content("read otherwise by the library", phrase, values=()) for phrase in lost)
     reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))
     for name, kind in types.items():
         if kind != FIXED:
-            reading = _replaced(reading, name, _turning(reading, name, kind, where))
-    return _welded(reading, [name for name, kind in types.items() if kind == FIXED], where)
+            reading = _replace_joint(reading, name, _rotational_joints(reading, name, kind, where))
+    return _weld(reading, [name for name, kind in types.items() if kind == FIXED], where)
 
 
-def _lost(joint: JointReading, name: str, kind: str) -> Iterator[str]:
+def _lost_properties(joint: JointReading, name: str, kind: str) -> Iterator[str]:
     """Yield the properties of a joint that its new type cannot have."""
     if kind != FIXED:
         low, high = joint.limits
@@ -139,7 +139,7 @@ def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
                 raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
 
 
-def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
+def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
     """Return the spherical joint, or the hinges of a universal joint, that replace a joint."""
     centre = reading.joints[name].centre
     if kind == SPHERICAL:
@@ -156,7 +156,7 @@ def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, Jo
     return {hinge: JointReading("hinge", screw(True, axis, centre), centre) for hinge, axis in hinges.items()}
 
 
-def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
+def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
     """Return the reading with other joints, none or several, in the place of one joint."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
@@ -167,20 +167,20 @@ def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Re
     return replace(reading, joints=joints, bodies=bodies)
 
 
-def _welded(reading: Reading, names: list[str], where: str) -> Reading:
+def _weld(reading: Reading, names: list[str], where: str) -> Reading:
     """Return the reading without some joints, the bodies on their two sides merged."""
     if not names:
         return reading
-    couplings = {key: _held(reading, coupling, names) for key, coupling in reading.couplings.items()}
+    couplings = {key: _hold(reading, coupling, names) for key, coupling in reading.couplings.items()}
     for name in names:
-        reading = _replaced(reading, name, {})
+        reading = _replace_joint(reading, name, {})
     assembly = assemble(dict(_links(reading)), where)
     if not reading.joints:
         raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave one at least")
     return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
 
 
-def _held(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
+def _hold(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
     """Return a coupling with some joints fixed at home; a joint that follows only these is held."""
     homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
     return replace(coupling, function=coupling.function.at(homes)) if homes else coupling

@@ -28,7 +28,7 @@ _REMEDIES = {
 }
 
 
-def compiled(
+def compile_text(
     text: str, where: str, models: Mapping[str, str] | None = None, meshes: Mapping[str, bytes] | None = None
 ) -> Any:
     """Compile a model, keeping bodies that are fixed to each other apart; no file is opened.
@@ -68,7 +68,7 @@ def _name_joints(spec: Any) -> None:
 
 
 @contextmanager
-def warned() -> Iterator[list[str]]:
+def collect_warnings() -> Iterator[list[str]]:
     """Collect MuJoCo's warnings: its own handler would write MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 
@@ -81,10 +81,10 @@ def warned() -> Iterator[list[str]]:
 
 
 @contextmanager
-def heard() -> Iterator[list[str]]:
+def collect_phrases() -> Iterator[list[str]]:
     """Collect the warnings of MuJoCo and its Python package as phrases, complete after the block."""
     phrases: list[str] = []
-    with warned() as messages, warnings.catch_warnings(record=True) as caught:
+    with collect_warnings() as messages, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield phrases
     phrases += [f"what MuJoCo warns of: {text}" for text in (*messages, *(warning.message for warning in caught))]
@@ -111,8 +111,8 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
     yield from _actuators(model)
     yield from _pairs(model, assembly)
     yield from _options(model)
-    yield from _uneven(model, assembly)
-    yield from _moved_from_outside(model)
+    yield from _uneven_compensation(model, assembly)
+    yield from _mocap_bodies(model)
     if model.nflex:
         yield Content("flexible bodies", "flexible bodies", f" ({model.nflex})")
     if model.nplugin:
@@ -182,7 +182,7 @@ def sites_along(model: Any, tendon: int) -> list[int] | None:
     return [int(model.wrap_objid[k]) for k in at] if over_sites else None
 
 
-def _along(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
+def _tendon_joints(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
     """Return the joints of a fixed tendon with their coefficients."""
     found = (shares(model, tendon) or {}).items()
     return tuple(sorted(("joints", model.joint(joint).name, share) for joint, share in found))
@@ -199,7 +199,7 @@ def _tendons(model: Any) -> Iterator[Content]:
         if shares(model, i) is None:
             yield Content("spatial tendons", "spatial tendon", name)
             continue
-        yield Content(kind.name, "fixed tendon", name, _along(model, i), _numbers(model, own, i))
+        yield Content(kind.name, "fixed tendon", name, _tendon_joints(model, i), _numbers(model, own, i))
 
 
 def single_joint(model: Any, actuator: int) -> int | None:
@@ -244,7 +244,8 @@ def _actuators(model: Any) -> Iterator[Content]:
                 own = _acts(model, [array for array in law.arrays if array not in OF_JOINTS], i)
                 yield Content(law.name, "force law of actuator" if own else RESISTS, f" {name}", of, values)
         elif drives:
-            along = _along(model, target) if drives == "tendon" else (("joints", model.joint(target).name, 1.0),)
+            alone = (("joints", model.joint(target).name, 1.0),) if drives == "joint" else ()
+            along = alone or _tendon_joints(model, target)
             values = _numbers(model, ("actuator_trntype", *several.arrays, *law.arrays), i)
             yield Content(several.name, f"actuator {name}, which drives no hinge or slide alone", "", along, values)
         else:
@@ -281,7 +282,7 @@ def _options(model: Any) -> Iterator[Content]:
         yield from (Content(what, what, f" of body {name}") for name in sorted(bodies))
 
 
-def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
+def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
     """Yield the bodies whose parts have their weight compensated by different shares."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
@@ -295,7 +296,7 @@ def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
             yield Content("parts compensated otherwise", phrase)
 
 
-def _moved_from_outside(model: Any) -> Iterator[Content]:
+def _mocap_bodies(model: Any) -> Iterator[Content]:
     """Yield the mocap bodies that equalities attach to."""
     import mujoco
 

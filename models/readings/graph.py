@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from screwgauge.models.kinematics import moved
+from screwgauge.models.kinematics import displace_joint
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import screw
 from screwgauge.models.readings.assemble import Assembly, assemble
@@ -68,7 +68,7 @@ class GraphJoint:
 
     def placed(self, T: Array) -> dict[str, JointReading]:
         """Return its freedoms where its parent is displaced. T: shape (4, 4)."""
-        return {name: moved(freedom, T) for name, freedom in self.freedoms.items()}
+        return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
 
 class Mimic(NamedTuple):
@@ -148,9 +148,9 @@ def read_graph(
     loops, names = dict(joints), Counter(name for joint in joints.values() for name in joint.freedoms)
     if twice := [name for name, count in names.items() if count > 1]:
         raise ModelFileError(f"two coordinates are called '{twice[0]}'", where, "give joints other names")
-    for name, by, back in _reached(links, joints):
+    for name, by, back in _walk(links, joints):
         if not by:
-            free = {_unused(f"{name}_free", names): JointReading("free", np.zeros(6), links[name].pose[:3, 3])}
+            free = {_free_name(f"{name}_free", names): JointReading("free", np.zeros(6), links[name].pose[:3, 3])}
             near, shift[name], freedoms = WORLD, np.eye(4), {} if name in still else free
         else:
             joint = loops.pop(by)
@@ -168,7 +168,7 @@ def read_graph(
         pose = closed if np.abs(pose - closed).max() <= rounding else pose
         end, freedoms = joint.parent, joint.placed(shift[joint.parent])
         if freedoms:
-            end = _unused(f"{joint.child or GROUND}.{name}", links)
+            end = _free_name(f"{joint.child or GROUND}.{name}", links)
             copy = replace(link(NOTHING, pose), near=joint.parent, joints=tuple(freedoms))
             tree[end], moving = replace(copy, copy_of=joint.child or GROUND), moving | freedoms
         welds[f"{name}.loop"] = joint.child, end, pose
@@ -176,7 +176,7 @@ def read_graph(
     return Reading(
         library=OWN,
         bodies=assembly.bodies,
-        joints=_aligned(moving, rounding),
+        joints=_align(moving, rounding),
         fixed=assembly.fixed,
         closures={name: _weld(assembly, *ends) for name, ends in welds.items()},
         couplings={mimic.coordinate: mimic.coupling(joints, where) for mimic in mimics},
@@ -185,14 +185,14 @@ def read_graph(
     )
 
 
-def _unused(name: str, names: Collection[str]) -> str:
+def _free_name(name: str, names: Collection[str]) -> str:
     """Return the name, extended by ``_`` while it is taken."""
     while name in names:
         name += "_"
     return name
 
 
-def _aligned(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
+def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
     """Give joints that are parallel or perpendicular but for rounding exact directions: loops depend on it."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
@@ -217,7 +217,7 @@ def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReadi
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
 
 
-def _reached(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
+def _walk(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
     """Yield each link, the joint that reaches it from the world, and whether the link is the joint's parent.
 
     Of all joints that lead further the first one of the file is taken, those that are to close loops last. A link that

@@ -13,7 +13,7 @@ from screwgauge.models.content import Content, kind_of
 from screwgauge.models.files.parts import inside, joints_in
 from screwgauge.models.formats import vector_text
 from screwgauge.models.mjcf import MOMENTS
-from screwgauge.models.readings.compiled import compiled, warned
+from screwgauge.models.readings.compiled import collect_warnings, compile_text
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
 
@@ -48,7 +48,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
     """
     content = list[Content]()
     _without_sections(root)
-    for shape in weighs(root):
+    for shape in weighing_shapes(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
         if shape.moves or shape.body.tag in moving:
             remedy = "give the body an <inertial>, or have meshes read (--meshes of import, run, check and diagnose)"
@@ -104,7 +104,7 @@ def _pairs(root: ET.Element) -> Iterator[Content]:
                 section.remove(row)
 
 
-def weighs(root: ET.Element) -> list[MeshShape]:
+def weighing_shapes(root: ET.Element) -> list[MeshShape]:
     """Return the mesh geoms from which bodies of an MJCF take their mass."""
     force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
     classes, found = classes_of(root), []
@@ -193,15 +193,15 @@ def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> li
     Raises:
         ModelFileError: A mesh lies outside the folder, cannot be read, or is refused by MuJoCo.
     """
-    weighing = [shape for shape in weighs(root) if shape.body.tag == "body" and (shape.moves or not own)]
+    weighing = [shape for shape in weighing_shapes(root) if shape.body.tag == "body" and (shape.moves or not own)]
     if not weighing:
         return []
     force = [compiler for compiler in root.iterfind("compiler") if compiler.get("inertiafromgeom") == "true"]
     bodies = {shape.body.get("name", ""): shape.body for shape in (shapes(root) if force else weighing)}
     bodies.pop("", None)  # geoms of the world
     bare, meshes = _bare(root, {id(shape.geom) for shape in weighing}, path, folder)
-    with warned():
-        model = compiled(ET.tostring(bare, encoding="unicode"), str(path), meshes=meshes)
+    with collect_warnings():
+        model = compile_text(ET.tostring(bare, encoding="unicode"), str(path), meshes=meshes)
     for name, body in bodies.items():
         inertial = _inertial(model, name, path)
         for old in body.findall("inertial"):

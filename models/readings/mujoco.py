@@ -14,10 +14,10 @@ from screwgauge.models.mjcf import POWERS, mass_properties
 from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.assemble import Assembly, assemble
 from screwgauge.models.readings.compiled import (
-    compiled,
+    collect_phrases,
+    compile_text,
     content,
     coupling_of,
-    heard,
     single_joint,
     tendon_equality,
 )
@@ -52,8 +52,8 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import mujoco
 
-    with heard() as warnings:
-        model = loaded(source)
+    with collect_phrases() as warnings:
+        model = load_mujoco(source)
         data = mujoco.MjData(model)
         for i in range(model.njnt):
             at = model.jnt_qposadr[i]
@@ -81,14 +81,14 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def loaded(source: Source) -> Any:
+def load_mujoco(source: Source) -> Any:
     """Compile a model file, keeping bodies that are fixed to each other apart.
 
     Raises:
         ModelFileError: MuJoCo refuses it.
     """
     try:
-        return compiled(source.text, str(source.path), source.models)
+        return compile_text(source.text, str(source.path), source.models)
     except ModelFileError as error:
         numbered = enumerate(read_file(source.path).splitlines(), 1)
         lines = [str(n) for n, line in numbered if "<plugin" in line or "<extension" in line]

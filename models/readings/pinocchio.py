@@ -27,7 +27,7 @@ from screwgauge.reference.rotations import Array
 
 
 @contextmanager
-def overheard() -> Iterator[list[str]]:
+def capture_errors() -> Iterator[list[str]]:
     """Collect errors that the block prints, complete after it; nothing printed reaches the terminal."""
     errors: list[str] = []
     sys.stderr.flush()
@@ -77,7 +77,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     Raises:
         ModelFileError: Pinocchio refuses it.
     """
-    model = loaded(source)
+    model = load_pinocchio(source)
     q, parts = start(model), list(elementary(model, source))
     for part in parts:
         if not part.kind and part.name in home:
@@ -85,7 +85,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = placements(model, q)
     assembly = assemble(dict(_links(model, placed, parts)), str(source.path))
-    phrases = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
+    phrases = [*_planar_axes(source), *_ignored_quaternions(source)] if source.form == "urdf" else []
     unread = [Content("read otherwise by the library", text, values=()) for text in phrases]
     return Reading(
         name=source.name,
@@ -100,7 +100,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def loaded(source: Source) -> Any:
+def load_pinocchio(source: Source) -> Any:
     """Load the model.
 
     Raises:
@@ -110,7 +110,7 @@ def loaded(source: Source) -> Any:
 
     errors: list[str] = []
     try:
-        with overheard() as errors:
+        with capture_errors() as errors:
             if source.form == "urdf":
                 model = pinocchio.buildModelFromXML(source.text)
             else:
@@ -250,7 +250,7 @@ def _planar_axes(source: Source) -> Iterator[str]:
             yield f"axis {xyz} of planar joint {joint.get('name')}: Pinocchio takes 0 0 1"
 
 
-def _unturned(source: Source) -> Iterator[str]:
+def _ignored_quaternions(source: Source) -> Iterator[str]:
     """Yield a phrase if the parser ignores quaternions: it reads them from version 1.1 on; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
@@ -306,7 +306,7 @@ def as_file(root: ET.Element) -> Iterator[str]:
         yield str(path)
 
 
-def _numbered(root: ET.Element, known: Collection[str], unread: list[Content]) -> list[tuple[str, str]]:
+def _number_closures(root: ET.Element, known: Collection[str], unread: list[Content]) -> list[tuple[str, str]]:
     """Gives closures between frames that are known names in their order, and removes the others.
 
     Returns:
@@ -333,14 +333,14 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Cont
     import pinocchio
 
     root = copy.deepcopy(root)
-    named = _numbered(root, {frame.name for frame in model.frames}, unread)
+    named = _number_closures(root, {frame.name for frame in model.frames}, unread)
     build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
     if build is None:  # before Pinocchio 4
         unread += [Content(_LOST, f"closure {name}") for _, name in named]
     if build is None or not named:
         return {}
     try:
-        with overheard(), as_file(root) as path:
+        with capture_errors(), as_file(root) as path:
             model, constraints = build(path)
     except (ValueError, RuntimeError, LookupError) as error:
         unread.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))

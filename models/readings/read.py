@@ -43,7 +43,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
     where = str(source.path)
     try:
         options = {"load_meshes": False, "load_collision_meshes": False}
-        robot = yourdfpy.URDF.load(io.BytesIO(_independent(source.root)), **options)
+        robot = yourdfpy.URDF.load(io.BytesIO(_without_mimics(source.root)), **options)
         robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
         joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
     except Exception as error:  # it raises what its own parts raise
@@ -62,7 +62,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
     )
 
 
-def _independent(root: ET.Element) -> bytes:
+def _without_mimics(root: ET.Element) -> bytes:
     """Return the file without `<mimic>`: yourdfpy would move those joints, and couplings are read separately."""
     root = copy.deepcopy(root)
     for joint in root.iterfind("joint"):
@@ -116,7 +116,7 @@ def _joint(robot: Any, joint: Any, home: float) -> JointReading:
 _NAMED = 3
 
 
-def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
+def unread_content(source: Source, reading: Reading) -> tuple[Content, ...]:
     """List the content that the reading does not hold; missing links and joints come first.
 
     Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
@@ -128,7 +128,7 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         extra_content.append(Content("contacts of geoms", "contacts of geoms"))
     own = (each for each in reading.content if source.form != "urdf" or each.kind != "force limits")
-    return (*dropped(source, reading), *_prepared(source, reading), *own, *extra_content)
+    return (*dropped_parts(source, reading), *_removed_content(source, reading), *own, *extra_content)
 
 
 def _content(source: Source, extra: Extra) -> Content:
@@ -162,14 +162,14 @@ def _number(text: str) -> float | str:
         return text
 
 
-def _prepared(source: Source, reading: Reading) -> Iterator[Content]:
+def _removed_content(source: Source, reading: Reading) -> Iterator[Content]:
     """Yield what was removed before a library read the file; only MuJoCo would take mass from meshes."""
     for each in source.content:
         idle = each.kind == "mass from meshes" and reading.library != "mujoco"
         yield replace(each, kind="put in place") if idle else each
 
 
-def dropped(source: Source, reading: Reading) -> list[Content]:
+def dropped_parts(source: Source, reading: Reading) -> list[Content]:
     """List links, moving joints and attached models of the file that the library ignores."""
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
@@ -284,9 +284,8 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
         remedy = f"{remedy_of_import(error, package)}, or take another library"
         raise ModelFileError(f"{library} cannot be loaded ({error})", str(path), remedy) from None
     _check(reading, str(path), source.form)
-    return replace(
-        reading, form=source.form, content=unread(source, reading), frames={**reading.frames, **source.fixed_joints}
-    )
+    frames = {**reading.frames, **source.fixed_joints}
+    return replace(reading, form=source.form, content=unread_content(source, reading), frames=frames)
 
 
 def _check(reading: Reading, where: str, form: str) -> None:

@@ -264,7 +264,7 @@ def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 
-def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
+def collapse(reading: Reading, keep: Collection[str] = ()) -> Reading:
     """Remove bodies without mass and inertia that carry one further body and no closure.
 
     The joints of such a body come before those of the body that it carries; links fixed to it are gone.
@@ -291,7 +291,7 @@ def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
     return replace(reading, bodies=bodies)
 
 
-def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
+def rename(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
     """Rename parts of a reading.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.models.content import OTHER, Content, force_limits
 from screwgauge.models.files.sdf import OF, Frame, Frames, base_of, is_true
 from screwgauge.models.formats import TENSOR, tensor
-from screwgauge.models.matter import NOTHING, SHAPES, Matter, displaced, joined, uniform
+from screwgauge.models.matter import NOTHING, SHAPES, Matter, displace, join, uniform
 from screwgauge.models.poses import relative, screw
 from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, link, read_graph
 from screwgauge.models.readings.reading import FREE, BodyReading, JointReading, Reading
@@ -122,7 +122,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
         density = frames.number(inertial, "density", _WATER)
-        matter = joined(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
+        matter = join(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
         if not matter.mass:
             what = f"mass of link {name} is to come from its shapes (inertial auto), and it has none"
             raise ModelFileError(what, frames.where, "write its <inertial> out")
@@ -130,7 +130,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
         matter = Matter(share * matter.mass, matter.com, share * matter.inertia)
     else:
         I = tensor(frames.number(inertial, f"inertia/i{key}", float(key[0] == key[1])) for key in TENSOR)
-        matter = displaced(Matter(frames.number(inertial, "mass", 1.0), np.zeros(3), I), frames.pose(inertial))
+        matter = displace(Matter(frames.number(inertial, "mass", 1.0), np.zeros(3), I), frames.pose(inertial))
     weightless = (element.findtext("gravity") or "true").strip() in ("false", "0")
     return link(matter, frames.poses[frame.placed], weightless=weightless)
 
@@ -149,7 +149,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
     here, T = frames.poses[frame.placed], frames.pose(collision)
     if other := base_of(collision):
         T = relative(here, frames.at(frame.named(other))) @ T
-    return displaced(uniform(shape.tag, lengths, frames.number(collision, "density", density)), T)
+    return displace(uniform(shape.tag, lengths, frames.number(collision, "density", density)), T)
 
 
 @dataclass(frozen=True, slots=True)

@@ -182,10 +182,10 @@ def _urdf(root: ET.Element, path: Path) -> Source:
         content.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
-    return Source(path, "urdf", root, tuple(content), resolved=tuple(_turned(root)))
+    return Source(path, "urdf", root, tuple(content), resolved=tuple(_turn_warnings(root)))
 
 
-def _turned(root: ET.Element) -> Iterator[str]:
+def _turn_warnings(root: ET.Element) -> Iterator[str]:
     """Yield sentences on origins of a URDF and poses of an SDF that turn by several turns."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
@@ -198,7 +198,7 @@ def _turned(root: ET.Element) -> Iterator[str]:
 
 def _sdf(root: ET.Element, path: Path) -> Source:
     content, said = expand(root, path, path.parent.resolve())
-    return Source(path, "sdf", root, tuple(content), resolved=(*said, *_turned(root)))
+    return Source(path, "sdf", root, tuple(content), resolved=(*said, *_turn_warnings(root)))
 
 
 def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
@@ -221,7 +221,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
         moving = () if own else ("body", "worldbody") if whole else ("body",)
         content += without_meshes(part.root, where, moving=moving)
         check_names(part.root, "mjcf", where)
-        _attach(part, keys)
+        _key_models(part, keys)
         if not own:
             attached[keys[part.path]] = part.root
     if attached:
@@ -264,7 +264,7 @@ def _usd(root: ET.Element, path: Path) -> Source:
     return Source(path, "usd", root)
 
 
-def _attach(part: Part, keys: Mapping[Path, str]) -> None:
+def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
     """Names the models that a file attaches by the keys of theirs."""
     if part.models:
         asset = ET.SubElement(part.root, "asset")

@@ -25,7 +25,7 @@ from screwgauge.models.files.usd import (
     value,
 )
 from screwgauge.models.formats import tensor
-from screwgauge.models.matter import NOTHING, Matter, displaced, joined, polyhedron, uniform
+from screwgauge.models.matter import NOTHING, Matter, displace, join, polyhedron, uniform
 from screwgauge.models.poses import exponential, matrix, relative, screw
 from screwgauge.models.readings.graph import WORLD, GraphJoint, Mimic, bounds, in_series, link, read_graph
 from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReading, JointReading, Reading
@@ -204,7 +204,7 @@ class _Stage:
             density = number(prim, "physics:density")
             inside = (each for each in prims(prim) if self.body_of(each) == name)
             shapes = [each for each in inside if value(each, "physics:collisionEnabled")]
-            whole = joined(self.shape(each, T, name, density) for each in shapes)
+            whole = join(self.shape(each, T, name, density) for each in shapes)
             if not whole.mass:  # what OpenUSD takes then
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
@@ -255,7 +255,7 @@ class _Stage:
             own = polyhedron(points @ turn, triangles_of(prim, len(points)), rho)
         else:
             own = uniform(_SHAPES[kind], lengths, rho)
-        return displaced(self.stated(prim, scale, displaced(own, matrix(np.zeros(3), turn))), relative(body, T))
+        return displace(self.stated(prim, scale, displace(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
         """Return the gravity of a stage; None without a scene if z is up, as is usual. Shape (3,)."""

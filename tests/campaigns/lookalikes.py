@@ -11,7 +11,7 @@ from campaigns.marks import inertials, is_urdf
 
 from screwgauge.models.files import urdf
 from screwgauge.models.files.xml import XmlText
-from screwgauge.models.matter import NOTHING, combined, displaced
+from screwgauge.models.matter import NOTHING, combine, displace
 from screwgauge.models.poses import relative
 from screwgauge.reference.rotations import rotation
 from support.robots import unit
@@ -88,8 +88,8 @@ def fixed_links_merged(text: str, rng: Random) -> str:
     wholes = {}
     for i, link in enumerate(links):
         if link.matter.mass:
-            part = displaced(link.matter, relative(links[into[i]].frame, link.frame))
-            wholes[into[i]] = combined(wholes[into[i]], part) if into[i] in wholes else part
+            part = displace(link.matter, relative(links[into[i]].frame, link.frame))
+            wholes[into[i]] = combine(wholes[into[i]], part) if into[i] in wholes else part
     for i in moved | {into[i] for i in moved}:
         for old in [child for child in links[i].element.children if child.tag == "inertial"]:
             xml.replace(old)

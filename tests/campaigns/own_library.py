@@ -20,7 +20,7 @@ from screwgauge.diagnosis.motion import FITS, Partners, follow
 from screwgauge.diagnosis.shares import Torques, with_gravity
 from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.model import Imported
-from screwgauge.models.kinematics import ReadingTree, plant
+from screwgauge.models.kinematics import ReadingTree, tree_of
 from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import libraries_of, read_source
 from screwgauge.models.readings.reading import FREEDOMS, Reading
@@ -87,7 +87,7 @@ def own_library(file: Path, imported: Imported, *, floating: bool = False) -> Ow
     reading, loops, library = read_source(source, libraries_of(source.form)[0]), loops_for(file), OWN[source.form]
     reading = reading if loops is None else with_loops(reading, loops)
     torques = Torques(with_gravity(reading))
-    tree, follower = plant(torques.reading), plant(with_gravity(_machine(imported, reading)))
+    tree, follower = tree_of(torques.reading), tree_of(with_gravity(_machine(imported, reading)))
     there = follow(tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names))
     asked = _asked(source, library, tree, torques.states, floating)
     theirs = _whole(asked, tree, torques.states) - _turning(imported, tree, torques.states)

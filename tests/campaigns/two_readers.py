@@ -15,7 +15,7 @@ from screwgauge.diagnosis.libraries import ask_library
 from screwgauge.diagnosis.motion import follow, partners_of
 from screwgauge.diagnosis.shares import STATES, with_gravity
 from screwgauge.engines.raw_queries import Answers
-from screwgauge.models.kinematics import draw, plant
+from screwgauge.models.kinematics import draw, tree_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -71,7 +71,7 @@ def _torques(file: Path, pair: Pair, *, floating: bool) -> tuple[float, float, l
         ValueError: One does not move as the other one does.
     """
     one, two = (with_gravity(machine.reading) for machine in (pair.a, pair.b))
-    a, b, states = plant(one), plant(two), draw(one, STATES)
+    a, b, states = tree_of(one), tree_of(two), draw(one, STATES)
     there = follow(a, states, b, partners_of(pair))
     if not there.fits.all():
         raise ValueError("bodies do not move alike")

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from casebook.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, joint, link, robot
 from screwgauge.engines.pinocchio.tree import initialise
-from screwgauge.models.readings.pinocchio import overheard
+from screwgauge.models.readings.pinocchio import capture_errors
 from screwgauge.processes import python
 from screwgauge.reference.rotations import Array
 
@@ -198,7 +198,7 @@ def spatial_acceleration() -> Evidence:
 
 def error_goes_on() -> Evidence:
     """Torque of the weight of a bar in a URDF with a misprint, which Pinocchio loads, and corrected."""
-    with overheard() as messages:
+    with capture_errors() as messages:
         value = float(inverse(load_urdf(_BAR.replace(f'xyz="{ARM} 0 0"', f'xyz="{ARM} 0 O"')))[0])
     return Evidence(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(messages), ""))
 

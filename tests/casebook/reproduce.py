@@ -17,7 +17,7 @@ from typing import Literal
 
 from casebook.toy_models import Evidence
 from screwgauge.casebook.book import CASES, Case
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.readings.compiled import collect_warnings
 
 Status = Literal["shown", "not shown", "failed"]
 
@@ -100,7 +100,7 @@ def reproduce(case: Case, how: Reproduction) -> Result:
         run = getattr(import_module(f"casebook.{module}"), name)
         with ExitStack() as stack:
             if "mujoco" in case.engines:  # whose warnings would go into a file in the working directory
-                stack.enter_context(warned())
+                stack.enter_context(collect_warnings())
             return Result(how, run())
     except Exception as error:  # an engine of another version may raise anything
         return Result(how, failure=f"{type(error).__name__}: {error}")

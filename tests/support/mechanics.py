@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.diagnosis.shares import with_gravity
-from screwgauge.models.kinematics import not_modelled
+from screwgauge.models.kinematics import unmodelled_forces
 from screwgauge.witness.constraints import admissible_projector, closed
 from screwgauge.witness.dynamics import armature_force, dynamics, inverse_dynamics, passive_force

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from screwgauge.models.files.robot_yaml import read_loops_yaml
-from screwgauge.models.kinematics import draw, plant, residual_at_home
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.kinematics import draw, residual_at_home, tree_of
+from screwgauge.models.readings.compiled import collect_warnings
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.mujoco import joint_equality
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read_source
@@ -14,7 +14,7 @@ from screwgauge.models.readings.reading import (
     CouplingReading,
     JointReading,
     Reading,
-    collapsed,
+    collapse,
 )
 from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped

@@ -17,7 +17,7 @@ from screwgauge.diagnosis.facts.fact import Fact, Pair, difference
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, PROPERTIES, UNITS, unit_of
 from screwgauge.models.machine import Machine
-from screwgauge.models.matter import Matter, displaced, joined, remainder, steiner
+from screwgauge.models.matter import Matter, displace, join, remainder, steiner
 from screwgauge.models.poses import relative
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -203,8 +203,8 @@ def _differing_bodies(case: Case) -> Iterator[tuple[Machine, str, Machine, Matte
         facts = tuple(fact for fact in case.of(*INERTIAL) if fact.part == name)
         to_a = _to_a(pair, name)
         a, b = pair.a.bodies[name].local, pair.b.bodies[other].local
-        yield pair.a, name, pair.b, a, displaced(b, to_a), facts
-        yield pair.b, other, pair.a, b, displaced(a, np.asarray(np.linalg.inv(to_a))), facts
+        yield pair.a, name, pair.b, a, displace(b, to_a), facts
+        yield pair.b, other, pair.a, b, displace(a, np.asarray(np.linalg.inv(to_a))), facts
 
 
 def _to_a(pair: Pair, name: str) -> Array:
@@ -237,7 +237,7 @@ def _mergers(
     """Yield slips and the body that they make of some parts; fewer slips first."""
     own = remainder(whole, (parts[name] for name in names))
     yield ["missing part"], own
-    local = {name: displaced(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
+    local = {name: displace(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
     turns: Mapping[str, Callable[[Array], Array]]
     places: Mapping[str, Callable[[Array], Array]]
     turns = {"": lambda R: R, "merged without rotation": lambda R: np.eye(3), "merged transposed": lambda R: R.T}
@@ -253,7 +253,7 @@ def _mergers(
             R, m = frames[name][:3, :3], local[name]
             Q = turns[inertia](R)
             made.append(Matter(m.mass, turns[com](R) @ m.com + places[place](frames[name]), Q @ m.inertia @ Q.T))
-        body = joined(made)
+        body = join(made)
         if plain:
             off = sum(m.mass * steiner(m.com - body.com) for m in made)
             body = replace(body, inertia=body.inertia - off)
@@ -338,8 +338,8 @@ def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array
     ours, theirs = ({"": remainder(each, each.parts.values()), **each.parts} for each in (one, two))
     for link, matter in ours.items():
         back = np.asarray(np.linalg.inv(one.fixed[link])) if link else np.eye(4)
-        other = displaced(theirs[link], back @ _to_a(pair, name))
-        yield link, displaced(matter, back), {what: getattr(other, what) for what in INERTIAL}
+        other = displace(theirs[link], back @ _to_a(pair, name))
+        yield link, displace(matter, back), {what: getattr(other, what) for what in INERTIAL}
 
 
 def _inertials(

@@ -9,7 +9,7 @@ import numpy as np
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, difference
 from screwgauge.diagnosis.properties import INERTIAL, Change, unit_of
 from screwgauge.models.machine import NO_MASS, Machine
-from screwgauge.models.matter import Matter, displaced, remainder
+from screwgauge.models.matter import Matter, displace, remainder
 from screwgauge.reference.mechanism import GROUND
 
 
@@ -18,7 +18,7 @@ def body_facts(pair: Pair) -> Iterator[Fact]:
     for name, other in pair.alignment.bodies.items():
         if GROUND in (name, other):
             continue
-        theirs = displaced(pair.b.bodies[other].matter, pair.alignment.placed[name])
+        theirs = displace(pair.b.bodies[other].matter, pair.alignment.placed[name])
         yield from _matter_facts(pair, name, other, pair.a.bodies[name].matter, theirs)
         yield from _compensation(pair, name, other)
 
@@ -31,7 +31,7 @@ def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matte
     body = pair.a.bodies[name]
     changes = _changes(pair.a, name, Matter(*(getattr(theirs if sizes[what] else ours, what) for what in INERTIAL)))
     alone = len(body.members) == 1
-    local = [displaced(each, np.asarray(np.linalg.inv(body.pose))) for each in (ours, theirs)]
+    local = [displace(each, np.asarray(np.linalg.inv(body.pose))) for each in (ours, theirs)]
     for what in (what for what in INERTIAL if sizes[what]):
         a, b = (np.asarray(getattr(each, what)) for each in local)
         needed = (changes[what],) if alone else tuple(changes.values())
@@ -60,8 +60,8 @@ def _changes(machine: Machine, name: str, whole: Matter) -> dict[str, Change]:
     """Return the changes of the heaviest member of a body that give the whole body a matter, in A's world."""
     members, bodies = machine.bodies[name].members, machine.reading.bodies
     main = max(members, key=lambda each: bodies[each].mass)
-    others = (displaced(bodies[each], bodies[each].pose) for each in members if each != main)
-    own = displaced(remainder(whole, others), np.asarray(np.linalg.inv(bodies[main].pose)))
+    others = (displace(bodies[each], bodies[each].pose) for each in members if each != main)
+    own = displace(remainder(whole, others), np.asarray(np.linalg.inv(bodies[main].pose)))
     return {what: Change(main, what, np.asarray(getattr(own, what))) for what in INERTIAL}
 
 

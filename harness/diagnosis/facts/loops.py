@@ -15,7 +15,7 @@ from screwgauge.diagnosis.machine.alignment import assign
 from screwgauge.diagnosis.machine.features import EXACT, features, gap
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.machine import Element, Link, Machine
-from screwgauge.models.matter import displaced
+from screwgauge.models.matter import displace
 from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.couplings import PolynomialSum
@@ -207,7 +207,7 @@ def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
     if body not in machine.reading.bodies:
         return False
     matter = machine.bodies[body].matter
-    turned = displaced(matter, T)
+    turned = displace(matter, T)
     size = max(float(np.abs(matter.inertia).max()), 1e-14)
     still = float(np.linalg.norm(matter.com - turned.com)) < ROUND * machine.length
     same = still and bool(np.abs(matter.inertia - turned.inertia).max() < ROUND * size)

@@ -17,8 +17,8 @@ from screwgauge.diagnosis.machine.placement import Believed
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.content import OTHER, Content, kinds
 from screwgauge.models.files.parts import NUMBERED
-from screwgauge.models.kinematics import rehomed
-from screwgauge.models.machine import Link, Machine, fused, machine_of
+from screwgauge.models.kinematics import rehome
+from screwgauge.models.machine import Link, Machine, fuse, machine_of
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.mechanism import GROUND
 
@@ -35,7 +35,7 @@ def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> P
     while (found := next(_hidden_links(pair), None)) is not None:
         side, link = found
         lost.append(_lost_link(side, "fixed", link, (link.far,)))
-        a, b = (fused(pair.a, link), pair.b) if side == "A" else (pair.a, fused(pair.b, link))
+        a, b = (fuse(pair.a, link), pair.b) if side == "A" else (pair.a, fuse(pair.b, link))
         pair = Pair(a, b, pair.alignment.fused(link, side))
     return replace(pair, lost=tuple(lost))
 
@@ -92,13 +92,13 @@ def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
         and _is_one(own, link, owners)
         and (q := _holding_coordinate(own, other, link, owners)) is not None
     }
-    own = machine_of(rehomed(own.reading, {name: q for (name,), q in held.items()})[0]) if held else own
+    own = machine_of(rehome(own.reading, {name: q for (name,), q in held.items()})[0]) if held else own
     facts = list[Fact]()
     while (link := next((link for link in own.links if _is_one(own, link, owners)), None)) is not None:
         joint = own.reading.joints[link.joints[0]] if link.joints else None
         at = f"{held[link.joints]:.6g} {unit_of('zero', joint)}" if link.joints in held else ""
         facts.append(_lost_link(side, "fixed", link, (link.far,), at))
-        own = fused(own, link)
+        own = fuse(own, link)
     return own, facts
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.models.machine import Element, Link, Machine
-from screwgauge.models.matter import displaced
+from screwgauge.models.matter import displace
 from screwgauge.reference.rotations import Array, cross
 
 #: Share of the machine's length, or of 1 rad, up to which features are the same.
@@ -72,7 +72,7 @@ class Shape:
         """The shape in another world. T: shape (4, 4)."""
         other = copy(self)
         other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
-        other.matter = displaced(self.matter, T)
+        other.matter = displace(self.matter, T)
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
@@ -110,7 +110,7 @@ class Overlay:
             T: Placement of B's world in A's. Shape (4, 4).
         """
         rows = [*self._gaps(T)]
-        first, second = self.ours.matter, displaced(self.theirs.matter, T)
+        first, second = self.ours.matter, displace(self.theirs.matter, T)
         if first.mass and second.mass:
             rows.append(np.append((first.com - second.com) / self.length, np.zeros(3)))
             scale = float(np.abs(first.inertia).max()) or 1.0

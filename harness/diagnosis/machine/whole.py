@@ -15,7 +15,7 @@ from operator import attrgetter
 import numpy as np
 
 from screwgauge.diagnosis.properties import put_on_axis
-from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
+from screwgauge.models.kinematics import gravity_of, rehome, residual_at_home, size, tree_of
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.matter import Matter
 from screwgauge.models.poses import matrix
@@ -73,9 +73,9 @@ class Whole:
     def undo(self, b: Reading, a: Reading) -> Reading:
         """Return B in the units and the place of A, under the gravity that is nearest to A's."""
         T = np.asarray(np.linalg.inv(self.placement))
-        g = downwards(b)
+        g = gravity_of(b)
         tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
-        gravity = min(tried, key=lambda each: round(float(np.linalg.norm(each - downwards(a))), 9))
+        gravity = min(tried, key=lambda each: round(float(np.linalg.norm(each - gravity_of(a))), 9))
         out = _transform(b, T, 1.0 / self.length, 1.0 / self.mass, 1.0 / self.inertia)
         return replace(out, gravity=None if b.gravity is None else gravity)
 
@@ -196,8 +196,8 @@ def _poses(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
     if not q:
         return [b]
-    there = rehomed(b, q)[0]
-    closed = max(residual_at_home(plant(there)).values(), default=0.0) < NONE * size(b)
+    there = rehome(b, q)[0]
+    closed = max(residual_at_home(tree_of(there)).values(), default=0.0) < NONE * size(b)
     return [there, b] if closed else [b]
 
 

@@ -19,8 +19,8 @@ from screwgauge.engines.tree.applied_forces import TreeForces, resisting, spring
 from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
-from screwgauge.models.mjcf import stood_in
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.mjcf import stand_in_sentence
+from screwgauge.models.readings.compiled import collect_warnings
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
@@ -34,7 +34,7 @@ Settings = MujocoSettings
 def load(files: ModelFiles, **settings: Any) -> MujocoModel:
     """Load an MJCF with its loops file; see `MujocoSettings`."""
     file = loops_file(files)
-    with warned():
+    with collect_warnings():
         tree = MujocoTree(files.model, file)
     return MujocoModel(close_tree(tree, file), MujocoDynamics(files.model, tree, MujocoSettings(**settings)))
 
@@ -47,12 +47,12 @@ class MujocoModel(TreeModel):
         self.thin = dynamics.tree.thin
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        with warned() as warnings:
+        with collect_warnings() as warnings:
             solution = super().solve(problem, progress)
         warned_of = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None
         curves = curvature_notes(self.closed.tree.couplings, problem, own_steps=steps)
-        noted = (*solution.notes, *stood_in(self.thin), *curves, *warned_of)
+        noted = (*solution.notes, *stand_in_sentence(self.thin), *curves, *warned_of)
         return replace(solution, notes=noted, warnings=warned_of)
 
 

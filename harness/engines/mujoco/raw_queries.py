@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.raw_queries import Answers, JointStates, carried
-from screwgauge.models.readings.compiled import heard
-from screwgauge.models.readings.mujoco import loaded
+from screwgauge.models.readings.compiled import collect_phrases
+from screwgauge.models.readings.mujoco import load_mujoco
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
@@ -29,7 +29,7 @@ def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
     """Query MuJoCo, see `raw_queries.Ask`. `mj_inverse` includes passive forces; dry friction, a constraint, is off."""
-    with heard():
+    with collect_phrases():
         model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
         samples = [_sample(model, data, numbers, state) for state in states]
@@ -44,7 +44,7 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
         Rows, shape (n, m, n_freedom), and their rate at zero accelerations, Jdot v, where the velocities keep the loops
         closed. Shape (n, m).
     """
-    with heard():
+    with collect_phrases():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         samples = [_closing(model, data, state) for state in states]
@@ -56,7 +56,7 @@ def _begun(
     path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
     """Load model and data with some constraints off, and iterate over states, see `_state`."""
-    model = loaded(prepare(path, floating=floating))
+    model = load_mujoco(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
     if not whole:

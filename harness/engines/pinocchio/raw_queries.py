@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.raw_queries import Answers, JointStates, carried
-from screwgauge.models.readings.pinocchio import elementary, loaded, start
+from screwgauge.models.readings.pinocchio import elementary, load_pinocchio, start
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array
 
@@ -20,7 +20,7 @@ def ask(
 ) -> Answers:
     """Query Pinocchio, see `raw_queries.Ask`. RNEA includes armature, but no damping, friction or springs."""
     source = prepare(path, floating=floating)
-    model = loaded(source)
+    model = load_pinocchio(source)
     data = model.createData()
     q, v, a, B = _states(model, source, joints)
     B, turning = _planar(model, q, v, B)

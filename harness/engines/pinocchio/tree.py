@@ -17,7 +17,7 @@ from screwgauge.engines.kit.poses import shifted
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.files.urdf import tree_urdf
-from screwgauge.models.readings.pinocchio import overheard
+from screwgauge.models.readings.pinocchio import capture_errors
 from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.mechanism import GROUND, Joint
@@ -40,7 +40,7 @@ def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
     Its parser reports errors on stderr only, and goes on with half of the file.
     """
     text, reason = tree_urdf(urdf, joints), ""
-    with overheard() as messages:
+    with capture_errors() as messages:
         try:
             model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:

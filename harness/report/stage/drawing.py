@@ -17,7 +17,7 @@ from screwgauge.models.shapes import (
     across,
     cut_joints,
     joint_marks,
-    placed,
+    place_shapes,
     viewed_from,
 )
 from screwgauge.reference.equations.kinematics import length
@@ -91,7 +91,7 @@ def drawing(
         coils: Springs, in the frames of bodies.
         idle: Labels of coordinates that no actuator drives.
     """
-    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, coils), *others]
+    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*place_shapes(mechanism, coils), *others]
     marks = joint_marks(mechanism)
     joints = [(joint, view @ place, axis) for joint, place, axis in marks]
     cloud = _cloud(mechanism, solids, marks)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.models.kinematics import rehomed
+from screwgauge.models.kinematics import rehome
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.shapes import DOUBT, PLAIN, across, facing
@@ -122,9 +122,9 @@ def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
     single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}
     if diagnosis.b.home and not diagnosis.a.home:
         q = {n: x.sign * (b.joints[x.name].home - x.zero) for n, x in single.items()}
-        return at_closed_pose(rehomed(a, q)[0]), b
+        return at_closed_pose(rehome(a, q)[0]), b
     q = {x.name: x.sign * a.joints[n].home + x.zero for n, x in single.items()}
-    return a, at_closed_pose(rehomed(b, q)[0])
+    return a, at_closed_pose(rehome(b, q)[0])
 
 
 def _title(side: str, model: Model) -> str:

@@ -19,7 +19,7 @@ from screwgauge.models.shapes import (
     SPRING,
     STANDING,
     Shape,
-    differing,
+    differences,
     shapes,
     springs,
     viewed_from,
@@ -73,7 +73,7 @@ def stage(
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
-    other_shapes = differing(mechanism, other, unsigned) if other else []
+    other_shapes = differences(mechanism, other, unsigned) if other else []
     coils = springs(mechanism, what.applied.springs) if isinstance(what, Scene) else []
     text = json.dumps(data(motion, [*coils, *other_shapes]), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
