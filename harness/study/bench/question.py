@@ -165,30 +165,25 @@ def findings(question: Question) -> Iterator[Finding]:
 
 
 def _of(question: Question, method: Method) -> Iterator[Finding]:
-    blank = Finding("", a=method.name, tolerance=GOOD, own=method.engine == OWN)
+    row, error = Finding("", a=method.name, own=method.engine == OWN), math.nan
     solution: Solution | Failure = Failure(method.name, question.refused)
     if not question.refused:
         solution = ask(method, question.files[method.engine], question.problem)
-    if isinstance(solution, Failure):
-        refused = solution.reason
-    else:  # what an engine warned of while it made steps went into every step after it
-        warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
-        refused = solution.stopped or "; ".join(warned)
-    if refused or isinstance(solution, Failure):
-        for quantity in question.quantities:
-            yield replace(blank, quantity=quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
-        return
-    blank = replace(blank, time_s=_time(solution))
-    if question.unanswerable:
-        for quantity in question.quantities:
-            yield replace(blank, quantity=quantity, error=math.inf, reason=question.unanswerable)
-        return
-    if not question.known:
-        yield _judged(question, solution, blank)
-        return
-    values, excuses = question.read(question, solution), _excuses(question, solution)
+    refused = solution.reason if isinstance(solution, Failure) else _broken_off(question, solution)
+    if not refused and not isinstance(solution, Failure):
+        row = replace(row, time_s=_time(solution))
+        if not question.unanswerable:
+            yield from _measured(question, solution, row)
+            return
+        refused, error = question.unanswerable, math.inf
     for quantity in question.quantities:
-        yield _measured(question, solution, replace(blank, quantity=quantity), values[quantity], excuses)
+        yield replace(row, quantity=quantity, error=error, reason=shorten(refused, LONGEST, placeholder=" ..."))
+
+
+def _broken_off(question: Question, solution: Solution) -> str:
+    """Return why a solution does not count: it stopped, or is made of steps of which the engine warned."""
+    warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
+    return solution.stopped or "; ".join(warned)
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
@@ -204,10 +199,23 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
     return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
-def _measured(
-    question: Question, solution: Solution, blank: Finding, values: Values, excuses: Mapping[str, str]
-) -> Finding:
-    """Measure the error of a quantity, and find the admitted one and the reason."""
+def _measured(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
+    """Yield the findings of a solution, of the judge where there are no reference values."""
+    if not question.known:
+        yield _judged(question, solution, row)
+        return
+    values, excuses = question.read(question, solution), _excuses(question, solution)
+    for quantity in question.quantities:
+        excuse = excuses.get(quantity, "") or excuses.get("", "")
+        yield _compared(question, solution, replace(row, quantity=quantity), values[quantity], excuse)
+
+
+def _compared(question: Question, solution: Solution, blank: Finding, values: Values, excuse: str) -> Finding:
+    """Measure the error of a quantity, and find the admitted one and the reason.
+
+    Args:
+        excuse: What the engine says of a value that is no number.
+    """
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, admitted = right.scales[quantity], solution.errors[quantity].absolute if quantity in solution.errors else {}
@@ -219,7 +227,7 @@ def _measured(
     if math.isinf(bound):
         admits = f"by {question.by} not one digit may be right"
     if math.isnan(error):  # only what the engine says of it counts
-        return replace(finding, reason=excuses.get(quantity, "") or excuses.get("", "") or admits)
+        return replace(finding, reason=excuse or admits)
     silent = finding.verdict == SILENT and not finding.own
     cause = question.cause.replace("{notes}", "; ".join(solution.notes)) if silent else ""
     return replace(finding, reason="; ".join(filter(None, (cause, question.remarks.get(quantity, ""), admits))))

@@ -220,10 +220,9 @@ def _elsewhere(
     """Measure contestants as tasks, and keep new results and times."""
     end = time() + protocol.left
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
-    tasks = []
-    for name, group in groups.items():
-        known = {one.key: (kept.results.get(one.key), kept.times.get(one.key, [])) for one in group}
-        tasks.append(Task(name, partial(_measured, posed, plan, group, known, end), files=posed.written()))
+    known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
+    works = {name: partial(_measured, posed, plan, group, known, end) for name, group in groups.items()}
+    tasks = [Task(name, work, files=posed.written()) for name, work in works.items()]
 
     def lost(name: str, reason: str) -> Measurements:
         return {one.key: {"status": FAILED, "reason": reason} for one in groups[name]}, {}
@@ -242,18 +241,17 @@ def _measured(
     posed: PreparedScene,
     plan: Plan,
     group: Sequence[Contestant],
-    known: Mapping[str, tuple[dict[str, Any] | None, list[float]]],
+    known: Measurements,
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Return results and times of the settings of a contestant, including those that are known.
+    """Return results and times of the settings of a contestant, beside those that are known.
 
     Args:
         end: When nothing further begins [s since 1970].
     """
     kept = Journal(None, "")
-    kept.results = {key: result for key, (result, _) in known.items() if result is not None}
-    kept.times = {key: [*times] for key, (_, times) in known.items() if times}
+    kept.results, kept.times = dict(known[0]), {key: [*times] for key, times in known[1].items()}
     _measure(posed, plan, group, kept, timing.Protocol(plan.rounds, perf_counter_ns() + (end - time()) * 1e9))
     return kept.results, kept.times
 
