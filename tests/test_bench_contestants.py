@@ -34,11 +34,6 @@ def found(bench_of_all):
     return bench_of_all
 
 
-def worst(found, name: str, quantity: str, setting: str = "") -> float:
-    rows = [r for r in found.rows if r.contestant.name == name and r.quantity == quantity]
-    return max(row.error for row in rows if setting in row.contestant.setting)
-
-
 @pytest.mark.slow
 def test_there_are_enough_of_them(found):
     assert len(found.rows) >= 40
@@ -73,12 +68,27 @@ def test_no_two_contestants_share_a_key(found):
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES)
-@pytest.mark.parametrize(
-    "name", ["closed-form", "screw-trajectory", "screw-per-sample", "pinocchio-path", "mujoco-path"]
-)
-def test_whole_paths_agree_with_the_reference(found, name, quantity):
-    assert worst(found, name, quantity) < 1e-13
+#: Contestant, words of its setting, quantities, and least and largest error of each row.
+ERRORS = [
+    *((name, "", QUANTITIES, 0.0, 1e-13) for name in ("closed-form", "screw-trajectory", "screw-per-sample")),
+    *((name, "", QUANTITIES, 0.0, 1e-13) for name in ("pinocchio-path", "mujoco-path")),
+    ("float32", "", QUANTITIES, 1e-8, 1e-5),  # seven digits less rounding
+    ("mj-inverse-projected", "", ["actuator_force"], 0.0, 5e-14),
+    ("pinocchio-rnea", "", ["actuator_force"], 0.0, 5e-14),
+    ("mj-inverse-naive", "", ["actuator_force"], 0.1, np.inf),
+    ("paper-printed", "", ["joint_position"], 0.1, np.inf),  # however small the steps
+    ("paper-corrected", "RK4, step = 0.001", ["joint_position"], 0.0, 1e-9),
+    ("mj-forward", "0.9999", ["joint_acceleration"], 0.1, np.inf),
+    ("mj-refinement", "0.9999, 5 passes", ["joint_acceleration"], 0.0, 5e-10),
+]
+
+
+@pytest.mark.parametrize(("name", "setting", "quantities", "least", "most"), ERRORS)
+def test_errors_are_what_a_method_is_worth(found, name, setting, quantities, least, most):
+    for quantity in quantities:
+        rows = [row for row in found.rows if (row.contestant.name, row.quantity) == (name, quantity)]
+        errors = [row.error for row in rows if setting in row.contestant.setting]
+        assert least <= min(errors) <= max(errors) <= most
 
 
 @pytest.mark.slow
@@ -89,32 +99,10 @@ def test_newton_improves_with_every_step(monkeypatch):
     monkeypatch.setattr(run_module, "choose", lambda names, *, quick: chosen)
     found = bench(scene, plan=plan)
     steps = ("0 Newton", "1 Newton", "2 Newton", "to rounding")
-    errors = [worst(found, "newton", "joint_position", step) for step in steps]
+    errors = [max(row.error for row in found.rows if step in row.contestant.setting) for step in steps]
     assert errors == sorted(errors, reverse=True)
     assert errors[0] > 1e-4
     assert errors[-1] < 5e-14
-
-
-@pytest.mark.parametrize("quantity", QUANTITIES)
-def test_single_precision_has_seven_digits_less_rounding(found, quantity):
-    assert 1e-8 < worst(found, "float32", quantity) < 1e-5
-
-
-def test_projection_is_exact_and_the_naive_reading_is_not(found):
-    assert worst(found, "mj-inverse-projected", "actuator_force") < 5e-14
-    assert worst(found, "pinocchio-rnea", "actuator_force") < 5e-14
-    assert worst(found, "mj-inverse-naive", "actuator_force") > 0.1
-
-
-def test_the_paper_as_printed_does_not_get_better_with_smaller_steps(found):
-    errors = [r.error for r in found.rows if r.contestant.name == "paper-printed" and r.quantity == "joint_position"]
-    assert min(errors) > 0.1
-    assert worst(found, "paper-corrected", "joint_position", "RK4, step = 0.001") < 1e-9
-
-
-def test_refinement_removes_the_softness(found):
-    assert worst(found, "mj-forward", "joint_acceleration", "0.9999") > 0.1
-    assert worst(found, "mj-refinement", "joint_acceleration", "0.9999, 5 passes") < 5e-10
 
 
 def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
@@ -243,27 +231,17 @@ def test_a_mechanism_without_closed_form_says_so():
     assert {r.status for r in rows if r.contestant.name != "closed-form"} == {"ok"}
 
 
-def values(array: list[list[float]], units: tuple[str, ...] = ("rad", "m")) -> Values:
-    return Values(("x", "y"), units, np.array(array))
-
-
-def test_errors_are_scaled_by_unit():
-    found = score(
-        "q", deviation(values([[1.0, 5.0], [1.0, 3.0]]), values([[1.0, 3.0], [0.0, 3.0]])), {"rad": 2.0, "m": 8.0}
-    )
-    assert found.error == 0.5
-    assert found.rms == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
-
-
-def test_one_number_that_is_none_fails_the_row():
-    found = score(
-        "q", deviation(values([[np.nan, 1.0], [1.0, 1.0]]), values([[1.0, 1.0], [1.0, 1.0]])), {"rad": 1.0, "m": 1.0}
-    )
-    assert np.isnan(found.error)
-    assert found.reason == "not a number at 1 of 2 samples"
-
-
-def test_samples_that_the_reference_lacks_do_not_count():
-    truth = values([[np.nan, 1.0], [1.0, 1.0]])
-    found = score("q", deviation(values([[7.0, 7.0], [1.0, 1.5]]), truth), {"rad": 1.0, "m": 1.0})
-    assert found.error == 0.5
+@pytest.mark.parametrize(
+    ("array", "truth", "scales", "error", "rms"),
+    [
+        ([[1.0, 5.0], [1.0, 3.0]], [[1.0, 3.0], [0.0, 3.0]], (2.0, 8.0), 0.5, np.sqrt((0.25**2 + 0.5**2) / 4)),
+        ([[np.nan, 1.0], [1.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]], (1.0, 1.0), np.nan, np.nan),
+        ([[7.0, 7.0], [1.0, 1.5]], [[np.nan, 1.0], [1.0, 1.0]], (1.0, 1.0), 0.5, np.sqrt(0.5**2 / 2)),
+    ],
+    ids=["scaled by unit", "not a number", "no truth of a sample"],
+)
+def test_an_error_is_of_all_components_and_samples(array, truth, scales, error, rms):
+    values, right = (Values(("x", "y"), ("rad", "m"), np.array(each)) for each in (array, truth))
+    found = score("q", deviation(values, right), dict(zip(("rad", "m"), scales, strict=True)))
+    assert (found.error, found.rms) == (pytest.approx(error, nan_ok=True), pytest.approx(rms, nan_ok=True))
+    assert ("1 of 2 samples" in found.reason) == np.isnan(error)
