@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from screwgauge.study.bench.loops import ITERATIONS
 from screwgauge.study.bench.open_states import FORWARD, HARD
 from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
 from screwgauge.study.bench.stress import CASES, COLUMNS, Stress, StressCase, climb, decades, stress

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -50,7 +49,6 @@ from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference, pose_scene, reference_values, sizes
 from screwgauge.study.solving import solve
 
-ITERATIONS = (1, 2, 5)
 REGULAR_SAMPLES = 3
 _RESIDUAL = "mu times the last change of the multipliers (relative_residual)"
 #: Regular poses (they are singular at crank = pi/2), at speed.
@@ -62,32 +60,17 @@ polynomial = [0.3, -5, 4]
 [time]
 times = [0, 0.05, 0.1]
 """
-_REGULAR = {"mu": 1e-10, "iterations": 5, "examine": True}  # whatever the rank; two iterations leave about 1e-15
-_HARD = {"solimp": 0.9999, "passes": 10, "examine": True}  # the softness is not what is looked at here
-_POINTS = Method("pinocchio", _REGULAR, "pinocchio 3D"), Method("mujoco", _HARD, "mujoco connect")
-_FRAMES = (
-    Method("pinocchio", {**_REGULAR, "frames": True}, "pinocchio 6D"),
-    Method("mujoco", {**_HARD, "weld": True}, "mujoco weld"),
-)
-_LOCKED = "a closure by whole frames locks the hinge: {notes} of 1, which nothing says"
 
 
 def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask `constraintDynamics` over mu and iterations, and with the settings that integrate motions, whatever mu."""
     posed = loaded(folder)
     yield push(posed, SCREW)
-    yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
-    methods, mechanism = _proximal("deficient", mu), load_mechanism(FILE)
-    files = dict.fromkeys((method.engine for method in methods), write_four_bar(folder))
+    yield replace(push(posed), by=_RESIDUAL, of="full rank")
+    mechanism, files = load_mechanism(FILE), {"pinocchio": write_four_bar(folder)}
     problem, exact = four_bar_states(REGULAR_SAMPLES)
     right = Reference.by_size("exact", mechanism, {ACCELERATION: exact})
-    yield Question(mechanism, files, problem, methods, (ACCELERATION,), right, by=_RESIDUAL)
-
-
-def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
-    label = f"pinocchio {loop}"
-    counted = (Method("pinocchio", {"mu": mu, "iterations": n, "examine": True}, f"{label} {n}x") for n in ITERATIONS)
-    return (*counted, Method("pinocchio", {"examine": True}, f"{label} safe"))
+    yield Question(mechanism, files, problem, (), (ACCELERATION,), right, by=_RESIDUAL, of="deficient")
 
 
 def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -97,9 +80,7 @@ def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Q
     posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=REGULAR_SAMPLES)
     yield _forces(posed)
     yield push(posed, SCREW)
-    for points, frames in zip(_POINTS, _FRAMES, strict=True):
-        yield push(posed, points)
-        yield replace(push(posed, frames), cause=_LOCKED)
+    yield push(posed)
 
 
 def _forces(posed: PreparedScene) -> Question:
@@ -134,22 +115,6 @@ QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 TIGHT, OWN = 1e-12, 1e-11
 INSTANT, SAMPLES = 1.0, 11  # [s] of the default scene, where all its terms are at work
 DURATION, QUICK_DURATION = 1.0, 0.3  # [s]
-SETTINGS: dict[str, dict[str, Any]] = {
-    "Euler": {},
-    "implicit": {"integrator": "implicit"},
-    "implicitfast": {"integrator": "implicitfast"},
-    "RK4": {"integrator": "RK4"},
-    "discrete": {"integrator": "discrete"},
-    "solref 0.05 s": {"solref": 0.05},
-    "solref 0.005 s": {"solref": 0.005},
-    "d = 0.99": {"solimp": 0.99},
-    "d = 0.9999": {"solimp": 0.9999},
-    "refined": {"solimp": 0.9999, "passes": 4},
-}
-PASSES = {0: "0 passes", 1: "1 pass", 2: "2 passes", 4: "4 passes"}
-_SOFT = "MuJoCo's soft loop gives way under load, and nothing says so; a finer step changes nothing"
-_STIFF = "first-order error of a fixed step that nothing estimates"
-_YIELDING = "softness of the loops, ((1 - d) / d)^(passes + 1), of which nothing is said"
 
 
 def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -157,20 +122,16 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
     scene = load_scene(SCENE)
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
-    exact = replace(right, files=files_of(scene, folder, (SCREW, Method("mujoco"))))
+    exact = replace(right, files=files_of(scene, folder))
     yield integrated(exact, Integration(rtol=OWN, atol=OWN))
-    soft = replace(exact, right=in_tree(exact))
-    for label, settings in SETTINGS.items():
-        method = Method("mujoco", {"dt": dt, "work": False, **settings}, f"mujoco {label}")
-        yield replace(soft, methods=(method,), cause=_STIFF if "passes" in settings else _SOFT)
+    yield replace(exact, right=in_tree(exact), methods=())
 
 
 def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Apply the last constraint force from outside, and solve for the accelerations again."""
     posed = loaded(folder)
     yield push(posed, SCREW)
-    methods = (Method("mujoco", {"solimp": 1.0 - softness, "passes": n}, f"mujoco {x}") for n, x in PASSES.items())
-    yield replace(push(posed, *methods), cause=_YIELDING, condition=loop_condition(true_velocities(posed)))
+    yield replace(push(posed), condition=loop_condition(true_velocities(posed)))
 
 
 @lru_cache(maxsize=4)

@@ -62,7 +62,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     write_models(mechanism, folder, gravity=scene.applied.g)
     exact = TRUTH if find_spec("flint") else SCREW.engine
     solutions, _ = solve(scene, (*ENGINES, exact), JUDGED)
-    true, files = Reference.by_size(exact, mechanism, solutions[exact].values), files_of(scene, folder, methods)
+    true, files = Reference.by_size(exact, mechanism, solutions[exact].values), files_of(scene, folder)
     given = Question(mechanism, files, scene.problem(JUDGED), methods, ("generalized_force", "actuator_force"), true)
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))

@@ -104,6 +104,7 @@ class Question:
 
     Attributes:
         files: Engine -> its model.
+        methods: Those of the case in ``cases.toml`` whose `of` is that of the question, if there is none here.
         quantities: What is measured, in this order.
         right: Their true values, of the compared components; `UNKNOWN` where there is no truth: then the judge
             measures.
@@ -131,6 +132,7 @@ class Question:
     condition: float | None = None
     refused: str = ""
     unanswerable: str = ""
+    of: str = ""
 
     @property
     def known(self) -> bool:
@@ -145,9 +147,10 @@ def put(
     return Question(scene.mechanism, files_of(scene, folder, methods), problem, methods, names, right)
 
 
-def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...]) -> dict[str, ModelFiles]:
-    """Return the models of a scene that a folder holds."""
-    return {method.engine: model_files(scene, method.engine, folder) for method in methods}
+def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...] = ()) -> dict[str, ModelFiles]:
+    """Return the models of a scene that a folder holds, of the default engines and of methods."""
+    names = dict.fromkeys([*ENGINES, *(method.engine for method in methods)])
+    return {name: model_files(scene, name, folder) for name in names}
 
 
 def integrated(question: Question, integration: Integration) -> Question:
@@ -333,9 +336,9 @@ def loaded(folder: Path) -> PreparedScene:
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Ask for accelerations: of all joints from `screw`, of its tree from another engine."""
+    """Ask for accelerations: of all joints from `screw`, of its tree from other methods."""
     mechanism = posed.scene.mechanism
-    names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
+    names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
     right = replace(posed.reference, values=values)  # measured by the scales of all
     return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)

@@ -50,20 +50,12 @@ START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed
 RADAU = Integration("Radau", 1e-5, 1e-7)
 DOP853 = Integration("DOP853", 1e-7, 1e-9)
 MOST_STEPS = 100  # steps that an explicit method may need for stability alone
-DT = 1e-4  # [s] of the engines' own steps
 QUANTITIES = ("motion", "energy")
 _PUSHED = (
     Method("pinocchio", {"mu": 1e-10, "iterations": 5}),
     Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # the softness is not what is looked at here
 )
 _RADAU = tuple(Method(engine, label=f"{engine} Radau") for engine in ("screw", "pinocchio", "mujoco"))
-_STEPS = "steps of 0.1 ms, however fast the motion; nothing estimates their error"
-_SOFT = f"loops soft even at d = 0.9999 and {_STEPS}"
-_STEPPERS = (
-    (Method("pinocchio", {"integrator": "Euler", "dt": DT}, "pinocchio Euler"), _STEPS),
-    (Method("mujoco", {"integrator": "Euler", "dt": DT, "solimp": 0.9999}, "mujoco Euler"), _SOFT),
-    (Method("mujoco", {"integrator": "implicitfast", "dt": DT, "solimp": 0.9999}, "mujoco implicitfast"), _SOFT),
-)
 
 
 def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -72,8 +64,7 @@ def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
     yield explicit(question, fastest)
     yield tolerant(question, RADAU, *_RADAU)
-    for stepper, cause in _STEPPERS:
-        yield replace(question, methods=(stepper,), cause=cause)
+    yield question
 
 
 def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ...]:

@@ -6,7 +6,7 @@ No module that asks a question is imported before its case is run.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
@@ -24,7 +24,7 @@ from screwgauge.study.address import address
 from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
-from screwgauge.study.methods import missing
+from screwgauge.study.methods import Method, missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
 
@@ -91,17 +91,32 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
     return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
 
 
-def _asked(ask: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
-    """Return the questions of a rung from a function, ``module:name``."""
+def _asked(
+    ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
+) -> Iterator[Question]:
+    """Yield the questions of a rung, those without methods for each entry of the case that is of them.
+
+    Args:
+        ask: Function of this room, ``module:name``.
+    """
     module, name = ask.split(":")
     function: Ask = getattr(import_module(f"screwgauge.study.bench.{module}"), name)
-    return function(severity, quick, folder)
+    at = {"$severity": severity, "$rest": 1.0 - severity}
+    for question in function(severity, quick, folder):
+        if question.methods:
+            yield question
+            continue
+        for entry in (each for each in methods if each.get("of", "") == question.of):
+            settings = {key: at.get(value, value) for key, value in entry.get("settings", {}).items()}
+            method = Method(entry["engine"], settings, entry["label"])
+            yield replace(question, methods=(method,), cause=entry.get("cause", ""))
 
 
 def _case(entry: dict[str, Any]) -> StressCase:
     """Return the case of an entry of the table."""
     rungs = {name: _rungs(entry[name]) for name in ("full", "quick")}
-    return StressCase(**{**entry, **rungs, "ask": partial(_asked, entry["ask"])})
+    fields = {name: value for name, value in entry.items() if name != "methods"}
+    return StressCase(**{**fields, **rungs, "ask": partial(_asked, entry["ask"], entry.get("methods", ()))})
 
 
 def _rungs(given: Any) -> tuple[float, ...]:
