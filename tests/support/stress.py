@@ -2,6 +2,5 @@
 
 from __future__ import annotations
 
-from screwgauge.study.bench.open_states import FORWARD, HARD
 from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
 from screwgauge.study.bench.stress import CASES, COLUMNS, Stress, StressCase, climb, decades, stress
