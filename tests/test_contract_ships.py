@@ -26,24 +26,30 @@ FILTER = "slider-crank or planar-4 or test_answers or test_refusals"
 WHOLE = f"{FILTER} or test_tasks or feature or redundant or rccc or 3-upu or stewart or belt-leg or geared or ruse"
 
 
-def contract(folder: Path, *options: str, engine: str = "", text: str = "", module: str = "") -> tuple[int, str]:
-    """Install an engine and run the contract in an empty folder."""
+def contract(folder: Path, *options: str, **modules: str) -> tuple[int, str]:
+    """Install engines, a module each, and run the contract for them in an empty folder."""
     (folder / "empty").mkdir()
-    (folder / "own_engine.py").write_text(module or HEAD + text, encoding="utf-8")
     said = folder / "own_engine-1.dist-info"
     said.mkdir()
     (said / "METADATA").write_text("Metadata-Version: 2.1\nName: own-engine\nVersion: 1\n", encoding="utf-8")
-    (said / "entry_points.txt").write_text(f"[{GROUP}]\nown = own_engine:ENGINE\n", encoding="utf-8")
-    named = ["--engine", engine] if engine else []
-    command = python("-m", "pytest", "-q", "-rsf", "-p", "no:cacheprovider", "-p", "no:xdist")
-    command += ["--pyargs", "screwgauge.contract", *named, *options]
+    points = "".join(f"{name} = {name}_engine:ENGINE\n" for name in modules)
+    (said / "entry_points.txt").write_text(f"[{GROUP}]\n{points}", encoding="utf-8")
+    for name, text in modules.items():
+        (folder / f"{name}_engine.py").write_text(text, encoding="utf-8")
+    command = python("-m", "pytest", "-q", "-rsfE", "-p", "no:cacheprovider", "-p", "no:xdist")
+    command += ["--pyargs", "screwgauge.contract", *options]
     environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "500"}
     done = subprocess.run(command, cwd=folder / "empty", env=environment, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
+def own(name: str, text: str = "") -> str:
+    """Write the module of an engine that does as the solver, but for further lines."""
+    return f"{HEAD}{text}\n".replace("own_engine", f"{name}_engine").replace('"own"', f'"{name}"')
+
+
 def test_an_engine_that_does_all_passes(tmp_path):
-    status, said = contract(tmp_path, "-k", FILTER, engine="own")
+    status, said = contract(tmp_path, "-k", FILTER, "--engine", "own", own=own("own"))
     assert status == 0, said
     assert "failed" not in said
 
@@ -58,7 +64,7 @@ def named(text: str) -> str:
 def test_engines_of_the_page_pass(file, tmp_path):
     text = guide.shown_files()[file]
     assert {*re.findall(r"screwgauge[.\w]*", text)} == {"screwgauge.plugins"}
-    status, said = contract(tmp_path, "-k", WHOLE, engine="own", module=named(text))
+    status, said = contract(tmp_path, "-k", WHOLE, "--engine", "own", own=named(text))
     assert status == 0, said
 
 
@@ -97,31 +103,35 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("kind", WRONG)
-def test_its_author_is_told_what_is_wrong(kind, tmp_path):
-    text, said = WRONG[kind]
-    status, printed = contract(
-        tmp_path,
-        "-k",
-        "slider-crank or planar-4 or printed",
-        engine="own",
-        text=f"from dataclasses import replace\n{text}\n",
-    )
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """What the contract prints of all of them, and of one that lacks a quantity."""
+    texts = {kind.replace(" ", "_"): text for kind, (text, _) in WRONG.items()}
+    texts["has_less"] = "ENGINE = replace(ENGINE, lacks={'reaction': 'has none'})"
+    modules = {name: own(name, f"from dataclasses import replace\n{text}") for name, text in texts.items()}
+    named = [option for name in modules for option in ("--engine", name)]
+    folder = tmp_path_factory.mktemp("contract")
+    status, printed = contract(folder, "-k", "slider-crank or planar-4 or printed", *named, **modules)
     assert status == pytest.ExitCode.TESTS_FAILED, printed
-    assert said in printed
-    assert "AttributeError" not in printed
+    return printed
 
 
-def test_what_an_engine_lacks_is_skipped_by_name(tmp_path):
-    text = "from dataclasses import replace\nENGINE = replace(ENGINE, lacks={'reaction': 'has none'})"
-    status, said = contract(tmp_path, "-k", "slider-crank", engine="own", text=text)
-    assert status == 0, said
-    assert "own lacks reaction: has none" in said
+@pytest.mark.parametrize("kind", WRONG)
+def test_its_author_is_told_what_is_wrong(kind, told):
+    name, said = kind.replace(" ", "_"), WRONG[kind][1]
+    assert any(line.startswith(("FAILED", "ERROR")) and f"[{name}" in line for line in told.splitlines()), told
+    assert said in told
+    assert "AttributeError" not in told
+
+
+def test_what_an_engine_lacks_is_skipped_by_name(told):
+    assert not any(line.startswith(("FAILED", "ERROR")) and "[has_less" in line for line in told.splitlines()), told
+    assert "has_less lacks reaction: has none" in told
 
 
 @pytest.mark.parametrize(("engine", "said"), [("", "give --engine"), ("onw", "did you mean 'own'")])
 def test_an_engine_that_there_is_not_is_one_sentence(engine, said, tmp_path):
-    status, printed = contract(tmp_path, engine=engine)
+    status, printed = contract(tmp_path, *(["--engine", engine] if engine else []), own=own("own"))
     assert status == pytest.ExitCode.USAGE_ERROR
     assert said in printed
     assert len(printed.strip().splitlines()) == 1
