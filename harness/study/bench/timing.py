@@ -85,7 +85,7 @@ def measure(
     record: Callable[[str, float], None],
     known: Mapping[str, list[float]],
     first: Mapping[str, float],
-) -> list[str]:
+) -> None:
     """Measure all contestants in turn, round after round: what slows the machine for a while slows all alike.
 
     Args:
@@ -93,9 +93,6 @@ def measure(
         record: Takes key and seconds of each measurement.
         known: Key -> seconds measured so far; `record` adds to it.
         first: Key -> seconds of that first call, which say how often and how warm it has to be measured.
-
-    Returns:
-        Keys that the budget left without a single measurement.
     """
     for turn in range(protocol.rounds):
         for key, call in calls.items():
@@ -104,11 +101,10 @@ def measure(
             if len(before) > turn or len(before) >= enough(shortest, protocol.rounds):
                 continue
             if protocol.over:
-                return [k for k in calls if not known.get(k)]
+                return
             if shortest < WARM_BELOW:
                 call()
             record(key, once(call, protocol.clock)[0])
-    return []
 
 
 def enough(seconds: float, rounds: int) -> int:
