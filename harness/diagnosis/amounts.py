@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -76,21 +75,10 @@ def compare_values(what: str, a: Array, b: Array, unit: str) -> str:
     return f"{said} ({_difference(b - a, unit)})" if what in ("com", "gravity") else said
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Axes:
-    """Axes in which a rotation or a displacement is stated.
-
-    Attributes:
-        name: Their owner, such as ``link3 in A``.
-        R: Their directions in A's world at home, as columns. Shape (3, 3).
-    """
-
-    name: str
-    R: Array
-
-
+#: Owner, such as ``link3 in A``, and directions in A's world at home as columns, shape (3, 3).
+Axes = tuple[str, Array]
 #: Axes of places without a body.
-WORLD = Axes("the world in A", np.eye(3))
+WORLD: Axes = ("the world in A", np.eye(3))
 #: Share of a step, or of a vector, below which its other part, or a component, is rounding.
 _SHARE = 1e-5
 
@@ -122,14 +110,15 @@ def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = 
         brief: Leave out the vector.
     """
     shown_ = np.degrees(step) if unit == "deg" else step * 1e3
-    for each in axes:
-        along = each.R.T @ shown_
+    for name, R in axes:
+        along = R.T @ shown_
         k = int(np.abs(along).argmax())
         if np.abs(np.delete(along, k)).max() <= _SHARE * abs(along[k]):
-            return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {each.name}"
-    along = axes[0].R.T @ shown_
+            return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {name}"
+    name, R = axes[0]
+    along = R.T @ shown_
     size = f"{np.linalg.norm(along):.6g} {unit}"
-    return size if brief else f"{size}, {_round_vector(along)} {unit} in the axes of {axes[0].name}"
+    return size if brief else f"{size}, {_round_vector(along)} {unit} in the axes of {name}"
 
 
 def format_value(value: object) -> str:

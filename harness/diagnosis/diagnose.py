@@ -16,7 +16,7 @@ from screwgauge.diagnosis.causes.reasons import find_reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import explain
 from screwgauge.diagnosis.facts.fact import Fact, Pair, mark_compiled, mark_rounding, other_gravity, select
-from screwgauge.diagnosis.facts.structure import Beyond, compare_content
+from screwgauge.diagnosis.facts.structure import compare_content
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import make_fix
 from screwgauge.diagnosis.libraries import check_libraries, compare_dynamics, compare_libraries
@@ -91,10 +91,12 @@ def find(
     )
     if not start.alike:
         return start
-    beyond = Beyond() if only else compare_content(pair)
-    facts = select([*_drop_given_names(told.facts, start.how), *beyond.facts], only)
+    content, withheld, aside = ([], (), ()) if only else compare_content(pair)
+    facts = select([*_drop_given_names(told.facts, start.how), *content], only)
     facts = tuple(mark_compiled(marked(facts), [model.library for model in models]))
-    found = replace(start, facts=facts, standing=told.standing, beyond=beyond, mobility=_mobility(models))
+    found = replace(
+        start, facts=facts, standing=told.standing, withheld=withheld, aside=aside, mobility=_mobility(models)
+    )
     if not deadline.over("order of the joints"):
         joints = {name: partner.name for name, partner in pair.joints.items()}
         found = replace(found, order=compare_orders(models, joints, seed))

@@ -150,15 +150,20 @@ def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = 
 
 def compare_pair(pair: Pair) -> Explanation:
     """Compare two machines whose bodies have partners."""
-    facts = [*structure_facts(pair), *link_facts(pair), *body_facts(pair)]
-    facts += [
-        *model_facts(pair),
-        *coupling_facts(pair),
-        *actuator_facts(pair),
-        *softness_facts(pair),
-        *name_facts(pair),
-    ]
-    return Explanation(pair, tuple(facts))
+    return Explanation(pair, tuple(fact for compare in COMPARISONS for fact in compare(pair)))
+
+
+#: Comparisons of a pair; those of links find the partners of joints.
+COMPARISONS: Sequence[Callable[[Pair], Iterator[Fact]]] = (
+    structure_facts,
+    link_facts,
+    body_facts,
+    model_facts,
+    coupling_facts,
+    actuator_facts,
+    softness_facts,
+    name_facts,
+)
 
 
 def _compare_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation:

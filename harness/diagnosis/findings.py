@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from screwgauge.diagnosis.causes.causes import Cause
 from screwgauge.diagnosis.causes.reasons import Reason
 from screwgauge.diagnosis.facts.fact import IDLE, Fact, Pair
-from screwgauge.diagnosis.facts.structure import Beyond
+from screwgauge.diagnosis.facts.structure import Sided
 from screwgauge.diagnosis.fix import Fix
 from screwgauge.diagnosis.libraries import LibraryCheck, Together
 from screwgauge.diagnosis.machine.whole import Whole
@@ -18,8 +18,6 @@ from screwgauge.diagnosis.shares import SAME, Largest, Order
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis, Difference
-    from screwgauge.diagnosis.facts.fact import Fact
-    from screwgauge.diagnosis.model import Model
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +31,7 @@ class Findings:
         facts: Facts of bodies, joints, loops and content; a whole first.
         standing: Facts of B as it stands, where a fact of the whole replaces them.
         causes: Causes of the facts, ranked; `reasons`: likely slips behind them.
+        withheld: Content that could differ and is not compared, with its side; `aside`: content out of scope.
         torques: Largest effect of all facts on the torques of A; `by_joint`: the scaled effect on each component.
         mobility: Freedoms that loops leave in A and in B; None without loops.
         agreement: Difference of the dynamics of both readings, where nothing else differs; `together`: that of the
@@ -51,7 +50,8 @@ class Findings:
     standing: tuple[Fact, ...] = ()
     causes: tuple[Cause, ...] = ()
     reasons: tuple[Reason, ...] = ()
-    beyond: Beyond = field(default_factory=Beyond)
+    withheld: Sided = ()
+    aside: Sided = ()
     torques: Largest = field(default_factory=lambda: Largest(0.0, 0.0, "", ""))
     by_joint: tuple[tuple[str, float], ...] = ()
     mobility: tuple[int, int] | None = None
@@ -88,7 +88,7 @@ class Findings:
     @property
     def undecided(self) -> bool:
         """True if nothing differs, but something that is not compared might."""
-        return self.agrees and bool(self.beyond.withheld or self.why_not)
+        return self.agrees and bool(self.withheld or self.why_not)
 
     @property
     def same(self) -> bool:

@@ -91,20 +91,20 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
     spell = make_speller(a.text)
     text, best = b.text, Fix("", open=open_)
     for plain in (False, True):
-        patch = change_file(text, b.reading, changes, plain=plain, spell=spell)
-        why = tuple(dict.fromkeys(reason for _, reason in patch.left))
-        if len(patch.left) == len(changes):
+        changed, unwritten = change_file(text, b.reading, changes, plain=plain, spell=spell)
+        why = tuple(dict.fromkeys(reason for _, reason in unwritten))
+        if len(unwritten) == len(changes):
             return replace(best, why_not=why)
         try:
-            again = reread(b.file, patch.text, lambda file: b.read_again(file, load))
+            again = reread(b.file, changed, lambda file: b.read_again(file, load))
         except ScrewgaugeError as error:
             best = replace(best, why_not=(*why, f"the changed file cannot be read: {error.what}"))
             continue
         left = select(explain(a.posed, rehome(again, b.home)[0], _names(pair, again)).facts, only)
         left = tuple(fact for fact in left if fact.what != "name")
-        lost = {(change.item, change.what) for change, _ in patch.left}
+        lost = {(change.item, change.what) for change, _ in unwritten}
         deaf = [f.what for f in left if f.what in OPTIONAL and (f.partner or f.part, f.what) not in lost]
-        best = Fix(patch.text, left, why, tuple(dict.fromkeys(deaf)), open_)
+        best = Fix(changed, left, why, tuple(dict.fromkeys(deaf)), open_)
         if best.proved:
             break
     return best

@@ -63,39 +63,21 @@ def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointSta
     }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Compared:
-    """A quantity at states, from the library and from what it has read.
-
-    Attributes:
-        least: What differences are scaled by where `ours` is smaller.
-    """
-
-    theirs: Array
-    ours: Array
-    least: float = 0.0
-
-    @property
-    def off(self) -> float:
-        """The largest difference."""
-        return float(np.abs(self.theirs - self.ours).max(initial=0.0))
-
-    @property
-    def scaled(self) -> float:
-        """The largest difference over the largest magnitude."""
-        scale = max(float(np.abs(self.ours).max(initial=0.0)), self.least)
-        return self.off / scale if scale else self.off
+def _scaled(theirs: Array, ours: Array, least: float = 0.0) -> float:
+    """Return the largest difference over the largest magnitude, or over `least` if that is larger."""
+    scale = max(float(np.abs(ours).max(initial=0.0)), least)
+    return float(np.abs(theirs - ours).max(initial=0.0)) / (scale or 1.0)
 
 
-def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
-    """Compare quantities of the open tree."""
+def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, float]:
+    """Return scaled differences of quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # scale of forces that vanish
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
-    by_name = {"tau": Compared(theirs.tau, expected, force)}
+    by_name = {"tau": _scaled(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
-        by_name[name] = Compared(getattr(theirs, name), getattr(ours, name), least)
-    by_name["acceleration"] = Compared(theirs.acceleration, ours.acceleration)
+        by_name[name] = _scaled(getattr(theirs, name), getattr(ours, name), least)
+    by_name["acceleration"] = _scaled(theirs.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
         del by_name["tau"], by_name["bias"]  # own dynamics have no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
@@ -105,8 +87,8 @@ def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict
 
 def compare_loops(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
-) -> dict[str, Compared]:
-    """Compare quantities of closed loops, independent of the rows that state them.
+) -> dict[str, float]:
+    """Return scaled differences of quantities of closed loops, independent of the rows that state them.
 
     States near singular poses have less weight.
     """
@@ -130,8 +112,8 @@ def compare_loops(
         weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in ((rows, bias), (own.rows, own.bias))
     )
     return {
-        "constraint Jacobian": Compared(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
-        "Jdot v": Compared(here, there, drawn),
+        "constraint Jacobian": _scaled(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": _scaled(here, there, drawn),
     }
 
 
@@ -174,18 +156,17 @@ def check_libraries(models: Sequence[Model], seed: int, deadline: Deadline) -> I
         tree = tree_of(with_gravity(reading))
         states = draw(reading, STATES, seed)
         try:
-            theirs, by_name = _ask(model, tree, states)
+            theirs, scaled = _ask(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
             yield LibraryCheck(side, model.library, {}, failed=str(error))
             continue
-        scaled = {name: pair.scaled for name, pair in by_name.items()}
         acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
         omits = (*sorted(acts - theirs.covers), *unmodelled_forces(reading))
         adds = tuple(sorted(acts & theirs.covers))
         yield LibraryCheck(side, model.library, scaled, omits, adds)
 
 
-def _ask(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
+def _ask(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, float]]:
     assert model.file is not None
     theirs = ask_library(model.file, model.library, tree, states, floating=model.floating)
     loops = compare_loops(model.file, model.library, tree, states, floating=model.floating)
@@ -281,9 +262,8 @@ def _torques_along(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return torques of a reading that follows A, along A's velocities, and flags of success. (n, n_freedom), (n,)."""
     tree = tree_of(with_gravity(reading))
-    there = follow(tree_of(torques.reading), _states(torques), tree, partners)
-    tau = of(tree, there.states)
-    return (np.swapaxes(there.velocities, 1, 2) @ tau[..., None])[..., 0], there.fits
+    states, velocities, fits = follow(tree_of(torques.reading), _states(torques), tree, partners)
+    return (np.swapaxes(velocities, 1, 2) @ of(tree, states)[..., None])[..., 0], fits
 
 
 def _library_torques(model: Model) -> _Dynamics:

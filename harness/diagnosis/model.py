@@ -52,10 +52,8 @@ class Model:
         own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
         as_read: The library's own reading, without closures and joint types of a file beside it; None if that is
             `reading`.
-        retyped: True if a file beside it changes types of joints, or adds rotors, which the library does not know.
         open_by: Gaps of its loops at home as written, in words; empty where they are closed.
         never_closed: Loops that close from no start, in words; empty where all close.
-        says_closures: True if its files can hold closures; a URDF alone cannot.
         remarks: Changes made by the reader, a sentence each.
     """
 
@@ -69,17 +67,25 @@ class Model:
     loops: Path | None = None
     as_read: Reading | None = None
     own: Path | None = None
-    retyped: bool = False
     open_by: str = ""
     never_closed: str = ""
     loops_sha256: str = ""
-    says_closures: bool = True
     remarks: tuple[str, ...] = ()
 
     @property
     def described(self) -> bool:
         """True for a description, False for a model file."""
         return not self.reading.form
+
+    @property
+    def retyped(self) -> bool:
+        """True if a file beside it changes types of joints, or adds rotors, which the library does not know."""
+        return self.as_read is not None
+
+    @property
+    def says_closures(self) -> bool:
+        """True if its files can hold closures; a URDF alone cannot."""
+        return self.reading.form != "urdf" or self.loops is not None
 
     @property
     def text(self) -> str:
@@ -168,11 +174,10 @@ def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path |
     model = Model(str(given), file, library, load(file, library, False), False, digits, sha256)
     model = replace(model, own=own if file != own else None)
     if (loops := loops_for(own, loops)) is None:
-        return replace(model, says_closures=form != "urdf")
+        return model
     reading = with_loops(model.reading, loops)
-    retyped = _joints(reading) != _joints(model.reading)
-    model = replace(model, as_read=model.reading if retyped else None, retyped=retyped)
-    return replace(model, loops=loops, reading=reading, loops_sha256=_digest(read_file(loops)))
+    as_read = model.reading if _joints(reading) != _joints(model.reading) else None
+    return replace(model, as_read=as_read, loops=loops, reading=reading, loops_sha256=_digest(read_file(loops)))
 
 
 def _joints(reading: Reading) -> dict[str, tuple[str, float]]:

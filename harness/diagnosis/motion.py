@@ -6,7 +6,7 @@ Poses of all bodies together determine coordinates, velocities and accelerations
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +27,9 @@ FITS = 1e-8
 NEAR = 1e-8
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Partners:
-    """Bodies of a tree, the leader, and those of another one that move as they do.
-
-    Attributes:
-        bodies: Body of the leader, that of the follower, and its frame in the axes of the leader's. Shape (4, 4).
-        joints: Joint of the leader -> that of the follower; coordinates from which the search starts.
-    """
-
-    bodies: Sequence[tuple[str, str, Array]]
-    joints: Mapping[str, Partner]
+#: Body of the leader, that of the follower, and its frame in the axes of the leader's, shape (4, 4); joint of the
+#: leader -> that of the follower, for initial coordinates.
+Partners = tuple[Sequence[tuple[str, str, Array]], Mapping[str, Partner]]
 
 
 def partners_of(pair: Pair) -> Partners:
@@ -48,35 +40,28 @@ def partners_of(pair: Pair) -> Partners:
         for name, other in pair.alignment.bodies.items()
         for member in pair.b.bodies[other].members
     ]
-    return Partners(bodies, pair.joints)
+    return bodies, pair.joints
 
 
 def namesakes(reading: Reading) -> Partners:
     """Return the partners of a reading in the same model, at another home."""
     bodies = [(name, name, np.eye(4)) for name in reading.bodies]
-    return Partners(bodies, {name: Partner(name) for name in reading.joints})
+    return bodies, {name: Partner(name) for name in reading.joints}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """Motion of a tree that follows another one.
+def follow(
+    leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners
+) -> tuple[TreeStates, Array, NDArray[np.bool_]]:
+    """Find the states of a tree at which its bodies move as their partners do, by Newton's method.
 
-    Attributes:
-        states: States of the follower.
-        velocities: Matrix from velocities of the leader to those of the follower. Shape (n, n_freedom, n_leader).
-        fits: True where all bodies follow their partners, and all loops are closed. Shape (n,).
+    Returns:
+        States of the follower; matrix from velocities of the leader to its own, shape (n, n_freedom, n_leader); True
+        where all bodies follow and all loops are closed, shape (n,).
     """
-
-    states: TreeStates
-    velocities: Array
-    fits: NDArray[np.bool_]
-
-
-def follow(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> Followed:
-    """Find the states of a tree at which its bodies move as their partners do, by Newton's method."""
-    at = stacked([_frame(leader, name, T) for name, _, T in partners.bodies])
-    own = stacked([_frame(tree, other, np.eye(4)) for _, other, _ in partners.bodies])
-    lead, there = move(leader, states), _start(leader, states, tree, partners)
+    bodies, joints = partners
+    at = stacked([_frame(leader, name, T) for name, _, T in bodies])
+    own = stacked([_frame(tree, other, np.eye(4)) for _, other, _ in bodies])
+    lead, there = move(leader, states), _start(leader, states, tree, joints)
     wanted = lead.links.frames(at)
     for _ in range(STEPS):
         motion = move(tree, there)
@@ -94,7 +79,7 @@ def follow(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners:
     missing = (wanted.acceleration - here.acceleration).reshape(len(C), -1, 1)
     gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), equations(tree, there).gap]
     fits = np.abs(np.hstack(gaps)).max(axis=1, initial=0.0) <= FITS * max(tree.length, 1.0)
-    return Followed(replace(there, qdd=(back @ missing)[..., 0]), C, fits)
+    return replace(there, qdd=(back @ missing)[..., 0]), C, fits
 
 
 def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
@@ -105,12 +90,12 @@ def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
     return FixedFrame(*(each[number] for each in tree.bodies)).placed(T[:3, :3], T[:3, 3])
 
 
-def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> TreeStates:
+def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, joints: Mapping[str, Partner]) -> TreeStates:
     """Return states at rest, at the coordinates of partners, and at home for joints without one."""
     n = len(states.q)
     still = home(tree.reading)
     q, rest = still.q.repeat(n, axis=0), np.zeros((n, tree.freedom))
-    for name, partner in partners.joints.items():
+    for name, partner in joints.items():
         own, other = leader.places[name], tree.places[partner.name]
         if own.stop - own.start == other.stop - other.start:
             single = own.stop - own.start == 1

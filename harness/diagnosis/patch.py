@@ -177,17 +177,8 @@ def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
 LESS = ("branch", "link")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Patch:
-    """A changed text.
-
-    Attributes:
-        text: Of the whole file.
-        left: Each change that could not be written into it, and why.
-    """
-
-    text: str
-    left: tuple[tuple[Change, str], ...] = ()
+#: Changes that could not be written, with the reasons.
+Left = tuple[tuple[Change, str], ...]
 
 
 def change_file(
@@ -197,7 +188,7 @@ def change_file(
     *,
     plain: bool = False,
     spell: Callable[[str], str] = str,
-) -> Patch:
+) -> tuple[str, Left]:
     """Make changes in a model file.
 
     Args:
@@ -206,13 +197,16 @@ def change_file(
         plain: Write whole inertials in the axes of their links instead of the least change.
         spell: Formats the value of an attribute.
 
+    Returns:
+        Text of the changed file, and changes that it does not contain.
+
     Raises:
         DescriptionError: The file is no XML.
     """
     try:
         file = open_model(text, reading)
     except UnpatchableError as error:
-        return Patch(text, tuple((change, str(error)) for change in changes))
+        return text, tuple((change, str(error)) for change in changes)
     file.xml.spell = spell
     left = list[tuple[Change, str]]()
     done = list[Change]()
@@ -226,13 +220,13 @@ def change_file(
     try:
         _write(file, apply_changes(reading, [change for change in done if change.what not in LESS]), plain, gone)
     except UnpatchableError as error:
-        return Patch(text, (*left, *((change, str(error)) for change in done)))
+        return text, (*left, *((change, str(error)) for change in done))
     for change in done:
         if change.what == "branch":
             file.writer.drop(file.xml, _descendants(file, change.item))
     if gone:
         file.writer.splice(file.xml, [file.links[i] for i in gone])
-    return Patch(file.xml.text(), tuple(left))
+    return file.xml.text(), tuple(left)
 
 
 def _check(file: Opened, change: Change) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from screwgauge.models.kinematics import displace_joint
 from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross
 
@@ -33,6 +34,9 @@ UNITS: dict[str, dict[float, str]] = {
     "N m": {1e3: "N mm"},
     "m/s^2": {1e3: "mm/s^2", 1.0 / 9.81: "g"},
 }
+
+
+_Recount = Callable[[PolynomialSum], PolynomialSum]
 
 
 def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
@@ -76,11 +80,7 @@ def reverse(reading: Reading, name: str) -> Reading:
     joint = reading.joints[name]
     low, high = joint.limits
     new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
-    couplings = {}
-    for key, coupling in reading.couplings.items():
-        function = coupling.function.counted({}, {name: -1.0})
-        couplings[key] = replace(coupling, function=function.times(-1.0) if coupling.joint == name else function)
-    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
+    return _recount(reading, name, new, lambda f: f.counted({}, {name: -1.0}), lambda f: f.times(-1.0))
 
 
 def shift_home(reading: Reading, name: str, home: float) -> Reading:
@@ -89,11 +89,14 @@ def shift_home(reading: Reading, name: str, home: float) -> Reading:
     step = home - joint.home
     low, high = joint.limits
     new = replace(joint, home=home, limits=(low + step, high + step), rest=joint.rest + step)
-    couplings = {}
-    for key, coupling in reading.couplings.items():
-        function = coupling.function.counted({name: -step}, {})
-        couplings[key] = replace(coupling, function=function.plus(step) if coupling.joint == name else function)
-    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
+    return _recount(reading, name, new, lambda f: f.counted({name: -step}, {}), lambda f: f.plus(step))
+
+
+def _recount(reading: Reading, name: str, joint: JointReading, lead: _Recount, follow: _Recount) -> Reading:
+    """Replace a joint by one that counts differently. `lead`, `follow`: convert couplings that it leads, or follows."""
+    couplings = {key: replace(each, function=lead(each.function)) for key, each in reading.couplings.items()}
+    own = {key: replace(each, function=follow(each.function)) for key, each in couplings.items() if each.joint == name}
+    return replace(reading, joints={**reading.joints, name: joint}, couplings={**couplings, **own})
 
 
 def remove(reading: Reading, joint: str) -> Reading:

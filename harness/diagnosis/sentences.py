@@ -47,8 +47,8 @@ def news(found: Findings) -> Iterator[str]:
         yield f"{forces} differ by {_amount(found.agreement)}, and no difference between the files explains it."
     if found.together is not None and not found.together.agrees:
         yield _own_torques(found.together)
-        if found.beyond.withheld:
-            yield f"The cause may be in what is not compared: {_join(name_sides(found.beyond.withheld))}."
+        if found.withheld:
+            yield f"The cause may be in what is not compared: {_join(name_sides(found.withheld))}."
     yield from (_witness(each) for each in found.witnesses if not each.agrees)
     yield from _gravity(found)
     yield from _loops(found)
@@ -240,8 +240,8 @@ def _agreement(found: Findings) -> Iterator[str]:
         yield f"Not all compared: {_join(withheld)}."
     rest = "All else is the same: " if withheld or found.facts else ""
     yield f"{rest}{agree}." if not found.left_out else "Nothing differs in what was compared."
-    if found.beyond.aside:
-        yield f"Outside the comparison: {_join(name_sides(found.beyond.aside))}."
+    if found.aside:
+        yield f"Outside the comparison: {_join(name_sides(found.aside))}."
 
 
 def _own_torques(both: Together) -> str:
@@ -279,9 +279,6 @@ def _join(sentences: Iterable[str]) -> str:
     return first_few(sentences, _NAMED, "; ")
 
 
-_NAMED = 3
-
-
 def notes(found: Findings) -> Iterator[str]:
     """Yield assumptions on the models, a sentence each; once for both sides where they share it."""
     sides = dict[str, list[str]]()
@@ -290,7 +287,7 @@ def notes(found: Findings) -> Iterator[str]:
             sides.setdefault(sentence, []).append(side)
     yield from (f"{' and '.join(of)}: {sentence}" for sentence, of in sides.items())
     yield from _calls(found)
-    for what, content in (("not compared", found.beyond.withheld), ("outside the comparison", found.beyond.aside)):
+    for what, content in (("not compared", found.withheld), ("outside the comparison", found.aside)):
         if content:
             yield f"{what}: {first_few(name_sides(content), _NAMED, '; ')}"
     if found.fix is not None:
@@ -299,7 +296,7 @@ def notes(found: Findings) -> Iterator[str]:
 
 def not_compared(found: Findings) -> Iterator[str]:
     """Name content that could differ and is not compared, with its side."""
-    yield from name_sides(found.beyond.withheld)
+    yield from name_sides(found.withheld)
     if found.why_not:
         yield f"torques of the libraries as loaded: {found.why_not}"
 

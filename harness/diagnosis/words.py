@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from screwgauge.reference.mechanism import GROUND
 
 _NAMED = 3
 #: Axes in which a whole is described.
-_THERE = replace(WORLD, name="the world")
+_THERE: Axes = ("the world", WORLD[1])
 #: Owner of a property -> plural.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
 #: Event of several joints -> predicate; the side follows.
@@ -166,7 +166,7 @@ class Speaker:
     def axes(self, *names: str) -> list[Axes]:
         """Return the axes of bodies, then those of the world."""
         bodies = self.a.reading.bodies
-        own = {name: Axes(f"{name} in A", bodies[name].pose[:3, :3]) for name in names if name in bodies}
+        own = {name: (f"{name} in A", bodies[name].pose[:3, :3]) for name in names if name in bodies}
         return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:

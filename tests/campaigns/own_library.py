@@ -88,11 +88,13 @@ def own_library(file: Path, imported: Imported, *, floating: bool = False) -> Ow
     reading = reading if loops is None else with_loops(reading, loops)
     torques = Torques(with_gravity(reading))
     tree, follower = tree_of(torques.reading), tree_of(with_gravity(_machine(imported, reading)))
-    there = follow(tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names))
+    there, velocities, follows = follow(
+        tree, torques.states, follower, _partners(tree.reading, follower.reading, imported.names)
+    )
     asked = _asked(source, library, tree, torques.states, floating)
     theirs = _whole(asked, tree, torques.states) - _turning(imported, tree, torques.states)
-    ours = (np.swapaxes(there.velocities, 1, 2) @ inverse_dynamics(follower, there.states)[..., None])[..., 0]
-    fits = there.fits & _same(tree, torques.states, follower, there.states)
+    ours = (np.swapaxes(velocities, 1, 2) @ inverse_dynamics(follower, there)[..., None])[..., 0]
+    fits = follows & _same(tree, torques.states, follower, there)
     apart = float(np.abs(torques.scaled(np.where(fits[:, None], theirs - ours, 0.0))).max(initial=0.0))
     return OwnLibrary(library, apart, int(fits.sum()), asked.untouched)
 
@@ -106,7 +108,7 @@ def _partners(reading: Reading, machine: Reading, names: Mapping[str, str]) -> P
     bodies, joints = ({names.get(name, name): name for name in each} for each in (reading.bodies, reading.joints))
     copies = ((each.copy_of or name, name) for name, each in machine.bodies.items())
     poses = machine.poses
-    return Partners(
+    return (
         [(bodies[own], name, np.linalg.inv(poses[own]) @ poses[name]) for own, name in copies if own in bodies],
         {name: Partner(other) for other, name in joints.items() if other in machine.joints},
     )

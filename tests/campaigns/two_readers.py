@@ -72,13 +72,13 @@ def _torques(file: Path, pair: Pair, *, floating: bool) -> tuple[float, float, l
     """
     one, two = (with_gravity(machine.reading) for machine in (pair.a, pair.b))
     a, b, states = tree_of(one), tree_of(two), draw(one, STATES)
-    there = follow(a, states, b, partners_of(pair))
-    if not there.fits.all():
+    there, velocities, fits = follow(a, states, b, partners_of(pair))
+    if not fits.all():
         raise ValueError("bodies do not move alike")
     first = ask_library(file, one.library, a, states, floating=floating)
-    second = ask_library(file, two.library, b, there.states, floating=floating)
-    rigid = _rigid(first, states.qdd), _along(_rigid(second, there.states.qdd), there.velocities)
-    apart = _apart(first.tau, _along(second.tau, there.velocities))
+    second = ask_library(file, two.library, b, there, floating=floating)
+    rigid = _rigid(first, states.qdd), _along(_rigid(second, there.qdd), velocities)
+    apart = _apart(first.tau, _along(second.tau, velocities))
     return apart, _apart(*rigid), _omitted((first, second), (one, two))
 
 

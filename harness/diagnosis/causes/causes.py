@@ -185,35 +185,33 @@ def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequenc
     return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Row:
-    """Groups that are shown together, with their scaled effect on torques; None where no value makes them."""
+#: Groups that are shown together, with their scaled effect on torques; None where no value makes them.
+_Row = tuple[tuple[tuple[Fact, ...], ...], Array | None]
 
-    groups: tuple[tuple[Fact, ...], ...]
-    effect: Array | None
 
-    @property
-    def size(self) -> float:
-        return 0.0 if self.effect is None else float(np.linalg.norm(self.effect))
+def _size(row: _Row) -> float:
+    return 0.0 if row[1] is None else float(np.linalg.norm(row[1]))
 
-    def share(self, total: Array) -> float:
-        """Return the projection on the total effect, as a share of it."""
-        return 0.0 if self.effect is None else float(np.vdot(total, self.effect) / np.vdot(total, total))
+
+def _share(row: _Row, total: Array) -> float:
+    """Return the projection on the total effect, as a share of it."""
+    return 0.0 if row[1] is None else float(np.vdot(total, row[1]) / np.vdot(total, total))
 
 
 def _rank(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]]) -> list[Cause]:
     rows = [_row([group], torques) for group in group_facts(facts, known)]
-    sizes = {id(row.groups[0]): row.size for row in rows}
-    total = _row([row.groups[0] for row in rows if row.effect is not None], torques).effect
+    sizes = {id(row[0][0]): _size(row) for row in rows}
+    _, total = _row([groups[0] for groups, effect in rows if effect is not None], torques)
     ranked, seen = list[Cause](), list[_Row]()
-    for row in rows:
-        if row.effect is None:
-            ranked.append(Cause(row.groups, math.nan))
-        elif np.abs(row.effect).max(initial=0.0) > UNSEEN:
-            seen.append(row)
+    for groups, effect in rows:
+        if effect is None:
+            ranked.append(Cause(groups, math.nan))
+        elif np.abs(effect).max(initial=0.0) > UNSEEN:
+            seen.append((groups, effect))
         else:
-            ranked.append(Cause(row.groups, 0.0, "unseen"))
-    ranked += _give_shares(seen, total, torques) if total is not None and seen else [Cause(r.groups, 0.0) for r in seen]
+            ranked.append(Cause(groups, 0.0, "unseen"))
+    plain = [Cause(groups, 0.0) for groups, _ in seen]
+    ranked += plain if total is None or not seen else _give_shares(seen, total, torques)
     ranked = [replace(each, groups=tuple(sorted(each.groups, key=lambda g: -sizes[id(g)]))) for each in ranked]
     return _merge_small(sorted(ranked, key=_order))
 
@@ -221,22 +219,22 @@ def _rank(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact
 def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
     facts = [fact for group in groups for fact in group]
     effect = torques.effect(facts) if facts and have_values(facts) else None
-    return _Row(tuple(groups), None if effect is None else torques.scaled(effect))
+    return tuple(groups), None if effect is None else torques.scaled(effect)
 
 
 def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
     """Give each row its share; merge the largest row with the one that cancels it best until no share is absurd."""
     size = float(np.linalg.norm(total))
-    if size < NOTHING * max(row.size for row in rows):
-        return [Cause(tuple(group for row in rows for group in row.groups), math.nan)]
+    if size < NOTHING * max(map(_size, rows)):
+        return [Cause(tuple(group for groups, _ in rows for group in groups), math.nan)]
     low, high = CANCELS
-    while len(rows) > 1 and not all(row.size <= high * size and low <= row.share(total) <= high for row in rows):
-        most = max(rows, key=lambda row: row.size)
+    while len(rows) > 1 and not all(_size(row) <= high * size and low <= _share(row, total) <= high for row in rows):
+        most = max(rows, key=_size)
         others = [row for row in rows if row is not most]
-        joined = [_row((*most.groups, *row.groups), torques) for row in others]
-        least = min(range(len(others)), key=lambda i: joined[i].size)
+        joined = [_row((*most[0], *groups), torques) for groups, _ in others]
+        least = min(range(len(others)), key=lambda i: _size(joined[i]))
         rows = [*others[:least], joined[least], *others[least + 1 :]]
-    return [Cause(row.groups, row.share(total)) for row in rows]
+    return [Cause(row[0], _share(row, total)) for row in rows]
 
 
 def _order(cause: Cause) -> tuple[object, ...]:

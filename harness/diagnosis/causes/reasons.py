@@ -47,7 +47,7 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Case:
+class Unexplained:
     """Unexplained facts, the two machines and the texts of their files."""
 
     facts: Sequence[Fact]
@@ -73,7 +73,7 @@ def find_reasons(
         files: Of A and B; None where there is none.
     """
     real = [fact for fact in facts if fact.kind != "digits"]
-    case, found = Case(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
+    case, found = Unexplained(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
     for entry in (_geoms, _totals, _whole, _orders, _exchanges, _gears, _merges, _conventions, _single_slips):
         some = _merge_reasons(entry(case))
         found += some
@@ -90,7 +90,7 @@ def _merge_reasons(some: Iterable[Reason]) -> list[Reason]:
     return [replace(g[0], facts=tuple({id(f): f for each in g for f in each.facts}.values())) for g in groups.values()]
 
 
-def _whole(case: Case) -> Iterator[Reason]:
+def _whole(case: Unexplained) -> Iterator[Reason]:
     """Find units that scale B as a whole."""
     for fact in (each for each in case.of("whole") if isinstance(each.b, Whole)):
         for factor, si in ((fact.b.length, "m"), (fact.b.mass, "kg"), (fact.b.inertia, "kg m^2")):
@@ -100,7 +100,7 @@ def _whole(case: Case) -> Iterator[Reason]:
                         yield Reason(slip, (fact,), (name,))
 
 
-def _geoms(case: Case) -> Iterator[Reason]:
+def _geoms(case: Unexplained) -> Iterator[Reason]:
     """Find bodies whose mass properties one side alone takes from geoms."""
     for fact in case.of(*INERTIAL):
         names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
@@ -110,7 +110,7 @@ def _geoms(case: Case) -> Iterator[Reason]:
             yield Reason(keys[0] or keys[1], (fact,), ("A" if keys[0] else "B",))
 
 
-def _totals(case: Case) -> Iterator[Reason]:
+def _totals(case: Unexplained) -> Iterator[Reason]:
     """Explain one factor of all masses and inertias: by a total mass, or by another density of all geoms."""
     machines = case.pair.a, case.pair.b
     wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
@@ -134,7 +134,7 @@ def _totals(case: Case) -> Iterator[Reason]:
             yield Reason("density", tuple(facts), (x, y))
 
 
-def _orders(case: Case) -> Iterator[Reason]:
+def _orders(case: Unexplained) -> Iterator[Reason]:
     """Find joints in another order: their names are permuted and axes or kinds differ."""
     names = {fact.part: fact.b for fact in case.of("name")}
     cycles = [cycle for cycle in _cycles(names) if any(fact.part in cycle for fact in case.of("axis", "kind"))]
@@ -157,7 +157,7 @@ def _cycles(names: Mapping[str, str]) -> Iterator[list[str]]:
             yield [name for name in names if name in cycle]
 
 
-def _exchanges(case: Case) -> Iterator[Reason]:
+def _exchanges(case: Unexplained) -> Iterator[Reason]:
     """Find two parts whose values are exchanged."""
     numbers = [fact for fact in case.facts if _is_number(fact)]
     sizes = {id(fact): (np.linalg.norm(fact.a), np.linalg.norm(fact.b)) for fact in numbers}
@@ -176,11 +176,11 @@ def _is_number(fact: Fact) -> bool:
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
 
-def _trial(case: Case, a: object, b: object, unit: str = "") -> Trial:
+def _trial(case: Unexplained, a: object, b: object, unit: str = "") -> Trial:
     return Trial(np.asarray(a, float), np.asarray(b, float), unit, case.loose)
 
 
-def _gears(case: Case) -> Iterator[Reason]:
+def _gears(case: Unexplained) -> Iterator[Reason]:
     """Find armature, damping or friction that one side states before the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
@@ -195,7 +195,7 @@ def _gears(case: Case) -> Iterator[Reason]:
                 break
 
 
-def _differing_bodies(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
+def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
     """Yield bodies that differ, from either side: machine, body, other machine, both matters in its frame, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -213,7 +213,7 @@ def _to_a(pair: Pair, name: str) -> Array:
     return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
 
 
-def _merges(case: Case) -> Iterator[Reason]:
+def _merges(case: Unexplained) -> Iterator[Reason]:
     """Find fixed links that the other side merged into their body with a mistake: all of them, or one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
@@ -260,7 +260,7 @@ def _mergers(
         yield [*dict.fromkeys(filter(None, (com, inertia, place, "merged without parallel axis" * plain)))], body
 
 
-def _conventions(case: Case) -> Iterator[Reason]:
+def _conventions(case: Unexplained) -> Iterator[Reason]:
     """Find placements that agree once the rotations of one file are read in another convention."""
     moved = [*_differing_joints(case)]
     told = set[tuple[str | float, str]]()
@@ -283,7 +283,7 @@ def _local(file: Written, machine: Machine, ends: Ends) -> Array:
     return relative(near, far)
 
 
-def _differing_joints(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
+def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
     """Yield facts on the placement of a link, the bodies at its ends, and its placement in A and in B."""
     for one, other in case.pair.alignment.links:
         names = {"/".join(one.joints), *one.joints}
@@ -295,7 +295,7 @@ def _differing_joints(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends
             yield tuple(facts), ends, tuple(_local(*side) for side in sides)  # type: ignore[misc]
 
 
-def _single_slips(case: Case) -> Iterator[Reason]:
+def _single_slips(case: Unexplained) -> Iterator[Reason]:
     """Find slips of single values."""
     for facts, _, places in _differing_joints(case):
         if any(fact.what == "placement" for fact in facts):
@@ -305,7 +305,7 @@ def _single_slips(case: Case) -> Iterator[Reason]:
             yield Reason(str(slip[0]), facts, slip[1:], part)
 
 
-def _of_placement(case: Case, facts: tuple[Fact, ...], a: Array, b: Array) -> Iterator[Reason]:
+def _of_placement(case: Unexplained, facts: tuple[Fact, ...], a: Array, b: Array) -> Iterator[Reason]:
     length = case.pair.a.length
     turned, away = np.abs(a[:3, :3] - b[:3, :3]).max(), np.abs(a[:3, 3] - b[:3, 3]).max() / length
     what, some, unit = ("position", np.s_[:3, 3], "m") if away > turned else ("rotation", np.s_[:3, :3], "")
@@ -314,7 +314,7 @@ def _of_placement(case: Case, facts: tuple[Fact, ...], a: Array, b: Array) -> It
             yield Reason(str(slip[0]), facts, slip[1:])
 
 
-def _trials(case: Case) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
+def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
     """Yield single values with their facts, link and property; link by link where both files divide a body alike."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -234,24 +234,16 @@ def actuator_partners(pair: Pair) -> dict[str, str]:
 
 #: Items of A and B; one may be missing.
 _Both = tuple[Content | None, Content | None]
+#: Content with its side.
+Sided = tuple[tuple[str, Content], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Beyond:
-    """Content of two models without a typed entry.
+def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
+    """Compare content without a typed entry item by item, paired by the parts that it acts on.
 
-    Attributes:
-        facts: Differences of compared content.
-        withheld: Content that could differ and is not compared, with its side; `aside`: content out of scope.
+    Returns:
+        Differences; content that could differ and is not compared; content out of scope.
     """
-
-    facts: tuple[Fact, ...] = ()
-    withheld: tuple[tuple[str, Content], ...] = ()
-    aside: tuple[tuple[str, Content], ...] = ()
-
-
-def compare_content(pair: Pair) -> Beyond:
-    """Compare content item by item, paired by the parts that it acts on."""
     a, b = pair.a.reading, pair.b.reading
     names = {
         "joints": pair.back,
@@ -267,7 +259,7 @@ def compare_content(pair: Pair) -> Beyond:
             facts.append(_fact(one, other))
         elif fate in fates:
             fates[fate] += [(side, each) for side, each in zip("AB", (one, other), strict=True) if each is not None]
-    return Beyond(tuple(facts), tuple(fates["withheld"]), tuple(fates["aside"]))
+    return facts, tuple(fates["withheld"]), tuple(fates["aside"])
 
 
 def _drop_lone(content: Iterable[Content], pair: Pair) -> list[Content]:
