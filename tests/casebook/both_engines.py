@@ -20,13 +20,11 @@ def _freedoms(text: str, mended: str) -> Evidence:
 
 
 def first_tree() -> Evidence:
-    """Degrees of freedom of two bars on the world, and of two on a fixed body with mass."""
     bars = body("a") + body("b", at="0 1 0")
     return _freedoms(mjcf(bars), mjcf(f'<body name="ground">{INERTIAL}{bars}</body>'))
 
 
 def gravity() -> Evidence:
-    """Torque of a bar's weight on the Moon, with the file's gravity, and with gravity set by hand."""
     text = mjcf(body("a"), before='<option gravity="0 0 -1.62"/>')
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model)[0])
@@ -35,7 +33,6 @@ def gravity() -> Evidence:
 
 
 def gravcomp() -> Evidence:
-    """Torque of the weight of a bar that the file compensates wholly, and with the compensation taken off by hand."""
     share = 1.0
     text = mjcf(body("a", attributes=f'gravcomp="{share}"'))
     raw = float(pinocchio.inverse(pinocchio.load_mjcf(text))[0])
@@ -43,7 +40,6 @@ def gravcomp() -> Evidence:
 
 
 def include() -> Evidence:
-    """Degrees of freedom of a bar with a second one in an included file, and put where it is included."""
     second = body("b", at=f"{ARM} 0 0")
     parts, whole = mjcf(body("a", '<include file="b.xml"/>')), mjcf(body("a", second))
     model = pinocchio.load_mjcf(parts, {"b.xml": f"<mujocoinclude>{second}</mujocoinclude>"})
@@ -51,7 +47,6 @@ def include() -> Evidence:
 
 
 def defaults_first() -> Evidence:
-    """Armature that the file gives a joint by a default class written after its use, and before."""
     classes = '<default><default class="geared"><joint armature="0.5"/></default></default>'
     bar = body("a", joint='class="geared"')
     text = mjcf(bar, after=classes)
@@ -74,7 +69,6 @@ def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
 
 
 def bare_body() -> Evidence:
-    """Degrees of freedom of a bar whose body has no attribute, and with a name."""
     named = mjcf(body("a"))
     bare = re.sub(r"<body [^>]*>", "<body>", named)
     value, refusal = _outcome(bare, lambda model: float(model.nv))
@@ -82,20 +76,17 @@ def bare_body() -> Evidence:
 
 
 def frame_element() -> Evidence:
-    """Degrees of freedom of a bar with a second one in a `<frame>`, and with the frame's place in the body's."""
     inside = body("b")
     framed, placed = f'<frame pos="{ARM} 0 0">{inside}</frame>', body("b", at=f"{ARM} 0 0")
     return _freedoms(mjcf(body("a", framed)), mjcf(body("a", placed)))
 
 
 def cart_pole() -> Evidence:
-    """Degrees of freedom of a pole on a cart whose body is the root."""
     text = mjcf(body("cart", body("pole")).replace("<joint", '<joint type="slide"', 1))
     return _freedoms(text, text)
 
 
 def one_joint_of_two() -> Evidence:
-    """Joints of a body with two hinges, and of two bodies of which the first carries hardly any mass."""
     two = body("a").replace(INERTIAL, f'<joint name="b" axis="1 0 0"/>{INERTIAL}')
     light = '<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>'
     inner = body("b").replace("0 1 0", "1 0 0")
@@ -105,7 +96,6 @@ def one_joint_of_two() -> Evidence:
 
 
 def spring_and_damper() -> Evidence:
-    """Torque of a level bar at 1 rad/s with a damper and a stretched spring in its hinge, and with both added."""
     text = mjcf(body("a", joint='damping="2" stiffness="3" springref="0.4"'))
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])
@@ -114,8 +104,6 @@ def spring_and_damper() -> Evidence:
 
 
 def site_on_world() -> Evidence:
-    """How far the ends of a loop are apart that is closed at home, one end being a site of the world, and by body and
-    anchor."""
     tip = '<site name="tip" pos="0.3 0 0"/>'
     bars = f'<site name="ground" pos="0.3 0 0"/>{body("a", tip)}'
     ends = ('body1="a" anchor="0.3 0 0"', 'site1="tip" site2="ground"')
@@ -124,7 +112,6 @@ def site_on_world() -> Evidence:
 
 
 def closures_dropped() -> Evidence:
-    """Closures that are read of a four-bar closed by a weld, and by a connect."""
     bar, ends = FourBar(), 'site1="coupler" site2="rocker"'
     counts = []
     for kind in ("weld", "connect"):
@@ -142,7 +129,6 @@ _TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 def armature() -> Evidence:
-    """Moment of inertia at a hinge with an armature in the MJCF: Pinocchio on the URDF, and with the armature set."""
     model, other = (
         pinocchio.load_urdf(robot(link("a"), joint("a"))),
         mujoco.load(mjcf(body("a", joint='armature="0.5"'))),
@@ -157,7 +143,6 @@ def armature() -> Evidence:
 
 
 def damping() -> Evidence:
-    """Torque at 1 rad/s against a damper in a URDF, which both engines read and MuJoCo alone applies."""
     text = robot(link("a"), joint("a", inside='<dynamics damping="2"/>'))
     model = pinocchio.load_urdf(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])
@@ -173,8 +158,6 @@ def _free() -> tuple[Any, Any]:
 
 
 def quaternion_order() -> Evidence:
-    """Force that holds a free body a right angle from upright along its own x: MuJoCo's coordinates handed over, and
-    with the scalar last."""
     model, other = _free()
     right = _TURN.T @ mujoco.inverse(other, _AT)[:3]
     forces = [float(pinocchio.inverse(model, q)[0]) for q in (_AT, _AT[_SCALAR_LAST])]
@@ -182,8 +165,6 @@ def quaternion_order() -> Evidence:
 
 
 def free_velocity() -> Evidence:
-    """Upward force on a free body that moves and turns without accelerating: MuJoCo's velocities handed over, and
-    turned into the body's own axes."""
     model, other = _free()
     v, omega = np.array([0.0, 3.0, 0.0]), np.array([0.0, 0.0, 2.0])
     right = float(mujoco.inverse(other, _AT, [*v, *omega])[2])

@@ -11,7 +11,6 @@ from casebook.toy_models import WEIGHT, Evidence, joint, link, robot
 
 
 def no_gravity() -> Evidence:
-    """Torque of a bar's weight by inverse dynamics without forces, and with those of its force elements."""
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModelsFromString(robot(link("a"), joint("a")), "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))

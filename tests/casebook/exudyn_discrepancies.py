@@ -43,7 +43,6 @@ def _fall(**options: bool) -> float:
 
 
 def inertia_about_origin() -> Evidence:
-    """Acceleration of a bar whose inertia is given about its centre of mass, and with the option that says so."""
     return Evidence(_fall(), -WEIGHT / INERTIA, _fall(inertiaTensorAtCOM=True), "rad/s^2")
 
 
@@ -87,7 +86,6 @@ def _ways(bar: FourBar) -> np.ndarray:
 
 
 def planar_loop() -> Evidence:
-    """Speed of a four-bar of revolute joints, and with a solver that passes over constraints that others imply."""
     said = ""
     try:
         value = _swing(free=False, dense=False)

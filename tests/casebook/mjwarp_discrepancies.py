@@ -11,8 +11,6 @@ from screwgauge.engines.mujoco.equality_constraints import DISABLED
 
 
 def speed_squared() -> Evidence:
-    """Largest tree force that closed loops add to inverse dynamics of a motion that closes them: as it comes, and with
-    `qfrc_constraint` added."""
     bar = FourBar()
     model = load(bar.mjcf())
     made, data = mujoco_warp.put_model(model), mujoco_warp.make_data(model, nworld=1)

@@ -26,7 +26,6 @@ def port(model: mujoco.MjModel, v: Any = 0.0, a: Any = 0.0, *, q: Any = None, do
 
 
 def half_the_digits() -> Evidence:
-    """What MJX adds to the torque of a bar's weight, as it comes and in float64."""
     model, q = load(mjcf(body("a"))), [0.3]
     right = inverse(model, q)[0]
     off = [float(port(model, q=q, double=double)[1].qfrc_inverse[0]) - right for double in (False, True)]
@@ -34,8 +33,6 @@ def half_the_digits() -> Evidence:
 
 
 def speed_squared() -> Evidence:
-    """Largest tree force that closed loops add to MJX's inverse dynamics of a motion that closes them: as it comes, and
-    with `qfrc_constraint` added."""
     bar = FourBar()
     model = load(bar.mjcf())
     data = port(model, bar.v, bar.a)[1]
@@ -46,7 +43,6 @@ def speed_squared() -> Evidence:
 
 
 def loops_off() -> Evidence:
-    """Force in the last hinge, where a flag switches the loop off, and where the model has none."""
     bar = FourBar()
     flagged, spec = load(bar.mjcf()), mujoco.MjSpec.from_string(bar.mjcf())
     flagged.opt.disableflags |= DISABLED

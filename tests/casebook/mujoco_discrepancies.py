@@ -72,7 +72,6 @@ _DISCRETE = int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
 
 
 def rne_armature() -> Evidence:
-    """Torque of 1 rad/s^2 on a hinge with an armature: of `mj_rne`, and with the armature added by hand."""
     armature = 0.5
     model = load(mjcf(body("a", joint=f'armature="{armature}"')))
     data = inverted(model, a=1.0)
@@ -83,7 +82,6 @@ def rne_armature() -> Evidence:
 
 
 def passive_forces() -> Evidence:
-    """Rigid-body torque of a level bar at 1 rad/s with damping, friction and a spring in its hinge."""
     model = load(mjcf(body("a", joint='damping="2" stiffness="3" springref="0.4" frictionloss="0.5"')))
     data = inverted(model, v=1.0)
     mended = data.qfrc_inverse + data.qfrc_passive + data.qfrc_constraint
@@ -91,7 +89,6 @@ def passive_forces() -> Evidence:
 
 
 def limit_force() -> Evidence:
-    """Torque of a bar at rest that hangs 0.1 rad past the limit of its hinge."""
     model = load(mjcf(body("a", joint='range="-0.3 0.3"')))
     data = inverted(model, 0.4)
     mended = data.qfrc_inverse + data.qfrc_constraint
@@ -99,7 +96,6 @@ def limit_force() -> Evidence:
 
 
 def contact_force() -> Evidence:
-    """Force that lifts a ball of 1 kg, 1 mm deep in the floor."""
     ball = '<body pos="0 0 0.049"><joint type="slide" axis="0 0 1"/><geom size="0.05" mass="1"/></body>'
     model = load(mjcf(f'<geom type="plane" size="1 1 1"/>{ball}'))
     raw = inverse(model)[0]
@@ -108,7 +104,6 @@ def contact_force() -> Evidence:
 
 
 def applied_ignored() -> Evidence:
-    """Torque that holds a level bar of which a load carries half the weight."""
     model = load(mjcf(body("a")))
     data = state(model)
     data.xfrc_applied[1, 2] = MASS * G / 2.0
@@ -121,7 +116,6 @@ def applied_ignored() -> Evidence:
 
 
 def gravity_in_acceleration() -> Evidence:
-    """Vertical acceleration of a bar at rest, by the sensor `framelinacc`."""
     sensor = '<sensor><framelinacc objtype="body" objname="a"/></sensor>'
     model = load(mjcf(body("a", joint='stiffness="1e3"'), after=sensor))
     data = state(model)
@@ -132,7 +126,6 @@ def gravity_in_acceleration() -> Evidence:
 
 
 def moment_about_centre() -> Evidence:
-    """Moment about y by which the ground holds a level bar: of cfrc_int, and about the hinge."""
     model = load(mjcf(body("a")))
     data = inverted(model)
     mujoco.mj_rnePostConstraint(model, data)
@@ -142,7 +135,6 @@ def moment_about_centre() -> Evidence:
 
 
 def gear() -> Evidence:
-    """Torque of a motor with a gear whose control is the torque that is wanted, and that over its gear."""
     wanted, ratio = 2.0, 50.0
     motor = f'<actuator><motor joint="a" gear="{ratio}"/></actuator>'
     model = load(mjcf(body("a"), after=motor))
@@ -156,7 +148,6 @@ def gear() -> Evidence:
 
 
 def inverse_of_a_step() -> Evidence:
-    """Torque that `mj_inverse` gives back of a step of 10 ms with damping in which there was none."""
     model = load(mjcf(body("a", joint='damping="5"')), timestep=0.01)
     data = state(model, v=1.0)
     mujoco.mj_step(model, data)
@@ -167,7 +158,6 @@ def inverse_of_a_step() -> Evidence:
 
 
 def stale_after_step() -> Evidence:
-    """Lag of body positions after `mj_step` behind the coordinates, at 10 rad/s and 10 ms."""
     model = load(mjcf(body("a")), timestep=0.01)
     data = state(model, v=10.0)
     mujoco.mj_step(model, data)
@@ -182,7 +172,6 @@ def stale_after_step() -> Evidence:
 
 
 def differentiated_motion() -> Evidence:
-    """Largest torque error along a motion sampled at 100 Hz: accelerations from differences, and from the formula."""
     model, omega = load(mjcf(body("a"))), 4.0
     t = np.arange(0.0, 0.3, 0.01)
     q, v, a = np.sin(omega * t), omega * np.cos(omega * t), -(omega**2) * np.sin(omega * t)
@@ -196,7 +185,6 @@ def differentiated_motion() -> Evidence:
 
 
 def many_motors() -> Evidence:
-    """How far two right answers for motors at crank and rocker are apart: torques, and what they do at the crank."""
     bar = FourBar()
     data = inverted(load(bar.mjcf()), v=bar.v, a=bar.a)
     tree, J = data.qfrc_inverse + data.qfrc_constraint, data.efc_J.reshape(-1, 3).T
@@ -215,7 +203,6 @@ _ENERGY = int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 
 
 def needs_projection() -> Evidence:
-    """The torque of the only motor of a four-bar in motion."""
     bar = FourBar()
     data = inverted(load(bar.mjcf()), v=bar.v, a=bar.a)
     tree = data.qfrc_inverse + data.qfrc_constraint
@@ -226,8 +213,6 @@ def needs_projection() -> Evidence:
 
 
 def speed_squared() -> Evidence:
-    """Largest tree force that closed loops add to `mj_inverse` on a motion that closes them: as it comes, and with
-    `qfrc_constraint` added."""
     bar = FourBar()
     model = load(bar.mjcf())
     data = inverted(model, v=bar.v, a=bar.a)
@@ -238,7 +223,6 @@ def speed_squared() -> Evidence:
 
 
 def residual_gain() -> Evidence:
-    """What a closing error of 1e-6 rad adds to `mj_inverse` of stiff constraints, and what Newton's method leaves."""
     bar = FourBar()
     model = load(bar.mjcf())
     model.eq_solimp[:, :2] = STIFFEST
@@ -254,7 +238,6 @@ def residual_gain() -> Evidence:
 
 
 def soft_floor() -> Evidence:
-    """Largest error of the accelerations that the right torque makes, raw and after proximal refinement."""
     model = load(FourBar().mjcf())
     model.eq_solimp[:, :2] = STIFFEST
     raw, refined = _errors(model, 4)
@@ -274,7 +257,6 @@ def _errors(model: mujoco.MjModel, passes: int) -> tuple[float, float]:
 
 
 def energy_loss() -> Evidence:
-    """Change of energy of a four-bar that nothing brakes, in a second: solref as it comes, and ten times stiffer."""
     bar = FourBar()
 
     def lost(time_constant: float | None, step: float = 1e-3) -> float:
@@ -293,13 +275,11 @@ def energy_loss() -> Evidence:
 
 
 def exact_diagonal() -> Evidence:
-    """Largest error of the accelerations with the flag for an exact diagonal: as they come, and refined."""
     (raw, refined), (usual, _) = (_errors(load(FourBar().mjcf(), enableflags=f), 20) for f in (_EXACT_DIAGONAL, 0))
     return Evidence(raw, 0.0, refined, "rad/s^2", f"{usual:.3g} rad/s^2 without the flag")
 
 
 def anchor_at_home() -> Evidence:
-    """Closing error of a dyad that is closed by hand at a pose other than that of the file."""
     inner = body("b", '<site name="tip" pos="0.3 0 0"/>', at="0.3 0 0")
     world = '<site name="ground" pos="0.3 0 0.3"/>'
     gaps = []
@@ -313,7 +293,6 @@ def anchor_at_home() -> Evidence:
 
 
 def weld_rows() -> Evidence:
-    """Moment that holds a welded body against 1 N m: as the rows of the weld have it, and converted."""
     holding = body("a").replace("<joint", '<joint name="x" axis="1 0 0"/><joint')
     model = load(mjcf(holding, before='<option gravity="0 0 0"/>', after='<equality><weld body1="a"/></equality>'))
     model.eq_solimp[:, :2] = STIFFEST
@@ -326,8 +305,6 @@ def weld_rows() -> Evidence:
 
 
 def sparse_hessian() -> Evidence:
-    """Largest acceleration error of two closed dyads among four, sparse and dense, against the linear system solved
-    here."""
     places = [(k, f"0 {0.1 * k} 0") for k in range(4)]
     arms = "".join(_spatial(f"p{k}", at, _spatial(f"q{k}", "0.2 0 0", "", k + 1), k) for k, at in places)
     closures = "".join(f'<connect body1="q0" body2="p{k}" anchor="0.1 0 0"/>' for k in (2, 3))

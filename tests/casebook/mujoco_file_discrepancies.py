@@ -29,7 +29,6 @@ _QUARTER = f"0 0 {math.pi / 2!r}"
 
 
 def turned_inertia() -> Evidence:
-    """Moment of inertia about y of a URDF link whose inertial frame is turned by 90 degrees about z."""
     tensor = (0.01, 0.02, 0.025)
     text = robot(link("a", com="0 0 0", turned=_QUARTER, tensor=tensor), joint("a"))
     unturned = robot(link("a", com="0 0 0", tensor=(tensor[1], tensor[0], tensor[2])), joint("a"))
@@ -44,41 +43,35 @@ def _with_tool(inside: str = "", *, com: str, turned: str) -> str:
 
 
 def fused_tensor() -> Evidence:
-    """Moment of inertia about the hinge of a bar with a tool turned by 90 degrees about z."""
     expected = INERTIA + 0.01 + 0.5 * 0.1**2
     merged, kept = (moment(load(_with_tool(inside, com="0 0 0", turned=_QUARTER))) for inside in ("", _KEEP))
     return Evidence(merged, expected, kept, "kg m^2")
 
 
 def fused_centre() -> Evidence:
-    """Torque of the weight of a bar with a tool whose centre of mass lies 0.2 m along its x, turned onto z."""
     turned = f"0 {-math.pi / 2!r} 0"
     merged, kept = (float(inverse(load(_with_tool(inside, com="0.2 0 0", turned=turned)))[0]) for inside in ("", _KEEP))
     return Evidence(merged, WEIGHT, kept, "N m")
 
 
 def fused_links() -> Evidence:
-    """Bodies that a URDF of a base, a bar and a tool has in MuJoCo."""
     merged, kept = (load(_with_tool(inside, com="0 0 0", turned="0 0 0")).nbody - 1 for inside in ("", _KEEP))
     return Evidence(merged, 3, kept, "")
 
 
 def base_mass() -> Evidence:
-    """Mass of a robot whose base of 5 kg stands on the ground."""
     text = robot(link("a"), joint("a")).replace('<link name="base"/>', link("base", mass=5.0))
     lost, kept = (mass(load(text.replace("</robot>", f"{inside}</robot>"))) for inside in ("", _KEEP))
     return Evidence(lost, 5.0 + MASS, kept, "kg")
 
 
 def base_fixed() -> Evidence:
-    """Degrees of freedom of a URDF whose base is meant to float, and with a floating joint before it."""
     fixed = f'<robot name="sample">{link("base")}{link("a")}{joint("a")}{{}}</robot>'
     floating = fixed.format(f'<link name="world"/>{joint("base", "world", kind="floating")}')
     return Evidence(load(fixed.format("")).nv, 7, load(floating).nv, "")
 
 
 def tensor_order() -> Evidence:
-    """Moment of inertia about y of an MJCF that lists its tensor as a URDF does, and in MuJoCo's order."""
     xx, yy, zz, xy, xz, yz = (0.05, 0.045, 0.048, 0.004, 0.003, 0.002)
 
     def listed(*tensor: float) -> tuple[float, str]:
@@ -90,7 +83,6 @@ def tensor_order() -> Evidence:
 
 
 def principal_axes() -> Evidence:
-    """Largest error of a body's tensor, of its largest moment: written out, and as principal moments and axes."""
     tensor = np.array([[0.02, 6e-6, 8e-6], [6e-6, 0.023, -3e-6], [8e-6, -3e-6, 0.023]])
     moments, axes = np.linalg.eigh(tensor)
     quat = np.empty(4)
@@ -109,8 +101,6 @@ def principal_axes() -> Evidence:
 
 
 def massless_link() -> Evidence:
-    """Torque of the weight about the first axis of a universal joint: with a link without mass between its axes, and
-    as two joints of one body."""
     cross = robot('<link name="cross"/>', joint("cross"), link("a"), joint("a", "cross", axis="0 0 1"))
     both = mjcf(body("a").replace(INERTIAL, f'<joint axis="0 0 1"/>{INERTIAL}'))
     value, message = measured(cross, lambda model: float(inverse(model)[0]))
@@ -118,7 +108,6 @@ def massless_link() -> Evidence:
 
 
 def impossible_tensor() -> Evidence:
-    """Moment of inertia about y of a thin plate in a URDF: with moments that no body has, and set right."""
     pair = [
         measured(robot(link("a", com="0 0 0", tensor=tensor), joint("a")), moment)
         for tensor in ((0.01, 0.01, 0.05), (0.025, 0.025, 0.05))
@@ -128,14 +117,12 @@ def impossible_tensor() -> Evidence:
 
 
 def degrees() -> Evidence:
-    """Upper limit of a joint whose range is written in radians, with and without saying so."""
     radians = mjcf(body("a", joint='range="-1.57 1.57"'))
     unmarked = radians.replace('<compiler angle="radian"/>', "")
     return Evidence(float(load(unmarked).jnt_range[0, 1]), 1.57, float(load(radians).jnt_range[0, 1]), "rad")
 
 
 def printed_digits() -> Evidence:
-    """Relative change of a torque when a model is saved as MJCF and loaded again, and with numbers written in full."""
     arm = 0.123456789012
     text = mjcf(body("a").replace(f'pos="{ARM} 0 0"', f'pos="{arm!r} 0 0"'))
     right = -MASS * G * arm
@@ -145,7 +132,6 @@ def printed_digits() -> Evidence:
 
 
 def small_frames() -> Evidence:
-    """Torque of the weight of a body whose centre of mass is 0.5 um from its hinge, relative to the right one."""
     model = load(mjcf(body("a").replace(f'pos="{ARM} 0 0"', 'pos="5e-7 0 0"')))
     right, raw = -MASS * G * 5e-7, float(inverse(model)[0])
     model.body_sameframe[:] = 0
@@ -153,7 +139,6 @@ def small_frames() -> Evidence:
 
 
 def geoms_have_mass() -> Evidence:
-    """Mass of an MJCF body whose geoms are there to be looked at, and with geoms of density zero."""
     shape = '<geom type="box" size="0.1 0.1 0.1" {}/>'
     arm = f'<joint axis="0 1 0"/><geom type="sphere" size="0.05" mass="{MASS}"/>'
     masses = [mass(load(mjcf(f"<body>{arm}{shape.format(more)}</body>"))) for more in ("", 'density="0"')]

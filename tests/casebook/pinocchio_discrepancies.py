@@ -106,7 +106,6 @@ _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 def damping_ignored() -> Evidence:
-    """Torque of a level bar at 1 rad/s with damping and friction in its hinge: of `rnea`, and both added by hand."""
     model = load_urdf(robot(link("a"), joint("a", inside='<dynamics damping="2" friction="0.5"/>')))
     raw = float(inverse(model, v=1.0)[0])
     mended = raw + model.damping[0] + model.upperDryFrictionLimit[0]
@@ -114,7 +113,6 @@ def damping_ignored() -> Evidence:
 
 
 def rotor_ignored() -> Evidence:
-    """Moment of inertia at a hinge with a rotor behind a gear: by rotor and gear, and by their armature."""
     rotor, ratio = 1e-4, 50.0
     model = load_urdf(_BAR)
 
@@ -128,14 +126,12 @@ def rotor_ignored() -> Evidence:
 
 
 def mimic_ignored() -> Evidence:
-    """Degrees of freedom of two joints of which one mimics the other, and read with mimic joints."""
     follower = joint("b", inside='<mimic joint="a" multiplier="2" offset="0"/>')
     text = robot(link("a"), link("b"), joint("a"), follower)
     return Evidence(load_urdf(text).nv, 1, pin.buildModelFromXML(text, mimic=True).nv, "")
 
 
 def massless_tip() -> Evidence:
-    """Acceleration of a level bar that falls, with a link without mass on a joint at its end, and on a fixed one."""
     accelerations = []
     for kind in ("revolute", "fixed"):
         model = load_urdf(robot(link("a"), joint("a"), '<link name="tip"/>', joint("tip", "a", kind=kind)))
@@ -145,27 +141,22 @@ def massless_tip() -> Evidence:
 
 
 def frame_mass() -> Evidence:
-    """Mass of a link as its frame has it, and as its joint has it."""
     model = load_urdf(_BAR)
     frame = model.frames[model.getFrameId("a", pin.FrameType.BODY)]
     return Evidence(float(frame.inertia.mass), MASS, float(model.inertias[frame.parentJoint].mass), "kg")
 
 
 def base_mass() -> Evidence:
-    """Mass of a robot whose base of 5 kg stands on the ground, as Pinocchio adds it up, and with that of the ground."""
     model = load_urdf(_BAR.replace('<link name="base"/>', link("base", mass=5.0)))
     return Evidence(mass(model), 5.0 + MASS, mass(model) + float(model.inertias[0].mass), "kg")
 
 
 def base_fixed() -> Evidence:
-    """Degrees of freedom of a URDF whose base is meant to float, and with a root joint."""
     text = _BAR.replace('<link name="base"/>', link("base"))
     return Evidence(load_urdf(text).nv, 7, load_urdf(text, pin.JointModelFreeFlyer()).nv, "")
 
 
 def continuous_joint() -> Evidence:
-    """Torque of the weight of a bar that hangs 0.5 rad below level on a continuous joint: the angle as the first of
-    its coordinates, and as cosine and sine."""
     model = load_urdf(robot(link("a"), joint("a", kind="continuous")))
     torques = [float(inverse(model, q)[0]) for q in ([0.5, 0.0], [math.cos(0.5), math.sin(0.5)])]
     return Evidence(torques[0], WEIGHT * math.cos(0.5), torques[1], "N m")
@@ -182,14 +173,12 @@ def _turning() -> tuple[pin.Model, pin.Data, int]:
 
 
 def local_velocity() -> Evidence:
-    """Velocity along the world's x of a point of a turning bar: as `getFrameVelocity` has it, and in world axes."""
     model, data, frame = _turning()
     velocities = [float(pin.getFrameVelocity(model, data, frame, *axes).linear[0]) for axes in ((), (_ALIGNED,))]
     return Evidence(velocities[0], -2.0 * ARM, velocities[1], "m/s")
 
 
 def spatial_acceleration() -> Evidence:
-    """Upward acceleration of a point of a turning bar that hangs: spatial, and classical."""
     model, data, frame = _turning()
     calls = (pin.getFrameAcceleration, pin.getFrameClassicalAcceleration)
     accelerations = [float(call(model, data, frame, _ALIGNED).linear[2]) for call in calls]
@@ -197,7 +186,6 @@ def spatial_acceleration() -> Evidence:
 
 
 def error_goes_on() -> Evidence:
-    """Torque of the weight of a bar in a URDF with a misprint, which Pinocchio loads, and corrected."""
     with capture_errors() as messages:
         value = float(inverse(load_urdf(_BAR.replace(f'xyz="{ARM} 0 0"', f'xyz="{ARM} 0 O"')))[0])
     return Evidence(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(messages), ""))
@@ -245,13 +233,11 @@ class _Closed:
 
 
 def default_settings() -> Evidence:
-    """Largest error of the accelerations of a planar four-bar closed by a point, one of whose rows is empty."""
     closed = _Closed()
     return Evidence(closed.error(), 0.0, closed.error(*_SAFE), "rad/s^2")
 
 
 def two_arguments() -> Evidence:
-    """Acceleration error where constraints are initialised as in Pinocchio 3, without their data, and with them."""
     closed, message = _Closed(), ""
     value = math.nan
     try:
@@ -263,13 +249,11 @@ def two_arguments() -> Evidence:
 
 
 def one_iteration() -> Evidence:
-    """Acceleration error after one proximal iteration at mu = 1e-3, and after eight."""
     closed = _Closed()
     return Evidence(closed.error(0.0, 0.0, 1e-3, 1), 0.0, closed.error(0.0, 0.0, 1e-3, 8), "rad/s^2")
 
 
 def frame_locks_hinge() -> Evidence:
-    """Acceleration error of a four-bar whose hinge is closed by a whole frame, and by a point."""
     return Evidence(_Closed("CONTACT_6D").error(*_SAFE), 0.0, _Closed().error(*_SAFE), "rad/s^2")
 
 
@@ -295,20 +279,17 @@ def _on_coupler(bar: FourBar) -> Array:
 
 
 def force_sign() -> Evidence:
-    """Force along x on the coupler, of a constraint that names the rocker first; and turned round."""
     force, expected = _force(swapped=True)
     return Evidence(float(force[0]), float(expected[0]), float(-force[0]), "N")
 
 
 def force_frame() -> Evidence:
-    """Force along x of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
     force, expected = _force(turn=0.5)
     turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ force
     return Evidence(float(force[0]), float(expected[0]), float(turned[0]), "N")
 
 
 def redundant_force() -> Evidence:
-    """Force along x of one of two equal constraints, and of both together."""
     closed = _Closed(twice=True)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     both = sum(float(data.contact_force.linear[0]) for data in closed.datas)

@@ -28,12 +28,14 @@ class Reproduction:
 
     Attributes:
         run: Function that returns `Evidence`, as module:name; empty where the case cannot be shown.
+        number: Quantity that it measures, without the remedy and with it.
         differs: Symptom and expected value are further apart than this where it is shown [unit of the numbers].
         within: The remedy brings the number this close to the expected one.
         why_not: Why it cannot be shown.
     """
 
     run: str = ""
+    number: str = ""
     differs: float = math.nan
     within: float = math.nan
     why_not: str = ""
