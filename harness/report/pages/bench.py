@@ -1,4 +1,4 @@
-"""The report of a bench: which method is cheapest for which accuracy, how it was timed, all rows, and the pictures."""
+"""The report of a bench: the cheapest method for each accuracy, how it was timed, all rows, and the pictures."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
 ERROR = "largest scaled error [1]"
 ZERO = 1e-17  # where an error of exactly zero is drawn
-SENSELESS = 10.0  # scaled error from which a motion has nothing to do with the scene: it is in the table only
+SENSELESS = 10.0  # scaled error from which on a motion is in the table only
 MEASURES = {"observable": "largest error of an observable [m or rad]", "energy": "energy not accounted for [J]"}
 NOTES = (
     "Lower left is better. Each point is one setting; errors are against {}. T: duration of the motion.",
@@ -283,7 +283,7 @@ def _error_and_time(
     """Draw points of families, lines through them, and published values: a line where only one number is known.
 
     Args:
-        axes: Title, what is along x and along y.
+        axes: Title and names of both axes.
     """
     title, across, up = axes
     lines = {family: [p for p in points if p["family"] == family] for family in looks}

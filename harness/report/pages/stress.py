@@ -1,4 +1,4 @@
-"""The report of the stress cases: where each engine breaks and whether it says so, then every ladder."""
+"""The report of stress: the rungs at which engines break, with or without a warning, then every ladder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _silent_rows(stress: Stress) -> list[Row]:
 
 
 def _worst(stress: Stress) -> Iterator[Row]:
-    """Counts of the cases in which each engine keeps its digits, reports that it does not, or is wrong in silence."""
+    """Count the cases in which each engine keeps its digits, reports that it does not, or is silently wrong."""
     for (engine,), group in grouped(_rows(stress), "who").items():
         cases = grouped(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
@@ -152,7 +152,7 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
     """Return looks of engines, plot by plot: engines without settings look the same in all plots.
 
     Args:
-        plots: Names of the engines in each plot; what follows a blank is a setting.
+        plots: Names of the engines in each plot; a setting may follow a blank.
     """
     common = by_camp(name for names in plots for name in names if " " not in name)
     own = [by_camp([n for n in names if n not in common], [n for n in names if n in common]) for names in plots]

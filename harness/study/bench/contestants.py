@@ -1,6 +1,6 @@
-"""Contestants of a bench, which pair a method with a question, and which of them take part.
+"""Contestants of benches: methods paired with questions, and the choice of them.
 
-Those of given motions and the engines' own steppers are data, see ``cases.toml``.
+``cases.toml`` lists those of given motions and the engines' own steppers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from screwgauge.study.bench.variants import VARIANTS, VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
-#: The quantity of a contestant that computes none.
+#: Quantity of a contestant that computes nothing.
 NOTHING = "none"
 
 
@@ -42,14 +42,14 @@ class Contestant:
     """Method with a setting and a question; makes a row for each of its quantities.
 
     Attributes:
-        setting: In words.
-        covers: What the clock covers.
+        setting: Description of the setting.
+        covers: Work that the clock covers.
         series: Line of the family that it belongs to, such as ``1 iteration``.
-        parameter: Name and value of what is varied along that line.
+        parameter: Name and value of the parameter that varies along that line.
         label: Short name of the setting in diagrams.
-        drawn: Whether it has a place in the work-precision diagram.
-        given: It starts from given joint motion, so that closing the loops is not in its time.
-        hint: Why it may fail, for the row of a failure.
+        drawn: True if the work-precision diagram shows it.
+        given: True if it starts from given joint motion: its time does not include closing the loops.
+        hint: Cause of a likely failure, for the row of that failure.
     """
 
     family: str
@@ -68,7 +68,7 @@ class Contestant:
 
     @property
     def key(self) -> str:
-        """Identifies the contestant within a bench."""
+        """Identifier of the contestant within a bench."""
         return " | ".join((self.name, self.method.engine, self.series, self.setting, ", ".join(self.quantities)))
 
     @property
@@ -96,27 +96,27 @@ class Contestant:
         return scores
 
 
-#: What an entry may say as a contestant has it.
+#: Fields of a contestant that an entry gives as they are.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 _COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
 _SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable", "energy"), covers=_COVERS)
-#: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
+#: Tolerances of a step, rtol = atol. Implicit methods of low order need too many steps for the tighter ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
-#: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
+#: Engines that close loops by constraint forces gain nothing below this tolerance: those forces round to more.
 LEAST_CONSTRAINED = 1e-10
 #: Fixed steps over the whole motion.
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
 
 
-#: Family of these contestants, which have a table of their own.
+#: Family of the contestants in ``leaving_out.csv``.
 LEAVING_OUT = "leaving-out"
 ENGINES = ("screw", "pinocchio", "mujoco")
 EVERYTHING = "everything"
-#: What each row asks for beyond the one before.
+#: Quantities that each row requests in addition to the row before.
 WANTED = {
     **{
         what: tuple(name for name in (*OF_JOINTS, *OF_BODIES) if EVERY[name].needs == needs)
@@ -188,7 +188,7 @@ def leaving_out() -> Iterator[Contestant]:
             yield trial(step, question=partial(given.less, computed=wanted), quantities=wanted, series="asked for")
         setting, alone = "actuator forces alone", ("actuator_force",)
         yield trial(setting, question=partial(given.less, computed=alone), quantities=alone, series="asked for")
-        for absent in ("gravity", "load"):  # forces change without them; motion must not
+        for absent in ("gravity", "load"):  # forces change without them, motion does not
             yield trial(absent, question=partial(given.less, absent=absent), quantities=MOTION, series="absent")
         # parts of the model file that mechanics does not need; URDF has only limits
         for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, given.ALL_PARTS)}[engine]:
@@ -218,8 +218,8 @@ def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]
     """Return the contestants of the bench of a simulation, family by family, coarse settings first.
 
     Args:
-        method: That of the scene.
-        duration: Of the motion [s].
+        method: Integration method of the scene.
+        duration: Duration of the motion [s].
     """
     return [*chain(*_climbing(method, quick), *_stepping(duration, quick))]
 

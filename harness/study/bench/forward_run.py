@@ -29,10 +29,10 @@ from screwgauge.study.solving import TooLongError, ask, model_files, within, wri
 from screwgauge.study.store import Journal
 
 NAN = float("nan")
-TIGHTEST = 1e-12  # tolerance of the solver where it is the reference
+TIGHTEST = 1e-12  # tolerance of `screw` as the reference
 #: Below this [s] a contestant is measured again, `Plan.rounds` times in all, and the shortest time counts.
 SHORT = 1.0
-#: From one rung of a ladder to the next, at least so many times longer: what would take too long is not begun.
+#: Least ratio of the durations of a rung and the one before, by which rungs that would take too long are foreseen.
 LONGER = 1.5
 FULL = Plan(samples=41, rounds=3, budget=90.0, quick=False, each=45.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
@@ -80,7 +80,7 @@ def measure(
     protocol: Protocol,
     progress: Report,
 ) -> None:
-    """Measure contestants, the shortest first, as foreseen from the last one of its family, while the budget lasts."""
+    """Measure contestants while the budget lasts, first those that are expected to be quickest."""
     took, waiting = dict[Contestant, float](), [*chosen]
     late = {f"screw-{name}" for name in EXPLICIT} if _slow(posed.scene) else set[str]()
     while waiting and not protocol.over:
@@ -96,7 +96,7 @@ def measure(
 
 
 def _slow(scene: Scene) -> bool:
-    """Return whether an explicit method would have to take very many steps, which machine code takes in no time."""
+    """Tell whether stability costs an explicit method very many steps, and no machine code makes them cheap."""
     if find_spec("llvmlite") is not None:
         return False
     start = scene.start
@@ -112,7 +112,7 @@ def simulated(scene: Scene, folder: Path) -> PreparedScene:
         folder: For the model files.
 
     Raises:
-        ScrewgaugeError: There is no known solution, and the solver does not come to the end.
+        ScrewgaugeError: There is no known solution, and the solver stops early.
     """
     write_scene_models(scene, folder)
     if scene.known is not None:
@@ -151,11 +151,11 @@ def _foreseen(contestant: Contestant, took: Mapping[Contestant, float]) -> float
 
 
 def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: float, left: float) -> dict[str, Any]:
-    """Return scores and cost of a contestant, or why there are none.
+    """Return scores and cost of a contestant, or the reason for a missing answer.
 
     Args:
-        foreseen: How long it would take [s].
-        left: Of the budget [s].
+        foreseen: Expected duration [s].
+        left: Rest of the budget [s].
     """
     if foreseen > plan.each:
         reason = f"the setting before tells that it would take more than {plan.each:g} s"
@@ -180,7 +180,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
 
 
 def _scored(posed: PreparedScene, problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the error of the observables, and energy that is not accounted for, up to where an answer stopped."""
+    """Return the error of the observables, and the missing energy, up to the time at which an answer stopped."""
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
     off = deviation(observe(layout(scene.mechanism), scene.observables, q), right)

@@ -1,7 +1,7 @@
 """Questions of benches: the motion of a scene, its true states, or a motion that is changed for a purpose.
 
-Each question is a function of the scene, of the engine and of the wanted quantities. What else it takes
-is bound by `functools.partial`, so that questions pickle.
+Each question is a function of scene, engine and wanted quantities. `functools.partial` binds further arguments, so that
+questions pickle.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """Problems for one model, with what is right.
+    """Problems for one model, with their reference.
 
     Attributes:
-        problems: Put one after the other to one model.
-        n_sample: Samples that the answers deliver.
-        reference: What the answers are measured against.
-        rows: Samples of all answers together that the reference has; all by default.
+        problems: Problems that one model solves in turn.
+        n_sample: Number of samples that the answers deliver.
+        reference: Values that the answers are compared with.
+        rows: Samples of the joined answers that the reference has; all by default.
     """
 
     files: ModelFiles
@@ -69,8 +69,8 @@ def true_states(
     """Ask for actuator forces of the true motion of a tree.
 
     Args:
-        pushed: For accelerations under the true forces.
-        bare: For forces along the tree alone.
+        pushed: Ask for accelerations under the true forces instead.
+        bare: Ask for forces along the tree instead.
     """
     return Trial(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
 
@@ -98,7 +98,7 @@ def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, par
     """Ask for the motion in steps of about a part of its duration.
 
     Args:
-        ends: Compared are the samples at the ends, where differences are one-sided.
+        ends: Compare the samples at the ends, where differences are one-sided.
 
     Raises:
         DescriptionError: The compared times are not evenly spread.
@@ -137,7 +137,7 @@ def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: f
 
     Args:
         part: Step, as a part of the duration.
-        halves: Halfway between steps, too.
+        halves: Give the motion halfway between steps, too.
     """
     t, parts = posed.t, 2 if halves else 1
     step, n = part * float(t[-1] - t[0]), int((1 + 1e-12) / part)
@@ -146,7 +146,7 @@ def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: f
     met = np.abs(grid[::parts][rows] - t) <= 1e-9 * max(1.0, abs(t[-1]))
     reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-    # delivered are the compared times, however many steps it takes to get from one to the next
+    # the method delivers the compared times, however many steps lie between them
     return Trial(posed.files(engine), (problem,), len(t), reference, rows[met])
 
 
@@ -156,7 +156,7 @@ def simulation(
     """Ask for a simulation from its start; the wanted observables follow from the joint coordinates.
 
     Args:
-        method, rtol: Of scipy, and its tolerances rtol = atol; those of the scene if there is none.
+        method, rtol: Method of scipy and its tolerances rtol = atol; those of the scene by default.
     """
     task = posed.scene.start
     if method:
@@ -177,9 +177,9 @@ def less(
     """Ask for the given motion with fewer quantities or forces, measured against the engine's own full answer.
 
     Args:
-        computed: Quantities that are computed.
-        absent: ``gravity`` or ``load``, which does not act; empty for neither.
-        part: Part that the model file has beyond the mechanics; empty for none.
+        computed: Quantities to compute.
+        absent: Force to omit, ``gravity`` or ``load``; empty for none.
+        part: Part to add to the model file that mechanics does not need; empty for none.
     """
     problem, folder, scene = posed.problem(*computed), posed.folder, posed.scene
     if absent == "gravity":

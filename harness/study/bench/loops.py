@@ -1,6 +1,6 @@
 """Stress on closed loops: Pinocchio's proximal settings, redundant constraints, and MuJoCo's soft loops.
 
-The softness is a floor in loop gap, force and energy that no time step removes; a refinement removes it.
+Softness puts a floor under loop gap, force and energy, which refinement removes and no time step does.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def _forces(posed: PreparedScene) -> Question:
         f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
         f"({counts.overconstraints} redundant constraints)"
     )
-    # what is open has no digit, which says nothing of what is unique
+    # undetermined reactions have no digit; unique ones must not be excused by them
     return replace(question, admitted=dict.fromkeys(quantities, 0.0), remarks={"reaction": remark})
 
 
@@ -139,7 +139,7 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
     """Pose the default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
 
     Raises:
-        ScrewgaugeError: The motion does not lead so far.
+        ScrewgaugeError: The motion stops early.
     """
     scene = load_scene(SCENE).at([INSTANT])
     mechanism, motion = scene.mechanism, scene.motion
@@ -158,7 +158,7 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
 
 
 def in_tree(question: Question) -> Reference:
-    """Return reference values of what MuJoCo has: coordinates of its tree and forces that close its loops."""
+    """Return reference values of the coordinates in MuJoCo's tree and the forces that close its loops."""
     values, mechanism = question.right.values, question.mechanism
     closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
     force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))

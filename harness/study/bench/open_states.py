@@ -1,4 +1,4 @@
-"""The ladder of states that do not quite close: what engines return for them, raw, and with the loops closed first."""
+"""Stress by states that do not close: answers of engines to them, raw and after closing the loops."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     given = Question(mechanism, files, scene.problem(JUDGED), methods, ("generalized_force", "actuator_force"), true)
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
-    # an engine that is missing closes nothing, but its rows are to be there
+    # a missing engine closes nothing, but the table has its rows
     closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
     reduced, every = VariantMethod("screw", function=reduced_equations), mechanism.coordinates
@@ -91,10 +91,10 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
 def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     """Return states of the engines' tree with the cut joints apart by `gap` [m] and parting at `gap` [m/s].
 
-    The independent coordinates and their velocities stay as they are.
+    The independent coordinates and their velocities do not change.
 
     Args:
-        scene: The closed states that are pulled apart.
+        scene: Scene with the closed states.
         names: Coordinates of the tree.
     """
     mechanism, motion = scene.mechanism, scene.motion

@@ -1,7 +1,7 @@
-"""Questions of stress cases: problems put to methods, with what is right, and the findings that become of them.
+"""Questions of stress cases: problems for methods, with reference values, and the findings that they lead to.
 
-The second half has what several cases ask: given motions, against the truth; accelerations, for true states under the
-true forces. What a single case asks stands in the module that ``cases.toml`` names.
+The second half holds questions that several cases share: given motions, compared with the truth, and accelerations of
+true states under the true forces. The modules that ``cases.toml`` names hold those of single cases.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import stacked
 
-#: A scaled error below this needs no warning: the loosest tolerance at which a scene is called in agreement.
+#: Scaled errors below this need no warning: it is the loosest tolerance at which a scene agrees.
 GOOD = 1e-9
 OK, DEGRADED, REFUSED, SILENT = "ok", "degraded", "refused", "silently-wrong"
 VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
@@ -50,11 +50,11 @@ class Finding(Residual):
     Attributes:
         a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
         tolerance: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
-        reason: Why it was refused, a warning, or the cause of the error.
-        condition: Condition number of what was solved; NaN where nothing was.
+        reason: Reason of a refusal, a warning, or the cause of the error.
+        condition: Condition number of the solved system; NaN without a solution.
         time_s: Run time [s].
-        own: Whether it is our own solver.
-        case, severity: Where on which ladder.
+        own: True for our own solver.
+        case, severity: Ladder and rung.
     """
 
     tolerance: float = GOOD
@@ -66,18 +66,18 @@ class Finding(Residual):
 
     @property
     def engine(self) -> str:
-        """The first of what a residual is between."""
+        """Name of the engine."""
         return self.a
 
     @property
     def explanation(self) -> str:
-        """The reason, or a remark where one is missing."""
+        """Reason, or a remark that there is none."""
         silent = not self.reason and not math.isfinite(self.error)
         return "not a number, and nothing says so" if silent else self.reason
 
     @property
     def verdict(self) -> str:
-        """``ok``, ``degraded`` (less than nine digits, and it says so), ``refused`` (no number, and it says why),
+        """``ok``, ``degraded`` (fewer than nine digits, with a warning), ``refused`` (no number, with a reason), or
         ``silently-wrong`` (anything else)."""
         if not math.isfinite(self.error):
             return REFUSED if self.reason and math.isnan(self.error) else SILENT
@@ -87,7 +87,7 @@ class Finding(Residual):
 
 
 OWN = "screw"  # the engine that answers for our own solver
-LONGEST = 500  # letters of a reason: some errors name a whole state
+LONGEST = 500  # characters of a reason: some errors print a whole state
 
 
 UNKNOWN = Reference("", {}, "", {})
@@ -100,22 +100,21 @@ def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """A problem put to methods, with reference values. Data only; it pickles.
+    """Problem for methods, with reference values. Data only; it pickles.
 
     Attributes:
         files: Engine -> its model.
-        methods: Those of the case in ``cases.toml`` whose `of` is that of the question, if there is none here.
-        quantities: What is measured, in this order.
-        right: Their true values, of the compared components; `UNKNOWN` where there is no truth: then the judge
-            measures.
-        read: Takes the measured quantities from a solution. A function of a module.
-        cause: Why a method other than ours is silently wrong; ``{notes}`` stands for its notes.
+        methods: Methods that solve it; by default those of the case in ``cases.toml`` with the `of` of the question.
+        quantities: Measured quantities, in this order.
+        right: True values of the compared components; `UNKNOWN` without a truth: then the judge measures.
+        read: Function of a module that takes the measured quantities from a solution.
+        cause: Cause of a silent error of a method other than ours; ``{notes}`` stands for its notes.
         remarks: Quantity -> a remark, whatever the error.
-        admitted: Quantity -> scaled error that is admitted, whatever a method estimates of its own.
-        by: What admits an error, in words.
-        condition: Condition number of the closed loops, where that of what a method solves is not meant.
-        refused: Why it is put to no method.
-        unanswerable: Why no number is right: a method has to refuse it.
+        admitted: Quantity -> admitted scaled error, which replaces the estimate of a method.
+        by: Words for the source of an admitted error.
+        condition: Condition number of the closed loops, if it replaces that of the solved system.
+        refused: Reason to put it to no method.
+        unanswerable: Reason why no number is right: a method has to refuse it.
     """
 
     mechanism: Mechanism
@@ -184,18 +183,18 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
 
 
 def _broken_off(question: Question, solution: Solution) -> str:
-    """Return why a solution does not count: it stopped, or is made of steps of which the engine warned."""
+    """Return why a solution does not count: it stopped, or the engine warned of a step."""
     warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
     return solution.stopped or "; ".join(warned)
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
-    """Return the largest error over its scale S; NaN where there is no number, infinite where that is infinite.
+    """Return the largest error over its scale S; NaN or infinite if a value is.
 
-    Samples for which the reference itself has no number are left out.
+    Samples without a reference value do not count.
 
     Args:
-        values: Of at least the components of `right`, in any order.
+        values: Values of at least the components of `right`, in any order.
         scales: Unit -> S.
     """
     largest = sizes(deviation(values.pick(right.components), right))
@@ -217,7 +216,7 @@ def _compared(question: Question, solution: Solution, blank: Finding, values: Va
     """Measure the error of a quantity, and find the admitted one and the reason.
 
     Args:
-        excuse: What the engine says of a value that is no number.
+        excuse: Words of the engine on a value that is no number.
     """
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
@@ -229,7 +228,7 @@ def _compared(question: Question, solution: Solution, blank: Finding, values: Va
     admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
     if math.isinf(bound):
         admits = f"by {question.by} not one digit may be right"
-    if math.isnan(error):  # only what the engine says of it counts
+    if math.isnan(error):  # only the words of the engine count
         return replace(finding, reason=excuse or admits)
     silent = finding.verdict == SILENT and not finding.own
     cause = question.cause.replace("{notes}", "; ".join(solution.notes)) if silent else ""
@@ -237,7 +236,7 @@ def _compared(question: Question, solution: Solution, blank: Finding, values: Va
 
 
 def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
-    """Return the largest residual of the judge, which stands for all quantities where there is no truth."""
+    """Return the largest residual of the judge; without a truth it stands for all quantities."""
     table = judge(question.mechanism, question.problem, solution)
     return replace(
         blank,
@@ -250,7 +249,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Return quantity -> the singularity that leaves no number; notes on all of them stand under no name."""
+    """Return quantity -> the singularity that leaves no number; the empty name has the notes on all quantities."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -276,7 +275,7 @@ ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
-#: What the judge needs, and what a truth has.
+#: Quantities that the judge needs and a truth has.
 JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
 TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
@@ -318,8 +317,8 @@ def compare(
     """Put a given motion to engines. There are no reference values if the truth lacks a sample.
 
     Args:
-        setting: Follows the name of every engine.
-        cause: Why an engine other than ours is silently wrong.
+        setting: Suffix of the names of engines.
+        cause: Cause of a silent error of an engine other than ours.
     """
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
@@ -340,7 +339,7 @@ def push(posed: PreparedScene, *methods: Method) -> Question:
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
-    right = replace(posed.reference, values=values)  # measured by the scales of all
+    right = replace(posed.reference, values=values)  # the scales are those of all joints
     return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
 
 

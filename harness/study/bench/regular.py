@@ -1,6 +1,6 @@
 """Stress without singularities: masses, size and inertia of bodies, speed, load, and a million samples.
 
-The last shows how far a scheme that integrates has drifted by then.
+The last shows how far a scheme that integrates drifts.
 """
 
 from __future__ import annotations

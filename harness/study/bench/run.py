@@ -42,7 +42,7 @@ from screwgauge.study.store import Journal, is_record
 Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and -> its times [s]."""
 
-#: Note on times that were measured at the same time.
+#: Note on times of contestants that ran at the same time.
 BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 
 
@@ -54,7 +54,7 @@ class Bench:
         rows: One for each contestant, setting and quantity; of a simulation those of the observables and the energy.
         fits: Fitted slopes.
         leaving_out: Rows of ``leaving_out.csv``.
-        reference: What errors are measured against, in words.
+        reference: Name of the reference of errors.
         notes: Sentences for the report.
         provenance: Files that were judged, and the date.
         rounding: Quantity -> scaled error that float32 may make of it, see `screwgauge.engines.rounding`.
@@ -73,15 +73,15 @@ class Bench:
 
     @property
     def complete(self) -> bool:
-        """Nothing was cut short."""
+        """True if nothing was cut short."""
         return CUT not in {*self.leaving_out["status"], *(row.status for row in self.rows)}
 
 
 def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) -> Plan:
-    """Return how much is measured of a scene.
+    """Return the extent of a bench of a scene.
 
     Args:
-        limit: The budget that a user gives [s].
+        limit: Budget that replaces the default [s].
 
     Raises:
         DescriptionError: The limit is no positive number of seconds.
@@ -164,7 +164,7 @@ def bench(
 
 
 def check_given(scene: Scene) -> None:
-    """Refuse what a bench does not take: it measures methods, and of a given motion under few forces.
+    """Reject scenes that a bench cannot measure methods on.
 
     Raises:
         DescriptionError: The scene has model files or numbers of the user's own, springs, motors or loads that vary.
@@ -283,7 +283,7 @@ class _Measurements:
             self.progress("errors", i / len(chosen))
             done = self.kept.results.get(contestant.key, {"status": OK, "first": 0.0})
             times = self.kept.times.get(contestant.key, [])
-            # what an earlier bench has measured enough is not even loaded
+            # an earlier bench may have measured it often enough
             if done["status"] == OK and len(times) < timing.enough(min([done["first"], *times]), self.protocol.rounds):
                 self._first(contestant)
         self._measure(self.calls, self.protocol)
@@ -292,7 +292,7 @@ class _Measurements:
         """Find the error of a contestant, unless an earlier bench has it, and measure one time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
-            loaded = repr(method), trial.files  # once for all contestants that ask it
+            loaded = repr(method), trial.files  # one model serves all contestants that need it
             model = self.models[loaded] = self.models.get(loaded) or method.load(trial.files)
 
             def call() -> list[Solution]:
@@ -336,7 +336,7 @@ def fits(result: Mapping[str, Any]) -> bool:
     """Check that a result from a journal is whole: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
-    first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest and RMS, why there is none
+    first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest, RMS, reason
     numbers = isinstance(result.get("n_sample"), int) and isinstance(first, float) and 0.0 <= first < np.inf
     return result.get("status") == OK and numbers and is_record(result.get("scores"), scores)
 

@@ -24,10 +24,10 @@ from screwgauge.reference.graph import Edge, Layout, output_body, serial_chains
 from screwgauge.reference.rotations import Array, cross, skew
 
 TWISTS = ("right", "printed", "literal")
-CLOSED = 1e-9  # rad, m: a loop that the driving joint alone closes is closed to rounding, about 1e-15
-#: Method -> its stages: the part of the step at which each looks, and its weight.
+CLOSED = 1e-9  # [rad, m]: loops that the driving joint closes alone are closed to rounding, about 1e-15
+#: Method -> its stages: part of the step, and weight.
 STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
-#: Into how many parts a method divides its step.
+#: Method -> parts of its step.
 PARTS = {"euler": 1, "rk4": 2}
 
 

@@ -1,7 +1,7 @@
 """Stress at singularities: poses of the 3-UPS-UPU-S, locks of its wrists, and motions through poses between samples.
 
-The motions are those of planar linkages in closed form. Where branches of assembly meet, a motion given at samples does
-not say on which of them it goes on: it has no answer, however the samples lie. Home is where the motion starts.
+Planar linkages have their motions in closed form, and start at home. Where branches of assembly meet, a motion given at
+samples does not determine the branch that follows: it has no answer, whatever the samples.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from screwgauge.study.reference_values import Reference
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
-#: Half the angle of the platform at which the first axis of leg 1 no longer holds it.
+#: Tilt b at which leg 1 no longer stops the platform from turning.
 SINGULAR_B = float(np.arctan2(_H, _r) - np.arccos(np.hypot(_r, _H) / _R))
 #: Tilt a at which leg 2 lies on the first axis of its base joint, at b = 0.
 BASE_LOCK = -float(np.arctan2(_H, _r))
@@ -168,7 +168,7 @@ def _passing(name: str, y: Array) -> Scene:
     return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
 
-#: Motions last so many times the way to the singular pose: evenly spread samples, however many, have none there.
+#: Duration of motions over the time to the singular pose: evenly spread samples never meet that pose.
 LAST = float(np.sqrt(3.0))
 REFUSED, REGULAR = "refused", "regular"
 MOVED = ("joint_position", "joint_acceleration", "actuator_force")
@@ -176,14 +176,14 @@ MOVED = ("joint_position", "joint_acceleration", "actuator_force")
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """A linkage in a motion, and whether it has an answer.
+    """Linkage in a motion that has an answer or none.
 
     Attributes:
         motion: Independent coordinate -> its table in a scene.
         lasts: Time of the last sample [s].
         answer: `REFUSED` or `REGULAR`.
         at: Time of the singular pose that it passes, touches or comes next to [s].
-        why: What happens there.
+        why: Description of that pose.
     """
 
     name: str
@@ -210,8 +210,8 @@ def _turning(
     """Return a linkage in motion at constant rates.
 
     Args:
-        rates: Independent coordinate -> where it starts, and its rate.
-        gap: Where branches do not meet, so that one goes on, it is more than 0.
+        rates: Independent coordinate -> start and rate.
+        gap: More than 0 if branches do not meet: then one of them goes on.
     """
     motion = {label: {"polynomial": [*pair]} for label, pair in rates.items()}
     return Passing(name, linkage, motion, LAST * at, REGULAR if gap > 0.0 else REFUSED, at, why)

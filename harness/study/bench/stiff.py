@@ -1,8 +1,7 @@
 """Stress by stiffness: springs and dampers across prismatic joints, accelerations and a short motion with its energy.
 
 The reference is Radau collocation of high order, all stages of a step evaluated at once. Ten stages have order nineteen
-and damp what is too fast for the step, so that few steps reach rounding; nothing is shared with the integrators that
-are measured.
+and damp fast components, so that few steps reach rounding. The integrators under stress share nothing with it.
 """
 
 from __future__ import annotations
@@ -134,7 +133,7 @@ def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at:
 def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
     """Return a short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
 
-    Reference values are by collocation, in steps that grow with time as the motion gets slower.
+    Collocation makes the reference values, in steps that grow as the motion gets slower.
     """
     scene = load_scene(SCENE)
     mechanism, lay = scene.mechanism, layout(scene.mechanism)
@@ -173,7 +172,7 @@ def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
 
 def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
     """Put the motion to one of scipy's methods, whose tolerance is the admitted error."""
-    # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
+    # the error of one step, since damping forgets the others; relative to an angle, not to its travel
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
     return replace(
@@ -217,7 +216,7 @@ Slope = Callable[[Array], Array]
 
 
 def collocate(slope: Slope, state: Array, times: Array) -> Array:
-    """Integrates an autonomous system with one step from each time to the next.
+    """Integrate an autonomous system with one step from each time to the next.
 
     Args:
         state: At the first time. Shape (m,).
@@ -249,7 +248,7 @@ def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> 
         left = state + h * (A @ slope(Y)) - Y
         change = (inverse @ left.ravel()).reshape(Y.shape)
         Y = Y + change
-        # what has died away is measured by what it was
+        # damped components are measured by their earlier size
         scale = np.maximum(np.abs(Y).max(axis=0), 1e-3 * largest).clip(1e-300)
         relative = float((np.abs(change).max(axis=0) / scale).max())
         if relative < CLOSE or (relative < 1e-9 and relative > 0.5 * last):  # down to rounding

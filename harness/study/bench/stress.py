@@ -38,15 +38,15 @@ class StressCase:
 
     Attributes:
         name: As on the command line.
-        title: What is made extreme, for the heading of its plot.
-        axis: What the severity is, with its unit.
-        about: What is measured and what is to be seen, for the report.
+        title: Heading of its plot: what becomes extreme.
+        axis: Name and unit of the severity.
+        about: Text of the report: what is measured and what it shows.
         drawn: Quantity of the small plot.
         low, high: Range of the severity.
         full, quick: Severities of its rungs.
-        ask: Makes the questions of a rung.
-        falling: Whether small severities are the severe ones.
-        whole: Whether severities are counts.
+        ask: Function that yields the questions of a rung.
+        falling: True if small severities are the severe ones.
+        whole: True if severities are counts.
     """
 
     name: str
@@ -94,7 +94,7 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 def _asked(
     ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
 ) -> Iterator[Question]:
-    """Yield the questions of a rung, those without methods for each entry of the case that is of them.
+    """Yield the questions of a rung; one without methods is put to those of the case.
 
     Args:
         ask: Function of this room, ``module:name``.
@@ -143,7 +143,7 @@ COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
     "reason": "explanation",
 }
-#: Stands for the engines of a rung that broke before it could ask them one by one.
+#: Engine of a rung that broke before it asked any.
 ALL = "all"
 
 
@@ -198,8 +198,8 @@ def stress(
     Args:
         quick: Fewer rungs and smaller scenes.
         severities: Rungs in place of the case's own; for one case only.
-        execute: Where rungs are climbed; in this process by default.
-        place: Folder of the report, of which rungs are kept until all are there; by default none are.
+        execute: Executor of rungs; this process by default.
+        place: Folder of the report; finished rungs are kept for it until all are there, by default none.
 
     Raises:
         ScrewgaugeError: An unknown case, or a severity outside its range.
@@ -231,7 +231,7 @@ def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress)
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
     """Return the findings of one rung; a rung that breaks is one finding of `ALL`."""
     try:
-        # extremes are the point; what comes of them is judged
+        # extremes overflow on purpose; their results are judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
             questions = case.ask(severity, quick, Path(folder))
             return [finding for question in questions for finding in findings(question)]

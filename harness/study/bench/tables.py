@@ -1,4 +1,4 @@
-"""Rows and tables of a bench: errors and times, times to reach an error, what leaving out buys, fitted slopes."""
+"""Rows and tables of a bench: errors and times, times to reach an error, savings by omission, fitted slopes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from screwgauge.solution import Cost
 from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.contestants import EVERYTHING, NOTHING, Contestant
 
-#: Columns of ``bench.csv`` and ``timings.csv``, and where a row has those that it calls otherwise.
+#: Columns of ``bench.csv`` and ``timings.csv``, and the attributes of rows that have other names.
 COLUMNS = [
     *("family", "contestant", "setting", "quantity", "max_scaled", "rms_scaled", "digits", "time_s", "n_sample"),
     *("covers", "status", "reason"),
@@ -43,9 +43,9 @@ class BenchRow(SizedResidual):
     """Error and times of a contestant in one quantity; its RMS error is scaled.
 
     Attributes:
-        seconds: Every measurement, in the order made.
-        largest: Largest error by unit, of a simulation.
-        cost: What a simulation took.
+        seconds: Measured times, in order.
+        largest: Unit -> largest error of a simulation.
+        cost: Cost of a simulation.
     """
 
     contestant: Contestant
@@ -62,7 +62,7 @@ class BenchRow(SizedResidual):
 
     @property
     def time_s(self) -> float:
-        """Shortest measurement: disturbances only ever add."""
+        """Shortest measurement: disturbances only add."""
         return min(self.seconds, default=float("nan"))
 
     @property
@@ -157,7 +157,7 @@ SLOPE_COLUMNS = {
 WITHIN = 0.1  # of the expected slope
 #: Scaled errors between these follow the power law: above, it saturates; below, rounding takes over.
 LARGE, SMALL = 0.1, 1e-10
-FLOOR = 30.0  # a point has to be so far above a floor not to feel it
+FLOOR = 30.0  # factor above a floor from which on it does not matter
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +203,7 @@ class SlopeFit:
 
 
 def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeFit]:
-    """Fits of the rules for which there are rows; those cut short before they had three points are left out."""
+    """Fit the rules that have rows, except those that were cut short before they had three points."""
     fitted = []
     for rule in rules:
         of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
@@ -222,7 +222,7 @@ def _window(rule: Rule, x: Array, error: Array) -> Mask:
         return np.asarray(x <= rule.most)
     low = SMALL
     flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * rule.expected * np.log(x[1] / x[0])
-    if flat:  # at its small end the line follows no power law: there is a floor
+    if flat:  # the small end follows no power law: there is a floor
         low = max(low, FLOOR * float(error.min()))
     return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
 

@@ -9,10 +9,10 @@ from math import inf
 from time import perf_counter_ns
 from typing import Any
 
-#: A call shorter than this [s] is made once without the clock right before the measured one: it refills the caches
-#: that the contestant before has emptied. Longer ones fill them in a fraction of their own time.
+#: A call shorter than this [s] is repeated without the clock right before the measured one: it refills the caches
+#: that the contestant before has emptied. Longer calls fill them in a fraction of their time.
 WARM_BELOW = 0.05
-#: From these durations [s] on, so many rounds are enough: what lasts longer is disturbed less.
+#: Durations [s] from which on so many rounds are enough: disturbances matter less to longer calls.
 ENOUGH = ((5.0, 1), (0.5, 2))
 
 
@@ -23,7 +23,7 @@ class Plan:
     Attributes:
         samples: Times compared, at most.
         rounds: Measurements of a contestant, at most.
-        budget: Seconds after which nothing further begins; in a simulation, nothing goes on either.
+        budget: Seconds after which nothing further begins; simulations stop then, too.
         quick: Settings that take longest are left out.
         each: Seconds after which a contestant of a simulation is stopped.
         share: Share of a simulation that is integrated.
@@ -89,10 +89,10 @@ def measure(
     """Measure all contestants in turn, round after round: what slows the machine for a while slows all alike.
 
     Args:
-        calls: Key -> what is measured; already called once, outside the clock.
-        record: Takes key and seconds of each measurement.
-        known: Key -> seconds measured so far; `record` adds to it.
-        first: Key -> seconds of that first call, which say how often and how warm it has to be measured.
+        calls: Key -> measured function, which was called once outside the clock.
+        record: Function that takes key and seconds of each measurement.
+        known: Key -> seconds so far; `record` adds to it.
+        first: Key -> seconds of that first call, which fix rounds and warming.
     """
     for turn in range(protocol.rounds):
         for key, call in calls.items():

@@ -34,12 +34,12 @@ from screwgauge.study.methods import Method
 
 Arrays = Mapping[str, Array]
 STEP = 0.1  # [rad or m]
-#: How often `numpy.gradient` is taken of positions.
+#: Quantity -> times that `numpy.gradient` is applied to positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
 
 class Variant:
-    """A loaded variant: a function of layout and problem that returns quantity -> array, or a solution."""
+    """Loaded variant: a function of layout and problem that returns quantity -> array, or a solution."""
 
     def __init__(self, lay: Layout, function: Callable[..., Arrays | Solution]) -> None:
         self.lay, self.function, mechanism = lay, function, lay.mechanism
@@ -117,7 +117,7 @@ def closed(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
 def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
     """Compute positions by so many steps of Newton's method, from predictions along the path from home.
 
-    Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
+    Each prediction starts from a corrected sample at most `STEP` away; nothing checks it.
     """
     motion = given_motion(problem)
     home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
@@ -157,13 +157,13 @@ def without_drift(lay: Layout, problem: Problem) -> Arrays:
 def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
     """Run the paper's own scheme from the first pose on, see `screwgauge.study.bench.scheme.integrate`.
 
-    The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
+    The motion has every step of the method, for ``rk4`` also halfway points; values are those of the steps.
     """
     q, w, beta = integrate(lay, given_motion(problem), twist=twist, method=method)
     return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
 
 
-#: Name -> what it computes.
+#: Name -> function.
 VARIANTS: dict[str, Callable[..., Arrays]] = {
     "nothing": nothing,
     "closed form": closed,
@@ -184,7 +184,7 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
     """Compute the wanted quantities from joint positions, in their precision.
 
     Raises:
-        TypeError: It was left on the way.
+        TypeError: A step left that precision.
     """
     given, wanted = problem.applied, problem.wanted
     applied = Applied(given.g.astype(q.dtype), tuple(rounded(load, q.dtype) for load in given.loads))
