@@ -111,6 +111,7 @@ def test_every_engine_agrees_and_satisfies_the_judge(scene, name, engine):
     assert [*results.judge[results.judge["residual"] == "jacobian"]["engine"].unique()] == ["screw", engine]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_random_mechanisms_agree(family):

@@ -31,6 +31,7 @@ def parallelogram(crank, coupler, place):
     return table
 
 
+@pytest.mark.sampled(4)  # each engine, and each place
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 @pytest.mark.parametrize("place", range(len(PLACES)))
 def test_a_parallelogram_is_followed_to_a_hundred_millionth_of_a_radian_before_its_bars_are_one_line(

@@ -99,6 +99,7 @@ def test_loops_that_cannot_close_are_refused():
         load_scene("five-bar").with_({"left.parent.tilt1": 0.1})
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "delta", "five-bar"])
 def test_home_stays_on_its_assembly(name):
     """In one change or in a hundred steps."""
