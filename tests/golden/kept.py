@@ -68,7 +68,7 @@ def similar_file(case: str) -> bool:
 
 
 def but_every(n: int) -> Callable[[str], bool]:
-    """Leave to thorough runs all given scenes but every n-th; others of the same joints and loops say nearly as much."""
+    """Leave to thorough runs all given scenes but every n-th: those of the same joints say nearly as much."""
     names = solved.given()
     return lambda case: names.index(case) % n != 0
 
