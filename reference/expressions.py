@@ -52,7 +52,7 @@ def _evaluate(node: ast.expr) -> float:
 
 
 @lru_cache(maxsize=4096)
-def _parsed(text: str) -> float:
+def _parse(text: str) -> float:
     """Parse an expression, cached because descriptions repeat the same slow numbers."""
     if _DECIMAL.fullmatch(text):
         return float(text)
@@ -71,7 +71,7 @@ def number(value: Any, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("not a number")
-        result = _parsed(value.strip()) if isinstance(value, str) else float(value)
+        result = _parse(value.strip()) if isinstance(value, str) else float(value)
         if not (isinstance(result, float) and math.isfinite(result)):
             raise ValueError("not a finite real number")
         if abs(result) > LARGEST:

@@ -128,7 +128,7 @@ def _means_the_same(text: str, encoding: str) -> bool:
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
     """Read the bytes of an input file, see `read_file`."""
-    with _opened(path, most) as file:
+    with _open(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
     if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
         raise _unread(path, _too_large(most))
@@ -137,7 +137,7 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
 
 def digest(path: Path, most: str = "MB of CSV") -> str:
     """Compute the SHA-256 of a file in blocks, limited as by `read_file`."""
-    with _opened(path, most) as file:
+    with _open(path, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -156,7 +156,7 @@ def files_read() -> Iterator[list[Path]]:
 
 
 @contextmanager
-def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
+def _open(path: Path, most: str) -> Iterator[BufferedReader]:
     """Open a regular file of limited size for reading; DescriptionError if there is none."""
     try:
         # opening a FIFO would wait for somebody to write into it

@@ -121,7 +121,7 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
             group[a] = b
             kept.append(joint)
     cuts = tuple(joint for joint in mechanism.joints if joint not in kept)
-    return Layout(mechanism, _outward([joint for joint in mechanism.joints if joint in kept]), cuts)
+    return Layout(mechanism, _order_outward([joint for joint in mechanism.joints if joint in kept]), cuts)
 
 
 def root(group: Mapping[str, str], name: str) -> str:
@@ -137,7 +137,7 @@ def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 
-def _outward(joints: list[Joint]) -> tuple[Edge, ...]:
+def _order_outward(joints: list[Joint]) -> tuple[Edge, ...]:
     """Order the joints of a tree from ground outward."""
     known, edges = {GROUND}, list[Edge]()
     while joint := next((joint for joint in joints if known & {*joint.bodies}), None):

@@ -190,7 +190,7 @@ class _Integration:
         last = motion.pieces[-1] if motion.pieces else None
         self.y, self.yd = (motion.start, motion.rates) if last is None else _end(last)
         self.started = False
-        self.start = self._at(np.array([self.begin]), self.y[None], self.yd[None])
+        self.start = self._motion_at(np.array([self.begin]), self.y[None], self.yd[None])
         self.started = True
         self.start.check()
 
@@ -209,7 +209,7 @@ class _Integration:
                 raise self._broken_off(self._end_of_the_way(SUSPECT) or reason)
             try:
                 with np.errstate(all="ignore"):
-                    pieces = self._solved(ends, rule(points), jacobian)
+                    pieces = self._solve(ends, rule(points), jacobian)
             except (_Rejected, ScrewgaugeError, np.linalg.LinAlgError) as error:
                 reason, self.duration = f"{error}", 0.5 * (ends[-1] - self.begin)
                 continue
@@ -223,7 +223,7 @@ class _Integration:
         inside = goals[goals <= until + ROUNDED * self.duration][:MANY].tolist()
         return inside or [until], POINTS if breaks is None else BETWEEN
 
-    def _solved(self, ends: list[float], by: Rule, jacobian: tuple[Array, Array]) -> list[Piece]:
+    def _solve(self, ends: list[float], by: Rule, jacobian: tuple[Array, Array]) -> list[Piece]:
         """Solve for the motion up to the given ends.
 
         Raises:
@@ -232,18 +232,18 @@ class _Integration:
         h, m = np.diff([self.begin, *ends]), len(self.idle)
         sums = _sums(h, by)
         back = np.linalg.inv(np.eye(m * len(sums[2])) - np.kron(sums[1], jacobian[0]) - np.kron(sums[0], jacobian[1]))
-        at, a, change, scale = self._found(sums, back)
+        at, a, change, scale = self._accelerate(sums, back)
         pieces = self._pieces([self.begin, *ends], by, a.reshape(len(h), -1, m))
         tail = max(float(np.abs(piece.terms[-2:] / self.unit[self.idle]).max()) for piece in pieces)
         if tail > max(TOLERANCE * scale, ROUNDINGS * change) and tail > ROUNDINGS * self._noise(at):
             raise _Rejected("accelerations change too fast")
         at.check()
         y, yd = _end(pieces[-1])
-        self.start = self._at(np.array(ends[-1:]), y[None], yd[None], at.q[-1:])
+        self.start = self._motion_at(np.array(ends[-1:]), y[None], yd[None], at.q[-1:])
         self.duration = (ends[-1] - self.begin) * (LONGER if tail < 1e-3 * TOLERANCE * scale else 1.0)
         return pieces
 
-    def _found(self, sums: tuple[Array, Array, Array], back: Array) -> tuple[ClosedMotion, Array, float, float]:
+    def _accelerate(self, sums: tuple[Array, Array, Array], back: Array) -> tuple[ClosedMotion, Array, float, float]:
         """Solve for the accelerations at all points of a stretch by Newton's method.
 
         Args:
@@ -262,7 +262,7 @@ class _Integration:
         near: Array | None = None
         for step in range(STEPS):
             y, yd = self.y + after[:, None] * self.yd + twice @ a, self.yd + once @ a
-            at = self._at(self.begin + after, y, yd, near)
+            at = self._motion_at(self.begin + after, y, yd, near)
             near, correction = at.q, (back @ (at.ydd[:, self.idle] - a).ravel()).reshape(a.shape)
             a = a + correction
             before, change = change, float(np.abs(correction / unit).max())
@@ -279,7 +279,7 @@ class _Integration:
         """Change of accelerations due to rounding of poses, by closing these again from nearby."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
-        again = self._at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
+        again = self._motion_at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
         rounded = np.abs((again.ydd - at.ydd)[:, self.idle] / unit).max()
         return float(rounded) + EPS * float(idle_rounding(at).max())
 
@@ -290,22 +290,22 @@ class _Integration:
             y, yd = _end(pieces[-1])
         return pieces
 
-    def _at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
+    def _motion_at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
         """Closed poses and accelerations in states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
         whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
         whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
-        q = self._begun(whole, t, (rates, ydd)) if near is None else self._closed(whole, near)
+        q = self._close_in_order(whole, t, (rates, ydd)) if near is None else self._close(whole, near)
         at = ClosedMotion(self.loops, q, rates, ydd, self.motion.applied, t)
         at.idle, at.resting = self.motion.idle, self.motion.resting
         return at
 
-    def _begun(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
+    def _close_in_order(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
         """Joint coordinates of successive closed poses, from home, then from the end of the known motion."""
         if not self.started:
             return self.mode.motion(y, t, rates)
         return read(self.loops.lay, Branch(self.loops.lay, self.start.q[0]).joints(y))
 
-    def _closed(self, y: Array, near: Array) -> Array:
+    def _close(self, y: Array, near: Array) -> Array:
         """Joint coordinates of the closed poses next to others. Shape (n, n_q)."""
         if (poses := self.mode.in_closed_form(y)) is not None:
             return self.mode.close(poses)
@@ -321,7 +321,9 @@ class _Integration:
         size = DIFFERENCE * np.maximum(np.abs(state), np.tile(self.unit[self.idle], 2))
         states = state + np.diag(size)
         with np.errstate(all="ignore"), suppress(_Rejected, ScrewgaugeError):
-            at = self._at(np.full(2 * m, self.begin), states[:, :m], states[:, m:], self.start.q.repeat(2 * m, axis=0))
+            at = self._motion_at(
+                np.full(2 * m, self.begin), states[:, :m], states[:, m:], self.start.q.repeat(2 * m, axis=0)
+            )
             J = ((at.ydd - self.start.ydd)[:, self.idle] / size[:, None]).T
             return J[:, :m], J[:, m:]
         return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open

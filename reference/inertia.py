@@ -38,16 +38,16 @@ def settled(
         DescriptionError: A tensor violates the triangle inequality, and that matters and is not allowed.
         UnknownNameError: An entry of `allow` is of no such body or property.
     """
-    excused = _excused(bodies, allow, where)
+    excused = _excused_bodies(bodies, allow, where)
     excesses = {body.name: excess for body in bodies if (excess := triangle_excess(body.inertia))}
     normals = normals_of_planes(joints, couplings) if {*excesses} - excused else {}
     found, completed, refused, sentences = list[Body](), list[str](), list[Body](), list[str]()
     for body in bodies:
         tensor: Array | None = body.inertia
         if body.name in excesses and body.name in excused:
-            sentences.append(_allowed(body, excesses[body.name]))
+            sentences.append(_describe_allowed(body, excesses[body.name]))
         elif body.name in excesses:
-            tensor = next(_completed(body.inertia, normals.get(body.name, ())), None)
+            tensor = next(_complete(body.inertia, normals.get(body.name, ())), None)
             if tensor is None:
                 refused.append(body)
             else:
@@ -64,7 +64,7 @@ def settled(
     return tuple(found), tuple(sentences)
 
 
-def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[str]:
+def _excused_bodies(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[str]:
     """Names of the bodies that `allow` excuses."""
     known, names = [body.name for body in bodies], set[str]()
     for entry in allow:
@@ -77,7 +77,7 @@ def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[
     return names
 
 
-def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
+def _complete(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
     """Complete the tensor by the smallest possible moments across each normal in turn.
 
     About the normal n it stays as it is, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
@@ -91,7 +91,7 @@ def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Arr
             yield raised
 
 
-def _allowed(body: Body, excess: float) -> str:
+def _describe_allowed(body: Body, excess: float) -> str:
     """Describe the consequence of a tensor that no body can have."""
     largest = float(np.linalg.eigvalsh(body.inertia)[-1])
     return (

@@ -179,7 +179,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     return sentences[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
 
 
-def _turning(mechanism: Mechanism) -> set[str]:
+def _turning_bodies(mechanism: Mechanism) -> set[str]:
     """Bodies that turn; inertia of a body that only slides on ground has no effect."""
     turning = {body.name for body in mechanism.bodies}
     for _ in mechanism.bodies:
@@ -192,7 +192,11 @@ def _turning(mechanism: Mechanism) -> set[str]:
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
     """Bodies of a mechanism that have mass and turn."""
-    ends, heavy, turning = _ends(mechanism), [body for body in mechanism.bodies if body.mass], _turning(mechanism)
+    ends, heavy, turning = (
+        _ends(mechanism),
+        [body for body in mechanism.bodies if body.mass],
+        _turning_bodies(mechanism),
+    )
     places = [(name, end.frame.p) for name, its in ends.items() for end in its]
     extent = _spread(mechanism, [*places, *((body.name, body.com) for body in heavy)])
     for body in heavy:
@@ -261,10 +265,10 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     for body in mechanism.bodies:
         its = ends[body.name]
         sentences = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
-        sentences += [_alike(body)] if body.name in wide else []
+        sentences += [_warn_of_ball(body)] if body.name in wide else []
         suspicions += [Suspicion(body.name, body.com, text) for text in sentences if text]
         for a, b in combinations([end for end in its if end.joint.angles < 3 and not end.joint.fixed], 2):
-            if text := _between(a, b, unit, few=len(its) == 2):
+            if text := _warn_of_axes(a, b, unit, few=len(its) == 2):
                 suspicions.append(Suspicion(body.name, a.frame.p, text))
     return tuple(suspicions)
 
@@ -284,7 +288,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
         yield f"{name} has no length: joints and centre of mass are at one point"
 
 
-def _alike(body: Body) -> str:
+def _warn_of_ball(body: Body) -> str:
     """Warn about a body with the inertia of a ball; may be empty."""
     moments = np.linalg.eigvalsh(body.inertia)
     if not (moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]):
@@ -299,7 +303,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
     return float(np.linalg.norm(p - a - share * along))
 
 
-def _between(a: _End, b: _End, unit: float, *, few: bool) -> str:
+def _warn_of_axes(a: _End, b: _End, unit: float, *, few: bool) -> str:
     """Warn about the axes of two joints of a body; `few` if it has no others; may be empty."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))

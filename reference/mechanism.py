@@ -278,7 +278,7 @@ class Mechanism:
         }
         text = [f"Mechanism {self.name}{': ' * bool(self.title)}{self.title}"]
         for (name, count), items in parts.items():
-            text += _filled(f"{name:<10}{count:>4}  ", items)
+            text += _wrap(f"{name:<10}{count:>4}  ", items)
         return "\n".join(text)
 
     @cached_property
@@ -382,7 +382,7 @@ class Mechanism:
         return next(body for body in self.bodies if body.name == name)
 
 
-def _filled(lead: str, items: Sequence[str]) -> list[str]:
+def _wrap(lead: str, items: Sequence[str]) -> list[str]:
     """Wrap unbroken items after a lead to at most `MOST` lines."""
     whole = wrap(", ".join(item.replace(" ", "\0") for item in items), COLUMNS - len(lead) - 2)
     shown = [*whole[:MOST], *["..."] * (len(whole) > MOST)] or [""]

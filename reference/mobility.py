@@ -78,8 +78,8 @@ def mobility(lay: Layout, q: Array) -> Mobility:
         overconstraints=constraints - rank,
         actuation_redundancy=hidden.shape[1] - (constraints - rank),
         names=(*names, *mechanism.actuator_names),
-        unique=_untouched(hidden),
-        determined=_untouched(internal) + (True,) * len(mechanism.actuator_names),
+        unique=_flag_untouched(hidden),
+        determined=_flag_untouched(internal) + (True,) * len(mechanism.actuator_names),
     )
 
 
@@ -91,7 +91,7 @@ def _forces(lay: Layout, q: Array) -> Array:
     return np.asarray(c / np.resize(np.repeat([1.0, unit], 3), len(c))[:, None])
 
 
-def _untouched(hidden: Array) -> tuple[bool, ...]:
+def _flag_untouched(hidden: Array) -> tuple[bool, ...]:
     """Flag the components that no combination of hidden forces changes. Shape (m, k) -> m flags."""
     return tuple(bool(flag) for flag in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9)
 
@@ -128,7 +128,7 @@ def near_singularity(lay: Layout, q: Array) -> str:
     motion = np.zeros(q.shape[1])
     motion[system.unknown] = Vt[-1]
     coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
-    bodies = _moved(lay, system, q, motion * system.sizes)
+    bodies = _moved_bodies(lay, system, q, motion * system.sizes)
     chosen = ", ".join(lay.mechanism.independent)
     names = [*system.row_names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
     lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
@@ -157,7 +157,7 @@ def _large(values: Array, share: float = SHARE) -> list[int]:
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
 
 
-def _moved(lay: Layout, system: LoopEquations, q: Array, motion: Array) -> list[str]:
+def _moved_bodies(lay: Layout, system: LoopEquations, q: Array, motion: Array) -> list[str]:
     """Names of the bodies that a motion of the tree moves."""
     at = pose(lay, q)
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]

@@ -40,7 +40,7 @@ def save_file(
     check_free(path := Path(path), inputs, force=force)
     content = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     if path.suffix == ".csv":  # it has no room for its digest
-        replace_file(_beside(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n")
+        replace_file(_digest_file(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n")
     replace_file(path, content if path.suffix == ".csv" else with_digest(content))
     return path
 
@@ -93,7 +93,7 @@ def _mark(content: bytes) -> bytes:
     return b"<!-- " + line + b" -->\n" if marked_up else b"# " + line + b"\n"
 
 
-def _beside(file: Path) -> Path:
+def _digest_file(file: Path) -> Path:
     """Hidden file with the digest of a CSV."""
     return file.with_name(f".{file.name}.sha256")
 
@@ -101,8 +101,8 @@ def _beside(file: Path) -> Path:
 def is_as_written(path: Path) -> bool:
     """True if a file is as this program wrote it: its digest is in it, or in the file beside it."""
     try:
-        if os.path.lexists(_beside(path)):
-            return read_file(_beside(path)).partition(" ")[0] == digest(path)
+        if os.path.lexists(_digest_file(path)):
+            return read_file(_digest_file(path)).partition(" ")[0] == digest(path)
         content = read_bytes(path, "MB of CSV")
     except DescriptionError:
         return False

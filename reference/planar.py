@@ -35,16 +35,16 @@ def normals_of_planes(
     for joint in joints:
         for near, far, outward in ((joint.parent, joint.child, True), (joint.child, joint.parent, False)):
             steps.setdefault(near, []).append((far, _step(joint, constants, outward, parallel)))
-    still = _carried({GROUND: np.eye(3)}, steps)
+    still = _carry({GROUND: np.eye(3)}, steps)
     found = dict(still)
     for direction in _directions(still, joints, constants, parallel):
-        for name, axis in _carried({name: axes @ direction for name, axes in still.items()}, steps).items():
+        for name, axis in _carry({name: axes @ direction for name, axes in still.items()}, steps).items():
             found.setdefault(name, axis[None])
     del found[GROUND]
     return found
 
 
-def _carried(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
+def _carry(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
     """Ground directions in the axes of bodies that no joint on some way can turn. Columns of one or of three."""
     reached, rim = dict(known), [*known]
     for name in rim:

@@ -264,7 +264,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
     rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
     E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])
     E, points, h = _without_pitch(E, np.tile(_meeting(E, M @ D.T @ E, h, off), (len(h), 1)), h)
-    E, couples = _signed(E), _signed(couples)
+    E, couples = _fix_signs(E), _fix_signs(couples)
     lines = [Element(e, (near + r) * unit, float(p) * unit) for e, r, p in zip(E.T, points, h, strict=True)]
     return (*lines, *(Element(e, near * unit, np.inf) for e in couples.T))
 
@@ -319,7 +319,7 @@ def _upright(E: Array) -> Array:
     return np.stack([first, second], axis=1)
 
 
-def _signed(E: Array) -> Array:
+def _fix_signs(E: Array) -> Array:
     """Flip directions so that the largest component is positive. Shape (3, k)."""
     largest = np.argmax(np.round(np.abs(E), 6), axis=0)
     return np.asarray(E * np.sign(np.take_along_axis(E, largest[None], axis=0)))

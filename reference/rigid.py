@@ -30,7 +30,7 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
     parts: dict[str, list[Body]] = {}
     for body in mechanism.bodies:
         whole, frame = places[body.name]
-        parts.setdefault(whole, []).append(_placed(body, frame))
+        parts.setdefault(whole, []).append(_place(body, frame))
     parts.pop(GROUND, None)
     couplings = tuple(one for one in mechanism.couplings if not isinstance(one, Fixing))
     axial = mechanism.axial
@@ -38,7 +38,7 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
         axial = axial[0], places[mechanism.joint(axial[0]).child][1].R @ axial[1]
     return replace(
         mechanism,
-        bodies=tuple(_joined(name, some) for name, some in parts.items()),
+        bodies=tuple(_join(name, some) for name, some in parts.items()),
         joints=tuple(_hung(joint, places) for joint in mechanism.joints if not joint.fixed),
         couplings=couplings,
         axial=axial,
@@ -62,13 +62,13 @@ def _hung(joint: Joint, places: Places) -> Joint:
     return replace(joint, parent=parent, child=child, parent_frame=near, child_frame=far)
 
 
-def _placed(body: Body, frame: Frame) -> Body:
+def _place(body: Body, frame: Frame) -> Body:
     """Express a body in another frame."""
     com = frame.p + frame.R @ body.com if body.mass else body.com
     return replace(body, com=com, inertia=frame.R @ body.inertia @ frame.R.T)
 
 
-def _joined(name: str, parts: list[Body]) -> Body:
+def _join(name: str, parts: list[Body]) -> Body:
     """Merge bodies that are given in one frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)

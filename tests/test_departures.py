@@ -168,7 +168,7 @@ def test_the_table_knows_all_that_mujoco_reads(scene, tmp_path):
 def test_of_an_engine_of_another_package_it_is_not_known(own, scene, monkeypatch):
     entry = EntryPoint("other", "elsewhere:ENGINE", registry.GROUP)
     monkeypatch.setattr(registry, "further_entries", lambda: {"other": entry})
-    monkeypatch.setattr(registry, "_described", lambda entry: replace(ENGINES["mujoco"], name="other"))
+    monkeypatch.setattr(registry, "_load_description", lambda entry: replace(ENGINES["mujoco"], name="other"))
     files = own("mujoco", "xml", _B, '& damping="1" actuatorfrcrange="-1 1"')
     what = "not known whether applied by other in own.xml: damping of joint b, actuatorfrcrange of joint b"
     assert departures(scene, "other", files) == (what,)

@@ -156,7 +156,7 @@ def loose(*arguments, **sizes):
         (Allowance, "granted", loose, "passes a tolerance of"),
         (
             comparing,
-            "_held",
+            "_compare_with_tolerance",
             lambda row, *others: replace(row, rule="", unique=True, ok=True),
             "pass",
         ),

@@ -4,7 +4,7 @@ more than once."""
 import numpy as np
 import pytest
 
-from support.solve import Continuation, knots, predicted
+from support.solve import Continuation, knots, predict_unknowns
 
 EVERY, STEP = 16, 0.1
 
@@ -17,7 +17,7 @@ def arm(y):
 def away(y):
     rows = knots(y, EVERY, STEP)
     z, K = arm(y[rows])
-    return np.abs(predicted(y, rows, z, K) - arm(y)[0]).max()
+    return np.abs(predict_unknowns(y, rows, z, K) - arm(y)[0]).max()
 
 
 def test_a_smooth_motion_is_predicted_to_rounding():

@@ -205,7 +205,7 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
     """
     again = set[int]()
     for name, array in values.items():
-        powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
+        powers = ROUNDED * linear.EPS * amplification(name, trust) + np.zeros(len(array))
         if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
             continue
         for _, _, size, _, most in by_unit(name, array, units[name], trust, length):
@@ -296,10 +296,10 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zer
 
 def by_powers(name: str, trust: Trust) -> Scalar:
     """Error of a well-conditioned sample relative to its largest summand."""
-    return (ROUNDED * linear.EPS + trust.open) * amplified(name, trust)
+    return (ROUNDED * linear.EPS + trust.open) * amplification(name, trust)
 
 
-def amplified(name: str, trust: Trust) -> Scalar:
+def amplification(name: str, trust: Trust) -> Scalar:
     """Amplification of rounding in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:

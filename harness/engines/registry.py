@@ -272,7 +272,7 @@ def _named(name: str) -> Engine:
         return ENGINES[name]
     if name not in further_entries():
         raise UnknownNameError("engine", name, engine_names())
-    return _described(further_entries()[name])
+    return _load_description(further_entries()[name])
 
 
 #: Loads an engine where its module can do no harm, and prints its description last.
@@ -288,7 +288,7 @@ os._exit(0)
 
 
 @lru_cache
-def _described(entry: EntryPoint) -> Engine:
+def _load_description(entry: EntryPoint) -> Engine:
     """Return the engine of another package, from the description that a separate process prints.
 
     Whatever is none stands for an engine that is loaded, and fails, when it is used.
@@ -302,7 +302,9 @@ def _described(entry: EntryPoint) -> Engine:
         kinds = {kind.__name__: kind for kind in _ALL}
         told["tasks"] = frozenset(kinds[name] for name in told["tasks"])
         told["precisions"] = tuple(told["precisions"])
-        return replace(_checked(Engine(**told)), name=entry.name, extra="", apart=True, precision=FLOAT64.name)
+        return replace(
+            _check_description(Engine(**told)), name=entry.name, extra="", apart=True, precision=FLOAT64.name
+        )
     except (OSError, subprocess.SubprocessError, ValueError, TypeError, KeyError, RecursionError):
         package = entry.dist.name if entry.dist else entry.module
         return Engine(entry.name, "cannot be loaded", entry.value, _ALL, package, apart=True)
@@ -314,13 +316,13 @@ def description(value: str) -> str:
     Args:
         value: ``module:object`` of its entry.
     """
-    engine = _checked(EntryPoint("", value, GROUP).load())
+    engine = _check_description(EntryPoint("", value, GROUP).load())
     told = {each.name: getattr(engine, each.name) for each in fields(engine)}
     tables = {"lacks": dict(engine.lacks), "refuses": dict(engine.refuses)}
     return json.dumps({**told, **tables, "tasks": [kind.__name__ for kind in engine.tasks]})
 
 
-def _checked(engine: object) -> Engine:
+def _check_description(engine: object) -> Engine:
     """Return an engine with a complete, printable description; reject others.
 
     Raises:

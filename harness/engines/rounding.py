@@ -46,7 +46,7 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
         return {}
     work = Work(layout(mechanism), problem)
     parts = [_part(work, task.part(slice(i, i + PART)), kind) for i in range(0, len(task), PART)]
-    return {name: _joined([part[name] for part in parts], kind) for name in parts[0]}
+    return {name: _join([part[name] for part in parts], kind) for name in parts[0]}
 
 
 def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
@@ -95,7 +95,7 @@ def _sizes(work: Work, name: str, trust: Trust, values: Array, shaken: Iterable[
     return trust.of(name), found
 
 
-def _joined(parts: list[Sizes], kind: NumberType) -> Error:
+def _join(parts: list[Sizes], kind: NumberType) -> Error:
     condition = np.concatenate([part[0] for part in parts])
     scaled, absolute = [np.zeros(len(condition))], dict[str, float]()
     for unit in parts[0][1]:

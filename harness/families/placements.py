@@ -31,7 +31,7 @@ def _freedoms(kinds: str) -> int:
     return sum(len(KINDS[kind]) for kind in kinds)
 
 
-def _drawn(s: Sketch, kinds: str, low: int, high: int) -> str:
+def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
     """Draw `low` to below `high` joint kinds; repeated letters are likelier."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
@@ -69,7 +69,7 @@ def _mixed_loop(s: Sketch) -> None:
     """Draws a loop of any joints, of one or two freedoms."""
     kinds = ""
     while _freedoms(kinds) not in (7, 8) or kinds.count("P") + kinds.count("C") > 3:
-        kinds = _drawn(s, "RRRPUSC", 3, 8)
+        kinds = _draw_kinds(s, "RRRPUSC", 3, 8)
     _loop(s, kinds)
 
 
@@ -124,7 +124,7 @@ def _spherical_loop(s: Sketch) -> None:
 
 def _serial(s: Sketch, kinds: str = "") -> None:
     """Draw an open chain or tree of two to eight bodies."""
-    for i, kind in enumerate(kinds or _drawn(s, "RRRRPUSC", 2, 9)):
+    for i, kind in enumerate(kinds or _draw_kinds(s, "RRRRPUSC", 2, 9)):
         on = GROUND if i == 0 else f"{i - 1 if s.rng.random() < 0.7 else s.rng.integers(i)}"
         s.join(kind, on, f"{i}", 0.4 * i * _Z + 0.3 * s.rng.normal(size=3))
 
@@ -132,7 +132,7 @@ def _serial(s: Sketch, kinds: str = "") -> None:
 def _gear_train(s: Sketch) -> None:
     """Draw an open chain or tree with one or two coordinates that move all others by couplings."""
     free = int(s.rng.integers(1, 3))
-    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
+    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
         s.tie(row, int(s.rng.integers(row)))
 
@@ -148,7 +148,7 @@ def _geared_loop(s: Sketch) -> None:
 def _belt_train(s: Sketch) -> None:
     """Draw an open chain or tree with two or three coordinates that move all others, each by several."""
     free = int(s.rng.integers(2, 4))
-    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
+    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
         s.tie(row, *s.rng.permutation(row)[: s.rng.integers(2, 4)].tolist())
 

@@ -79,7 +79,7 @@ def other_assemblies(
         if isinstance(problem.task, InitialValue):  # where both have come to, in two assemblies or not
             columns = mechanism.independent_columns
             rows = rows[(np.abs(q_a[rows] - q_b[rows])[:, columns] < APART).all(axis=1)]
-        if when := _apart(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
+        if when := _describe_difference(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
             apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {when}"
     return apart
 
@@ -100,13 +100,13 @@ def _away_from_home(
         return {}
     for one, q in known:
         rows = np.arange(len(task)) if one.rows is None else one.rows
-        if when := _apart(mechanism, task.t[rows], (home[rows], q[rows])):
+        if when := _describe_difference(mechanism, task.t[rows], (home[rows], q[rows])):
             sentence = f"{one.engine} is in another assembly than home's {when}"
             sentences |= {frozenset((one.engine, other.engine)): sentence for other, _ in known if other is not one}
     return sentences
 
 
-def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
+def _describe_difference(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
     """Describe when and where joint placements of two engines differ; empty if they agree."""
     lay = layout(mechanism)
     length, turns = loop_equations(lay).length, lay.turns
@@ -176,8 +176,8 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
     for joint in mechanism.joints:
         names = _angles(joint)
         columns = [mechanism.coordinates.index(name) for name in names]
-        read, swapped = _read(joint, own[:, columns], theirs[:, columns])
-        near = _near(read, theirs[:, columns])
+        read, swapped = _read_angles(joint, own[:, columns], theirs[:, columns])
+        near = _nearly_equal(read, theirs[:, columns])
         read, swapped = np.where(near[:, None], read, own[:, columns]), swapped & near
         for name, angles in zip(names, read.T, strict=True):
             if name in place.get(_POSITION, ()):
@@ -211,7 +211,7 @@ def _angles(joint: Joint) -> list[str]:
     return [name for name, (turns, _) in zip(joint.coordinates, joint.freedoms, strict=True) if turns]
 
 
-def _read(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _read_angles(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Read a joint's angles in others' chart, and flag samples with the other triple. Shapes (n, m) and (n,)."""
     known = np.isfinite(near)
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
@@ -226,6 +226,6 @@ def _read(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.b
     return np.stack([read[:, 0] - more, read[:, 1], last], axis=1), swapped
 
 
-def _near(read: Array, near: Array) -> NDArray[np.bool_]:
+def _nearly_equal(read: Array, near: Array) -> NDArray[np.bool_]:
     """Flag samples at which angles nearly agree. Shape (n, m) -> (n,)."""
     return np.asarray((np.abs(read - near) < NEAR).all(axis=1))

@@ -70,11 +70,11 @@ def compare(
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 granted = allowance.granted(quantity, unit, (a, b), scale, scales=scales, n=len(t))
-                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, granted)]
+                rows = [_compare_with_tolerance(row, rules) for row in _components(quantity, unit, a, b, t, granted)]
                 errors += rows
                 if compared := [row for row in rows if row.ok is not None]:
-                    row = _within(_pair(compared), tolerance_of(quantity), granted)
-                    pairs.append(_explained(row, a, b, refusals))
+                    row = _accept(_pair(compared), tolerance_of(quantity), granted)
+                    pairs.append(_explain(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
@@ -90,7 +90,7 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
-def _within(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResidual:
+def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResidual:
     """Accept a pair, with the reason if it exceeds the scene's own tolerance."""
     if not row.ok:
         return row
@@ -120,7 +120,7 @@ def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -
     }
 
 
-def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
+def _compare_with_tolerance(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
     """Add the rule that fixes a component, and compare its errors with the tolerance.
 
     What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
@@ -195,7 +195,7 @@ def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
     )
 
 
-def _explained(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> SizedResidual:
+def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> SizedResidual:
     """Add the engines' own reason, if they have any, to a pair out of tolerance."""
     if row.ok:
         return row

@@ -107,11 +107,11 @@ class Coverage:
             sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
         names, terms = [[n for n in some if n not in self.hidden] for some in (self.untested, self.absent)]
         if names or terms:
-            sentences.append(f"Not tested here: {_counted(names, terms)}.")
+            sentences.append(f"Not tested here: {_count(names, terms)}.")
         if self.hidden:
             names, terms = [[n for n in some if n in self.hidden] for some in (self.untested, self.absent)]
             why = " (mostly because the mechanism is planar)" * self.planar
-            none = f"No compared quantity depends on {_counted(names, terms)} in any motion through these poses"
+            none = f"No compared quantity depends on {_count(names, terms)} in any motion through these poses"
             sentences.append(f"{none}{why}: nothing is wrong.")
         return " ".join(sentences)
 
@@ -127,7 +127,7 @@ class Coverage:
         return f"{tested}. {self.poor}".strip()
 
 
-def _counted(parameters: list[str], terms: list[str]) -> str:
+def _count(parameters: list[str], terms: list[str]) -> str:
     """Count parameters, naming the first, and list all terms."""
     more = len(parameters) - 1
     first = [parameters[0] + f" and {more} other{'s' * (more > 1)}" * (more > 0)] if parameters else []
@@ -181,7 +181,7 @@ class _Parts:
     ) -> None:
         self.wanted, self.n, self.scales = problem.wanted, len(q), natural_scales(mechanism)
         any_rows = _any_poses(q[:, mechanism.independent_columns])
-        shaken = _shaken(mechanism, motion.part(any_rows))
+        shaken = _randomise(mechanism, motion.part(any_rows))
         t, y, yd, ydd = (
             np.concatenate([getattr(motion, name), getattr(shaken, name)]) for name in ("t", "y", "yd", "ydd")
         )
@@ -252,7 +252,7 @@ def _any_poses(y: Array) -> Rows:
     return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
 
 
-def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
+def _randomise(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
     """Motion through the same poses with random velocities and accelerations, scaled by gravity."""
     units, rng = [mechanism.units[i] for i in mechanism.independent_columns], np.random.default_rng(0)
     scales = natural_scales(mechanism)

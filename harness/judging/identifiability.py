@@ -116,7 +116,7 @@ def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iter
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
         table[trees[0]] = _tree_forces(at, own)  # the second adds nothing
     if wanted & _SOLVED:
-        table |= _solved(at, own + applied, counted)
+        table |= _solve(at, own + applied, counted)
     for name, (units, array) in table.items():
         for unit in dict.fromkeys(units if name in wanted else ()):
             yield name, unit, array[:, [i for i, has in enumerate(units) if has == unit]]
@@ -132,7 +132,7 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
     return _units(mechanism, columns), np.moveaxis(forces[..., columns], 0, 2)
 
 
-def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
+def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
     """Generalised and actuator forces, and the determined reactions."""
     mechanism, wanted, partial = at.mechanism, at.problem.wanted, at.admissible.partial
     Q = np.einsum("pnbx,nbxk->nkp", whole, at.admissible.bodies, optimize=True)
@@ -141,7 +141,7 @@ def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
         return table
     f = linear.solve(partial[:, mechanism.actuated_columns].swapaxes(1, 2), Q)
     if "reaction" in wanted or at.axial:
-        units, amounts = _balanced(at, whole)
+        units, amounts = _balance(at, whole)
         m = len(units) - len(mechanism.actuator_names)
         determined = dict(zip(counted.names, counted.determined, strict=True))
         known = [i for i, unit in enumerate(units[:m]) if determined[unit.name]]
@@ -149,7 +149,7 @@ def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
     return {**table, "actuator_force": (mechanism.actuator_units, f)}
 
 
-def _balanced(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
+def _balance(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
     """Reactions, then actuator forces, from the balance of every body and the redundancy rule."""
     tree, com, q = at.tree, at.motion.com, at.states.q
     units = [unit for name in ("reaction", "actuator_force") for unit in unit_wrenches(tree, at.motion, q, name)]
@@ -186,17 +186,17 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     own |= {term: inertial(*lost[1:]) for term, lost in now.lost.items()}
     outside = dict[str, Array]()
     if applied.loads:
-        outside["loads"] = _exerted(now, Applied(loads=applied.loads))
+        outside["loads"] = _needs_of_applied(now, Applied(loads=applied.loads))
     if applied.springs or applied.motors:
-        outside["springs and motors"] = _exerted(now, Applied(springs=applied.springs, motors=applied.motors))
+        outside["springs and motors"] = _needs_of_applied(now, Applied(springs=applied.springs, motors=applied.motors))
     for what in RESISTS:
         if resist := [one for one in now.mechanism.resistances if one.what == what]:
-            outside[what] = _exerted(now, Applied(), resist)
+            outside[what] = _needs_of_applied(now, Applied(), resist)
     names = tuple(dict.fromkeys([*own, *outside]))
     return names, np.array([[part.get(name, nothing) for name in names] for part in (own, outside)])
 
 
-def _exerted(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
+def _needs_of_applied(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
     """Body needs due to applied forces. Shape (n, n_body, 6)."""
     return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
 
@@ -218,7 +218,7 @@ def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
     columns, resist = [*_of_bodies(now), *_of_loads(now)], now.mechanism.resistances
     parts = np.zeros((2, len(columns) + len(resist), *now.motion.com.p.shape[:2], 6))
     for column, one in enumerate(resist, len(columns)):
-        parts[1, column] = _exerted(now, Applied(), [one])
+        parts[1, column] = _needs_of_applied(now, Applied(), [one])
     for column, (_, body, *wrenches) in enumerate(columns):
         for part, (force, moment) in zip(parts, wrenches, strict=True):
             part[column, :, body, :3], part[column, :, body, 3:] = force, moment

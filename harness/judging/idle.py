@@ -85,7 +85,7 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
     """Work of body needs on motions that move no actuator, which must vanish."""
-    missing, terms = _work(answer, _admitted(answer), idle)
+    missing, terms = _work(answer, _admissible(answer), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
     units = [mechanism.units[columns[k]] for k in idle]
@@ -101,7 +101,7 @@ def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> 
     Rounding of these motions works against the whole weight, though a rod that spins weighs on its bearings alone.
     """
     required, sizes = residuals.required_wrenches(answer)
-    load = residuals.levelled(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
+    load = residuals.level_sizes(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
     bodies = admissible.bodies @ neutral(answer, admissible, idle)[:, None]
     terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies))
     columns = [answer.mechanism.independent_columns[k] for k in idle]
@@ -117,7 +117,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
     last = weights * (POINTS - 0.5) * np.polynomial.legendre.legvander(x, POINTS - 1)[:, -1]
     for _ in range(SHORTER):
         inside = replace(drive((given.t[rows] + 0.5 * h * (1.0 + x[:, None])).ravel()), idle=given.idle)
-        a, push = _accelerations(_at(answer, inside, np.tile(rows, POINTS)), inside)
+        a, push = _accelerations(_answer_at(answer, inside, np.tile(rows, POINTS)), inside)
         a = a.reshape(POINTS, len(rows), -1)
         if (np.abs(np.einsum("p,prm->rm", last, a)) <= FINE * np.maximum(np.abs(a).max(axis=(0, 1)), push)).all():
             break
@@ -145,7 +145,7 @@ def _steps(answer: Answer, given: GivenMotion) -> Array:
     return h
 
 
-def _at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
+def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
     """Answer at other states of a motion, closed from the poses of some samples. Shape (n,)."""
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
@@ -154,9 +154,9 @@ def _at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
     for _ in range(NEWTON):
         gaps = residual(other.tree, other.states, other.motion)
         missing = given.y - other.q[:, mechanism.independent_columns]
-        joints[0] += _admitted(other).joints(missing, gaps)
+        joints[0] += _admissible(other).joints(missing, gaps)
         other = other.moving(joints)
-    admissible = _admitted(other)
+    admissible = _admissible(other)
     joints[1] = admissible.joints(given.yd)
     other = other.moving(joints)
     still = given.ydd * ~np.isin(np.arange(given.ydd.shape[1]), given.idle)
@@ -164,14 +164,14 @@ def _at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
     return other.moving(joints)
 
 
-def _admitted(answer: Answer) -> AdmissibleMotion:
+def _admissible(answer: Answer) -> AdmissibleMotion:
     mechanism = answer.mechanism
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
 def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
     """Solved accelerations of idle coordinates, shape (n, m), and their largest summands, shape (m,)."""
-    idle, admissible = [*given.idle], _admitted(answer)
+    idle, admissible = [*given.idle], _admissible(answer)
     missing, terms = _work(answer, admissible, idle)
     M = residuals.inertia_of(answer, admissible)[..., idle]
     own = np.diagonal(M[:, idle], axis1=1, axis2=2).min(axis=0)

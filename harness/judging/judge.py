@@ -57,7 +57,7 @@ def judge(
     for one in refused:
         if one.engine == solution.engine:
             rows = np.setdiff1d(rows, one.rows)
-    if not rows.size or not _located(solution):
+    if not rows.size or not _knows_joints(solution):
         return frame((), JUDGE_COLUMNS)
     few = _few(rows)
     if isinstance(task, GivenMotion):
@@ -66,7 +66,7 @@ def judge(
         # without velocities accelerations close no loop: those of a few samples are completed
         table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
         if not {*whole.values} <= {"joint_position", "joint_velocity"}:
-            table += _beyond(whole, some, task.part(rows[few]))
+            table += _judge_bodies(whole, some, task.part(rows[few]))
     else:  # what a simulation has passed on its way excuses no sample
         parts = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
         whole, some = (replace(part, admitted=0.0) for part in parts)
@@ -80,7 +80,7 @@ def judge(
     return frame(table, JUDGE_COLUMNS)
 
 
-def _located(solution: Solution) -> bool:
+def _knows_joints(solution: Solution) -> bool:
     """True if the placement of the joints is known."""
     return "joint_position" in solution.values or solution.assembly is not None
 
@@ -90,7 +90,7 @@ def _few(rows: Rows) -> Rows:
     return np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
 
 
-def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
+def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
     """Residuals of body motions and forces, and of accelerations without velocities.
 
     Args:
@@ -195,7 +195,7 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
     found = list[dict[str, float]]()
     for solution in solutions:
         rows: Rows = np.arange(len(timed(problem))) if solution.rows is None else solution.rows
-        if rows.size and _located(solution):
+        if rows.size and _knows_joints(solution):
             answer, admissible = answer_in_motion(mechanism, problem, solution, rows[_few(rows)])
             sizes = _summands(answer)
             if isinstance(problem.task, GivenMotion) and problem.task.idle:
@@ -210,7 +210,7 @@ def _summands(answer: Answer) -> dict[str, float]:
     L = answer.scales["m"]
     given = [answer.values[name] for name in _FORCES if answer.has(name)]
     forces = [values.array / [arm(unit, L) for unit in values.units] for values in given]
-    load = largest(residuals.levelled(residuals.required_wrenches(answer)[1], L)[:, 0], *forces)
+    load = largest(residuals.level_sizes(residuals.required_wrenches(answer)[1], L)[:, 0], *forces)
     moved = {f"{unit}{per}": answer.fastest(k, f"{unit}{per}") for unit in ("rad", "m") for k, per in enumerate(_PER)}
     return {**moved, "N": load, "N m": load * L}
 

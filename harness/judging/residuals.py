@@ -83,7 +83,7 @@ def _vectors(array: Array) -> Array:
     return vectors
 
 
-def levelled(sizes: Array, length: float) -> Array:
+def level_sizes(sizes: Array, length: float) -> Array:
     """Raise sizes of forces and moments to at least each other's, converted by the mechanism's length.
 
     Args:
@@ -121,7 +121,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
             if admitted:
                 loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
-    sizes = levelled(np.maximum(sizes, loose), answer.scales["m"])
+    sizes = level_sizes(np.maximum(sizes, loose), answer.scales["m"])
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
@@ -256,7 +256,7 @@ def tree_forces(answer: Answer) -> Residuals:
             yield replace(row, reason="its components are not the joint coordinates of a tree of the mechanism")
             continue
         if names not in needed:
-            along_joints, load = _required(answer, tree, {joint.name for joint in joints})
+            along_joints, load = _tree_force(answer, tree, {joint.name for joint in joints})
             needed[names] = along_joints[:, mechanism.columns(names)]
         for unit in dict.fromkeys(values.units):
             right = needed[names][:, units == unit]
@@ -268,17 +268,17 @@ def tree_forces(answer: Answer) -> Residuals:
             yield answer.residual(quantity, unit, some, left, size, (quantity,))
 
 
-def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:
+def _tree_force(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:
     """Force along each open-tree coordinate of some joints, shape (n, n_q), and the largest term [N]."""
     tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
     still = np.zeros_like(answer.q)
     required, sizes = required_wrenches(answer, loaded=False)
-    wrenches, load = required[:, bodies] * shares[:, None], largest(levelled(sizes, answer.scales["m"])[:, 0])
+    wrenches, load = required[:, bodies] * shares[:, None], largest(level_sizes(sizes, answer.scales["m"])[:, 0])
     rotors = answer.mechanism.rotors * answer.states.qdd
     return along(move(tree, TreeStates(answer.q, still, still)), wrenches) + rotors, load
 
 
-def _ruled(answer: Answer) -> bool:
+def _is_ruled(answer: Answer) -> bool:
     """True if actuators outnumber freedoms."""
     return len(answer.mechanism.actuator_names) > len(answer.mechanism.independent)
 
@@ -291,13 +291,13 @@ def balanced(answer: Answer, required: Array) -> Answer:
     Args:
         required: From `required_wrenches`. Shape (n, n_body, 6).
     """
-    about = _ruled(answer) and answer.rule == "spherical_axial"
+    about = _is_ruled(answer) and answer.rule == "spherical_axial"
     wanted = ["actuator_force"] * answer.has("reaction") + ["reaction"] * (answer.has("actuator_force") and about)
     lacking = [name for name in wanted if not answer.has(name)]
-    return _solved(answer, required, *lacking) if lacking else answer
+    return _solve(answer, required, *lacking) if lacking else answer
 
 
-def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
+def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
     """Solve the balance of all bodies for one quantity, the other one known."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
     right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
@@ -313,7 +313,7 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
 
 def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
     """Residual of the rule that fixes redundant actuator forces."""
-    if _ruled(answer):
+    if _is_ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible, sizes)
 
 
@@ -330,7 +330,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
     for unit in dict.fromkeys(mechanism.actuator_units):
         names = [name for name, has in zip(mechanism.actuator_names, units, strict=True) if has == unit]
         left = preload[:, units == unit]
-        load = largest(levelled(sizes, answer.scales["m"])[:, 0]) * arm(unit, answer.scales["m"])
+        load = largest(level_sizes(sizes, answer.scales["m"])[:, 0]) * arm(unit, answer.scales["m"])
         size = max(largest(f[:, units == unit]), load, len(units) * answer.loosened("actuator_force", unit))
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 

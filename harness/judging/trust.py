@@ -134,12 +134,15 @@ def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
     errors: dict[str, dict[str, Array]] = {}
     for name, has in solution.values.items() if looser else ():
         runs = [has, *(one.values[name] for one in looser)]
-        apart = {unit: [_apart(*pair, unit) for pair in combinations(runs, 2)] for unit in dict.fromkeys(has.units)}
+        apart = {
+            unit: [_largest_difference(*pair, unit) for pair in combinations(runs, 2)]
+            for unit in dict.fromkeys(has.units)
+        }
         errors[name] = {unit: SAFETY * np.max(each, axis=0) for unit, each in apart.items()}
     return errors
 
 
-def _apart(a: Values, b: Values, unit: str) -> Array:
+def _largest_difference(a: Values, b: Values, unit: str) -> Array:
     """Largest component difference of a unit up to each sample. Shape (n,)."""
     columns = [i for i, has in enumerate(a.units) if has == unit]
     difference = a.array[:, columns] - b.array[:, columns]

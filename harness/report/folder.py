@@ -147,7 +147,7 @@ def written(out: Path) -> set[str]:
     Raises:
         OutputError: There is something else in the place of the list.
     """
-    return {name for name, digests in _listed(out).items() if _digest(out / name) in digests}
+    return {name for name, digests in _read_list(out).items() if _digest(out / name) in digests}
 
 
 def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
@@ -160,7 +160,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
         fresh: Name -> SHA-256 of what will be there.
         others: Further files of the report; those that are there count as they are.
     """
-    listed, entries = _listed(out), dict[str, list[str]]()
+    listed, entries = _read_list(out), dict[str, list[str]]()
     for name in sorted({*fresh, *others}):
         old = _digest(out / name)
         ours = name not in fresh or old in listed.get(name, ())
@@ -168,7 +168,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
     return json_text({"files": entries})
 
 
-def _listed(out: Path) -> dict[str, list[Any]]:
+def _read_list(out: Path) -> dict[str, list[Any]]:
     """Read the list: name -> digests, for names that a report could have."""
     if not os.path.lexists(out / MANIFEST):
         return {}

@@ -69,7 +69,7 @@ def page(blocks: Iterable[Block]) -> str:
     title = next((block.text for block in blocks if isinstance(block, b.Heading)), "Screwgauge")
     pictures = [block for block in walk(blocks) if isinstance(block, b.Picture)]
     words = [term for block in walk(blocks) if isinstance(block, b.Glossary) for term, _ in block.entries]
-    body, scripts = _linked(_with_contents(fragment(blocks)), words), _scripts(pictures)
+    body, scripts = _link_words(_with_contents(fragment(blocks)), words), _scripts(pictures)
     policy = POLICY.format(" 'unsafe-eval'" * ('id="chart"' in scripts))
     parts = {"title": escape(plain(title), quote=False), "body": body, "scripts": scripts, "policy": policy}
     style = PAGE.with_suffix(".css").read_text(encoding="utf-8")
@@ -107,14 +107,14 @@ def _with_contents(body: str) -> str:
     return f"{before}{contents}{details}{fold}{first}{rest}"
 
 
-def _linked(body: str, words: Iterable[str]) -> str:
+def _link_words(body: str, words: Iterable[str]) -> str:
     """Link the first use of a glossary word in each section."""
     known = {word.lower(): f"word-{file_name(word)}" for word in words}
     every = re.compile(rf"\b({'|'.join(sorted(map(re.escape, known), key=len, reverse=True))})\b", re.IGNORECASE)
-    return "".join(_linked_section(part, every, dict(known)) for part in re.split("(?=<h2)", body)) if known else body
+    return "".join(_link_section(part, every, dict(known)) for part in re.split("(?=<h2)", body)) if known else body
 
 
-def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> str:
+def _link_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> str:
     """Link words in a section; `left`: word -> anchor, for words not linked yet."""
 
     def link(match: re.Match[str]) -> str:
@@ -163,7 +163,7 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
         case b.Front(inside):
             return _front(inside)
         case b.Appendix(inside):
-            return _folded_sections(fragment(inside))
+            return _fold_sections(fragment(inside))
         case b.Folded(title, inside, note, printed):
             lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
             kind = "" if printed else ' class="more"'
@@ -187,7 +187,7 @@ def _has_sentences(block: Block) -> bool:
     return isinstance(block, b.Table) and max((len(cell) for row in block.body for cell in row), default=0) > SENTENCE
 
 
-def _folded_sections(body: str) -> str:
+def _fold_sections(body: str) -> str:
     """Fold each section under its heading."""
     front, *sections = body.split("<h2>")
     folds = (section.partition("</h2>") for section in sections)

@@ -56,7 +56,7 @@ def _table(lines: list[list[str]], block: b.Table) -> list[str]:
     left_out = list[str]()
     while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:
         left_out.insert(0, columns.pop(max(columns))[0])
-    shown = [line for cells in lines for line in _wrapped(cells, widths, block)]
+    shown = [line for cells in lines for line in _wrap(cells, widths, block)]
     return shown + (textwrap.wrap(f"(in the report only: {', '.join(left_out)})", COLUMNS) if left_out else [])
 
 
@@ -74,7 +74,7 @@ def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, i
     return widths
 
 
-def _wrapped(cells: Sequence[str], widths: Mapping[int, int], block: b.Table) -> list[str]:
+def _wrap(cells: Sequence[str], widths: Mapping[int, int], block: b.Table) -> list[str]:
     """Wrap a row of a table into lines."""
     columns = [textwrap.wrap(cells[i], max(width, 1), break_on_hyphens=False) or [""] for i, width in widths.items()]
     forms = [f"{'>' if i in block.right else '<'}{width}" for i, width in widths.items()]
@@ -114,11 +114,11 @@ def _block(block: Block) -> str:
 
 def _text(text: str) -> str:
     """Render one line, escaping what Markdown or HTML would interpret outside of code."""
-    pieces = (MARKS[tag].format(piece if tag == "code" else _escaped(piece)) for tag, piece in spans(text))
+    pieces = (MARKS[tag].format(piece if tag == "code" else _escape(piece)) for tag, piece in spans(text))
     return " ".join("".join(pieces).split())
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return re.sub(r"[\\`*\[\]~$#]|(?<![^\W_])_|_(?![^\W_])", r"\\\g<0>", escape(text, quote=False))
 
 

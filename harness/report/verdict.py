@@ -104,7 +104,7 @@ def _unjudged(results: Comparison) -> list[str]:
     return [text] if len(results.solutions) > 1 else []
 
 
-def _undecided(results: Comparison) -> list[str]:
+def _report_undecided(results: Comparison) -> list[str]:
     """Report the undecided rows out of tolerance, by the pair or residual with the most of them."""
     found = [row for row in [*compared(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
@@ -129,12 +129,12 @@ def _difference(results: Comparison) -> list[str]:
     where = f"first in {row['quantity']} at {row['worst_component']}" if row["worst_component"] else row["quantity"]
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
-    known, unknown = (_reviewed(results, explained=explained) for explained in (True, False))
+    known, unknown = (_report_faults(results, explained=explained) for explained in (True, False))
     cause = " ".join([differ, *_model_differences(results, row["a"], row["b"])])  # a headline has both
     return [*known, cause, *unknown, *more, *results.known]
 
 
-def _reviewed(results: Comparison, *, explained: bool) -> Iterator[str]:
+def _report_faults(results: Comparison, *, explained: bool) -> Iterator[str]:
     """Report faults of tables out of tolerance, briefly enough for a headline."""
     for name, review in results.reviews.items():
         if review.explained == explained and not all(column.ok for column in review.columns):
@@ -182,7 +182,7 @@ _SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
     "faulted": _fault,
     "unjudged": _unjudged,
     "partly": _partly,
-    "undecided": _undecided,
+    "undecided": _report_undecided,
     "unlike": _unlike,
 }
 
@@ -196,7 +196,7 @@ def _because(row: Row) -> str:
     return f", {row['reason']}" if row.get("reason") else ""
 
 
-def _alone(results: Comparison) -> Iterator[str]:
+def _report_alone(results: Comparison) -> Iterator[str]:
     """Report what only one engine gives."""
     for engine, names in results.alone:
         yield f"Compared with no other engine: {listed(names)} of {engine}."
@@ -212,7 +212,7 @@ def not_unique(results: Comparison) -> Iterator[str]:
         yield f"{count} components of {quantity} have no unique value: they are not compared{others}."
 
 
-def _integrated(pairs: list[Row]) -> list[str]:
+def _report_integrated(pairs: list[Row]) -> list[str]:
     """Count the pairs that agree only within integration errors."""
     n = sum(row["reason"].startswith(WITHIN) for row in pairs)
     sentence = f"{n} of them differ by more than their usual tolerance, but not by more than integration leaves."
@@ -264,7 +264,7 @@ def _agreement(results: Comparison) -> list[str]:
     if not engines:
         return ["No engine ran."]
     if pairs:
-        untested = [*not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])]
+        untested = [*not_unique(results), *_report_alone(results), *filter(None, [results.coverage.poor])]
         agree = [row for row in pairs if row["ok"]]
         if not agree:
             return untested
@@ -274,7 +274,7 @@ def _agreement(results: Comparison) -> list[str]:
             return [f"{len(agree)} of {len(pairs)} comparisons are within tolerance, {fewest}.", *untested]
         if "partly" in results.outcomes:
             return [f"What was compared is within tolerance, {fewest}.", *untested]
-        remarks = [*(OPEN_TREE[each] for each in open_tree), *_integrated(pairs), *untested]
+        remarks = [*(OPEN_TREE[each] for each in open_tree), *_report_integrated(pairs), *untested]
         return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"

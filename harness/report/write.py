@@ -63,7 +63,7 @@ def write_report(
         samples = {name: value for name, value in data.items() if name == SAMPLES}
         write_files(out, samples, {*numbers})
         safe()
-        blocks = _named(tell(), {path.stem for path in out.glob("plots/*")})
+        blocks = _name_pictures(tell(), {path.stem for path in out.glob("plots/*")})
         drawn = {f"plots/{block.name}.svg": block.svg for block in walk(blocks) if isinstance(block, Picture)}
         pages = dict(zip(PAGES, (markdown(blocks), page(blocks)), strict=True))
         write_files(out, {**drawn, **pages}, {*data, *printed})
@@ -80,7 +80,7 @@ def write_report(
     return out
 
 
-def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
+def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
     """Give each picture a unique file name."""
 
     def named(block: Block) -> Block:

@@ -85,7 +85,7 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
         version: Of the code; a file of another version is stale.
     """
     try:
-        with _opened() as place:
+        with _open() as place:
             data = _content(place, key)
             secret = b"" if data is None else _secret(place)
     except FileNotFoundError:
@@ -116,7 +116,7 @@ def write(key: str, version: str, arrays: Arrays) -> str:
     payload, writer = buffer.getvalue(), version.encode()
     try:
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-        with _opened() as place:
+        with _open() as place:
             head = b" ".join([_MAGIC, writer, _code(_secret(place), key, writer, payload)])
             _put(place, key, head + b"\n" + payload)
     except OSError as error:
@@ -131,7 +131,7 @@ def signer() -> Callable[[str, str], str]:
         OSError: There is no such folder of this user's own.
     """
     folder().mkdir(mode=0o700, parents=True, exist_ok=True)
-    with _opened() as place:
+    with _open() as place:
         secret = _secret(place)
     return lambda key, text: _code(secret, key, b"", text.encode()).decode()
 
@@ -144,7 +144,7 @@ def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
 
 
 @contextmanager
-def _opened() -> Iterator[int]:
+def _open() -> Iterator[int]:
     """Open the folder: the descriptor that is checked is used, whatever is renamed meanwhile.
 
     Raises:

@@ -68,7 +68,7 @@ class TruthModel:
         version = cache.code_version(*(Path(str(file)).parent for file in files), packages=("python-flint", "numpy"))
         key = _key(self.file, problem, motion, rows, depth)
         stored, note = cache.read(key, version)
-        kept = None if stored is None else _kept(stored, problem, self.mechanism, motion.y[rows])
+        kept = None if stored is None else _usable_table(stored, problem, self.mechanism, motion.y[rows])
         notes = [cache.DAMAGED if stored is not None and kept is None else note]
         table = kept or _compute(self, problem, motion, rows, depth, progress)
         if kept is None:
@@ -92,7 +92,7 @@ def _certifiable(problem: Problem) -> frozenset[str]:
     return problem.wanted - set(LACKS)
 
 
-def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> SampleTable | None:
+def _usable_table(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> SampleTable | None:
     """Return a table from the cache if it fits this problem."""
     try:
         table = SampleTable.unpack(stored)

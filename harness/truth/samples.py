@@ -85,9 +85,9 @@ class Sampler:
         else:
             self.gravity = vector(problem.wording.gravity or problem.applied.gravity.tolist())
         if problem.wording.loads is None:
-            self.loads = [_doubles(load, index[load.body]) for load in problem.applied.loads]
+            self.loads = [_load_of_doubles(load, index[load.body]) for load in problem.applied.loads]
         else:
-            self.loads = [_said(table, index) for table in problem.wording.loads]
+            self.loads = [_load_of_text(table, index) for table in problem.wording.loads]
 
     def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
         """All quantities at one sample of the motion, see `sample`."""
@@ -116,7 +116,7 @@ class Sampler:
                 self._check_closed(jets, self.linkage.place(jets))
             return {"joint_position": q}
         with self.clock.stage("positions, rates and accelerations"):
-            now = state(self.certifier, self._followed(y, start, t, idle) if idle else y, start)
+            now = state(self.certifier, self._follow(y, start, t, idle) if idle else y, start)
             self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
         if self.resistance:
@@ -130,7 +130,7 @@ class Sampler:
     def _loads(self, now: State, t: float) -> list[BallLoad]:
         return [load.at(t, now.bodies[load.body][0]) for load in self.loads]
 
-    def _followed(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
+    def _follow(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
         """Series in which idle coordinates get the second derivatives that actuators alone can sustain."""
 
         def forces(moved: int | None) -> tuple[State, list[arb]]:
@@ -195,7 +195,7 @@ def _motion(linkage: Linkage, now: State) -> Balls:
     }
 
 
-def _doubles(load: Load, body: int) -> VaryingLoad:
+def _load_of_doubles(load: Load, body: int) -> VaryingLoad:
     """Convert a load, whose doubles are exact."""
     at, turns = None if load.point is None else vector(load.point.tolist()), load.axes == "body"
     if not load.courses:
@@ -210,7 +210,7 @@ def _exact(course: Course | Samples) -> Component:
     return vector(course.polynomial.tolist()), [vector(row) for row in course.harmonics.tolist()]
 
 
-def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
+def _load_of_text(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
     """Convert a load's text, with reversed sign if a body exerts it on the environment."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")

@@ -85,9 +85,9 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 
     A joint that closes a loop leads to a copy of its child, without mass; the loop is closed where the two are one.
     """
-    links, at = _spanned(mechanism, graph)
+    links, at = _span(mechanism, graph)
     closures = {
-        joint.name: LoopConstraint("weld", at[joint.child], _across(links, mechanism, joint, at[joint.parent]))
+        joint.name: LoopConstraint("weld", at[joint.child], _append_links(links, mechanism, joint, at[joint.parent]))
         for joint in graph.cuts
     }
     column = {name: (i, i) for i, name in enumerate(mechanism.coordinates)}
@@ -112,14 +112,14 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
     Returns:
         The tree, of its bodies, last the copies, the numbers that they have in the mechanism, and their shares, (m,).
     """
-    links, at = _spanned(mechanism, graph)
+    links, at = _span(mechanism, graph)
     number = {body.name: i for i, body in enumerate(mechanism.bodies)}
     ends, frames = list(number), [at[name] for name in number]
     for joint in graph.cuts:
         if joint.name in joints:
             near, far = joint.bodies[:: -1 if joint.child == GROUND else 1]
             ends.append(far)
-            frames.append(_across(links, mechanism, joint, at[near], reverse=near == joint.child))
+            frames.append(_append_links(links, mechanism, joint, at[near], reverse=near == joint.child))
     rows, whole = [number[name] for name in ends], matter(mechanism)
     shares = np.array([1.0 / ends.count(name) for name in ends])
     parts = MassProperties(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
@@ -127,15 +127,15 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
     return tree, rows, shares
 
 
-def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
+def _span(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
     """Links of a spanning tree's joints, and frames of ground and bodies."""
     links, at = list[TreeLink](), {GROUND: FixedFrame()}
     for edge in graph.edges:
-        at[edge.far] = _across(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)
+        at[edge.far] = _append_links(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)
     return links, at
 
 
-def _across(
+def _append_links(
     links: list[TreeLink], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
 ) -> FixedFrame:
     """Append the links of a joint; return the frame of the body beyond it.

@@ -46,12 +46,12 @@ class Moving:
 
     def poses(self, at: FixedFrames) -> tuple[Array, Array]:
         """Orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
-        R = picked(self.R, at.link)
-        return turned(R, at.R), picked(self.p, at.link) + times(R, at.p)
+        R = pick(self.R, at.link)
+        return turned(R, at.R), pick(self.p, at.link) + times(R, at.p)
 
     def frames(self, at: FixedFrames) -> Moving:
         """Motion of fixed frames."""
-        some = Moving(*(picked(getattr(self, name), at.link) for name in "Rpwvba"))
+        some = Moving(*(pick(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
         return replace(there, R=turned(there.R, at.R))
 
@@ -120,28 +120,28 @@ def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     if n <= at_once:
         return _move(tree, states)
     parts = [_move(tree, states.at(slice(i, i + at_once))) for i in range(0, n, at_once)]
-    fields = [_joined([getattr(part.links, name) for part in parts]) for name in "Rpwvba"]
-    return TreeMotion(tree, Moving(*fields), _joined([part.axes for part in parts]))
+    fields = [_join([getattr(part.links, name) for part in parts]) for name in "Rpwvba"]
+    return TreeMotion(tree, Moving(*fields), _join([part.axes for part in parts]))
 
 
-def _joined(parts: Sequence[Array]) -> Array:
+def _join(parts: Sequence[Array]) -> Array:
     return _first(np.concatenate([_last(part) for part in parts], axis=-1))
 
 
 def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     R, p, r = _poses(tree, states.q)
     number, axes, _ = tree.velocity
-    e = times(picked(R, number), axes)
+    e = times(pick(R, number), axes)
     (spin, slide), (spin_rate, slide_rate) = (_relative(tree, R, e, rates) for rates in (states.qd, states.qdd))
     before = tree.starts.link
-    w = _outward(tree, spin)
-    near = picked(w, before)
-    b = _outward(tree, spin_rate + cross(near, spin))
+    w = _accumulate(tree, spin)
+    near = pick(w, before)
+    b = _accumulate(tree, spin_rate + cross(near, spin))
     toward = cross(near, r)
-    v = _outward(tree, toward + slide)
-    a = cross(picked(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
+    v = _accumulate(tree, toward + slide)
+    a = cross(pick(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
     a += cross(spin, slide)  # velocities of a free joint are counted along axes that it turns
-    return TreeMotion(tree, Moving(R, p, w, v, b, _outward(tree, a)), e)
+    return TreeMotion(tree, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
 
 
 def unit_twists(motion: TreeMotion) -> Array:
@@ -189,7 +189,7 @@ def turned(R: Array, by: Array) -> Array:
     return R if (by == np.eye(3)).all() else product(R, by)
 
 
-def picked(x: Array, which: Rows) -> Array:
+def pick(x: Array, which: Rows) -> Array:
     """Faster ``x[:, which]`` for contiguous samples."""
     return _first(_last(x)[which])
 
@@ -202,10 +202,10 @@ def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
     R[0], p[0] = np.eye(3)[..., None], 0.0
     whole, start = _first(R), tree.starts
     for level, before in tree.levels:
-        own, near = level - 1, picked(whole, before)
+        own, near = level - 1, pick(whole, before)
         placed = turned(near, start.R[own])
-        r[own] = _last(times(near, start.p[own]) + times(placed, picked(way, own)))
-        R[level], p[level] = _last(product(placed, picked(turn, own))), p[before] + r[own]
+        r[own] = _last(times(near, start.p[own]) + times(placed, pick(way, own)))
+        R[level], p[level] = _last(product(placed, pick(turn, own))), p[before] + r[own]
     return whole, _first(p), _first(r)
 
 
@@ -244,7 +244,7 @@ def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Arr
     return _first(spin), _first(slide)
 
 
-def _outward(tree: SpanningTree, gained: Array) -> Array:
+def _accumulate(tree: SpanningTree, gained: Array) -> Array:
     """Accumulate each link's increment from the ground outward. Shape (n, n_link, 3) -> (n, n_link + 1, 3)."""
     whole = np.zeros((gained.shape[1] + 1, 3, len(gained)))
     whole[1:] = _last(gained)

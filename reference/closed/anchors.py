@@ -83,7 +83,7 @@ class Anchor:
         return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
 
 
-def aside(K: Array) -> tuple[Array, Array]:
+def offsets(K: Array) -> tuple[Array, Array]:
     """Steps along the columns of a velocity map, forward and backward, and the divisors of their differences.
 
     Returns:
@@ -231,21 +231,21 @@ class Anchors:
 
     # predictions
 
-    def away(self, y: Array, origin: Array) -> Array:
+    def difference(self, y: Array, origin: Array) -> Array:
         """Difference from an origin modulo whole turns. Shapes (..., k)."""
         way = y - origin
         return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
 
     def distance(self, y: Array, a: Indices | int) -> Array:
         """Distance of independent coordinates from anchors, 1 at the edge of their balls. (..., k), (...) -> (...)."""
-        way, W = self.away(y, self.table["y"][a]), self.table["W"][a]
+        way, W = self.difference(y, self.table["y"][a]), self.table["W"][a]
         return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
 
     def distances(self, y: Array, a: Indices) -> Array:
         """Distances of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
         squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
-            way = self.away(y[rows], self.table["y"][i])
+            way = self.difference(y[rows], self.table["y"][i])
             squared[rows] = ((way @ self.table["W"][i]) * way).sum(-1)
         return np.sqrt(squared)
 
@@ -253,7 +253,7 @@ class Anchors:
         """Predict unknowns to first order; y counts modulo whole turns. Shapes (n, k), (n,) -> (n, n_z)."""
         z = np.empty((len(y), len(self.angles)))
         for rows, i in _groups(a):
-            z[rows] = self.table["z"][i] + self.away(y[rows], self.table["y"][i]) @ self.table["K"][i].T
+            z[rows] = self.table["z"][i] + self.difference(y[rows], self.table["y"][i]) @ self.table["K"][i].T
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
@@ -263,10 +263,10 @@ class Anchors:
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
-    def alike(self, a: int, b: int) -> bool:
+    def on_one_branch(self, a: int, b: int) -> bool:
         """True if the predictions of two anchors with intersecting balls agree half-way: they lie on one branch."""
         if (a, b) not in self.links:
-            way = self.away(self[b].y, self[a].y)
+            way = self.difference(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))
             ours, theirs = (self.predict(middle, one)[0] for one in pair)
             gap = ours - theirs

@@ -65,7 +65,7 @@ class AssemblyMode:
         if (poses := self.in_closed_form(y)) is not None:
             return poses
         poses = self.continuation.predict(y, t, rates, drive)
-        self.near = self._followed(self.continuation.path, self.near[-1])
+        self.near = self._follow_anchors(self.continuation.path, self.near[-1])
         return replace(poses, near=self.near)
 
     def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
@@ -97,7 +97,7 @@ class AssemblyMode:
 
     def joints(self, poses: Poses) -> Array:
         """Predicted joint coordinates [rad or m]; those of cut joints are near the intended ones. Shape (n, n_q)."""
-        near = self._turned(poses.y) if poses.near is None else poses.near[poses.visit]
+        near = self._turn_home(poses.y) if poses.near is None else poses.near[poses.visit]
         near[:, self.columns] = poses.y * self.unit  # with the whole turns that are given
         return self.system.tree(poses.z, near)
 
@@ -106,16 +106,16 @@ class AssemblyMode:
         places = [self.system.unknown.index(c) for c in columns]
         return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
-    def _turned(self, y: Array) -> Array:
+    def _turn_home(self, y: Array) -> Array:
         """Home coordinates with the turns that follow y. Shape (n, k) -> (n, n_q)."""
         home = self.lay.mechanism.home
         near = np.tile(home, (len(y), 1))
         for i, path in self.region.loops.items():
-            winding = np.rint((self._followed(path, home)[-1] - home) / TURN) * self.lay.turns
+            winding = np.rint((self._follow_anchors(path, home)[-1] - home) / TURN) * self.lay.turns
             near += (y[:, i, None] - home[self.columns[i]]) * winding
         return near
 
-    def _followed(self, z: Array, near: Array) -> Array:
+    def _follow_anchors(self, z: Array, near: Array) -> Array:
         """Joint coordinates of the anchors along a way that starts near given ones. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)

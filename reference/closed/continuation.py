@@ -24,7 +24,7 @@ from screwgauge.reference.closed.newton import (
     hermite,
     knots,
     newton,
-    predicted,
+    predict_unknowns,
     straight,
     velocity_map,
 )
@@ -114,7 +114,7 @@ class Continuation(Walk):
             PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
         """
         y, rates = y / self.size, None if rates is None else (rates[0] / self.size, rates[1] / self.size)
-        return self._passed(y, t, rates, None if drive is None else self._unitless(drive))
+        return self._pass_samples(y, t, rates, None if drive is None else self._unitless(drive))
 
     def _unitless(self, drive: Motion) -> Drive:
         def at(t: Array) -> State:
@@ -123,7 +123,7 @@ class Continuation(Walk):
 
         return at
 
-    def _passed(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
+    def _pass_samples(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
         """Pass samples without dimension, see `predict`."""
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
@@ -131,7 +131,7 @@ class Continuation(Walk):
         i, window, begin = 0, WINDOW, len(self.visits) - 1
         while i < len(y):
             first, stop, known = i, min(i + window, len(y)), len(self.anchors)
-            covering, inside, linked = self._linked(curves[first:stop], miss[first:stop])
+            covering, inside, linked = self._link(curves[first:stop], miss[first:stop])
             for gap in (*(first + np.flatnonzero(~linked)).tolist(), stop):
                 anchor[i:gap], visit[i:gap] = self._pass(covering[i - first : gap - first])
                 i = gap
@@ -147,7 +147,7 @@ class Continuation(Walk):
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
         table = self.anchors.table["z"][self.visits[begin:]]  # whole turns are counted along the way
-        self.path = self._unwrapped(np.concatenate([self.path[-1:], table]))[1:]
+        self.path = self._unwrap(np.concatenate([self.path[-1:], table]))[1:]
         self.visits, visit = self.visits[-1:], visit - begin
         z = self.anchors.predict(y, anchor) + (self.path - table)[visit]
         return Poses(t, y, z, anchor, visit, self, ordered=True)
@@ -162,7 +162,7 @@ class Continuation(Walk):
 
     def _hop(self, a: int) -> bool:
         """Move to an anchor of the same branch whose ball holds the current sample."""
-        if a != self.at and not self.anchors.alike(self.at, a):
+        if a != self.at and not self.anchors.on_one_branch(self.at, a):
             return False
         if a != self.at:
             self._visit(a)
@@ -194,7 +194,7 @@ class Continuation(Walk):
             miss[rows] = np.where(moving[rows, None], drive(t[:-1] + 0.5 * h)[0] - HALF @ points[rows], 0.0)
         return points, moving, miss
 
-    def _linked(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
+    def _link(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
         """Find the anchors of samples, flags for those inside their ball, and flags for those linked to their
         predecessor: both anchors lie on one branch, and the curve from there, or each half of it, lies in one ball.
         Shape (n, 6, k).
@@ -202,19 +202,19 @@ class Continuation(Walk):
         anchors, y = self.anchors, curves[:, -1]
         covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
         before = np.concatenate([[self.at], covering[:-1]])
-        within = self._within(curves, miss, before)
+        within = self._inside(curves, miss, before)
         other = np.flatnonzero(~within & (covering != before))
-        within[other] = self._within(curves[other], miss[other], covering[other])
+        within[other] = self._inside(curves[other], miss[other], covering[other])
         other = np.flatnonzero(~within & (covering != before))
         left, right = HALVES[:, None] @ curves[other]
-        within[other] = self._within(left, miss[other], before[other])
-        within[other] &= self._within(right, miss[other], covering[other])
+        within[other] = self._inside(left, miss[other], before[other])
+        within[other] &= self._inside(right, miss[other], covering[other])
         good = inside & within
         for i in np.flatnonzero(good & (covering != before)).tolist():
-            good[i] = anchors.alike(int(before[i]), int(covering[i]))
+            good[i] = anchors.on_one_branch(int(before[i]), int(covering[i]))
         return covering, inside, good
 
-    def _within(self, curves: Array, miss: Array, a: Indices) -> Flags:
+    def _inside(self, curves: Array, miss: Array, a: Indices) -> Flags:
         """True for curves inside the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
         inside = (self.anchors.distances(curves, a) <= 1.0).all(axis=1)
         if miss.any():
@@ -235,13 +235,13 @@ class Continuation(Walk):
         if around:
             ways += [([], Curve(points)) for points in bent(curve.points[0], target)]
         if around and start:
-            ways += [(self._back(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
+            ways += [(self._ancestors(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
         ends = list[PathEnd]()
         for back, way in ways:
             self.visits[seen:], self.left = back, MOST + int(EACH * length)
             self.at = self.visits[-1]
             try:
-                self._along(way)
+                self._follow_curve(way)
                 self._walk(target)
                 return
             except Blocked as blocked:
@@ -269,7 +269,7 @@ class Continuation(Walk):
         """Build the error for a curve that cannot be followed; it states whether the loops close beyond."""
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
-        beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
+        beyond = self._predict_beyond(curve.at(min(1.0, done + LEAP)))
         return PathEnd(anchor.z, anchor.y * self.size, t, singular=singular, beyond=beyond is not None)
 
     def follow(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> tuple[Array, ...]:
@@ -285,7 +285,7 @@ class Continuation(Walk):
         start, y = poses.z, poses.y
         if poses.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
             z, J, *_ = newton(self.evaluate, start[rows], y[rows])
-            start = predicted(y, rows, z, velocity_map(J, y.shape[1]))
+            start = predict_unknowns(y, rows, z, velocity_map(J, y.shape[1]))
         solution = list(newton(self.evaluate, start, y))
         z, _, error = solution[:3]
         far = self.anchors.corrections(z - poses.z, poses.anchor)

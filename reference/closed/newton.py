@@ -34,7 +34,7 @@ OPEN = 1e-10
 PATIENCE = 12
 
 
-def stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
+def has_stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
     """True if a step did not reduce closure residuals that have reached rounding."""
     return np.logical_and(np.less(before, NOISE), ~np.less(after, 0.5 * np.asarray(before)))
 
@@ -68,7 +68,7 @@ def newton(
         residual_new, matrix_new, *more_new = evaluate(trial, y[active])
         after = np.abs(residual_new).max(axis=1)
         before = error[active]
-        idling = stalled(before, after)
+        idling = has_stalled(before, after)
         take = ~idling | (after < before)
         rows = active[take]
         pairs = (q, trial), (residual, residual_new), (matrix, matrix_new), (error, after)
@@ -110,7 +110,7 @@ def knots(y: Array, every: int, step: float) -> Rows:
     return np.flatnonzero(chosen)
 
 
-def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
+def predict_unknowns(y: Array, rows: Rows, z: Array, K: Array) -> Array:
     """Interpolate the unknowns of all samples by Hermite's formula over the sample number. Shape (n, n_z).
 
     What the samples differ from the interpolated motion is made up for to first order, so that they need not be evenly
@@ -122,7 +122,7 @@ def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
         z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
     """
     slope = slopes(y)[rows]
-    value = interpolated(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
+    value = interpolate(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
     at = np.arange(len(y))
     i = _interval(at, rows)
     share = ((at - rows[i]) / (rows[i + 1] - rows[i]))[:, None]
@@ -141,8 +141,8 @@ def slopes(y: Array) -> Array:
     return np.asarray(slope)
 
 
-def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
-    """Interpolate values and derivatives at n samples from those at some, see `predicted`. Shapes (m, d) -> (n, d)."""
+def interpolate(n: int, rows: Rows, values: Array, rates: Array) -> Array:
+    """Interpolate values and derivatives at n samples from some, see `predict_unknowns`. Shapes (m, d) -> (n, d)."""
     x, c = _differences(rows.astype(float), values, rates)
     result, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
     for first in range(0, n, some):

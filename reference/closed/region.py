@@ -36,7 +36,7 @@ class Region(Continuation):
         y = y / self.size
         self._look_for_turns(y)
         anchor, self.floor = self._spread(y), np.inf
-        return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._covered_twice(y, anchor)
+        return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._flag_covered_twice(y, anchor)
 
     def _spread(self, y: Array) -> Indices:
         """Assign samples to anchors of home's sheet, adding anchors as needed; -1 for samples out of reach."""
@@ -68,7 +68,7 @@ class Region(Continuation):
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
         """Reach the home-sheet anchor of way number i: from the nearest anchor, from home, or from others."""
         first = len(self.anchors)
-        self.at, self.left = (nearest, 0, self._aside(y, 3))[i], MOST
+        self.at, self.left = (nearest, 0, self._anchor_nearby(y, 3))[i], MOST
         try:
             self._walk(y)
             reached: int | None = self.at
@@ -77,14 +77,14 @@ class Region(Continuation):
         self._keep_straight(first)
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
-    def _covered_twice(self, y: Array, anchor: Indices) -> Flags:
+    def _flag_covered_twice(self, y: Array, anchor: Indices) -> Flags:
         """Flag reached samples that also lie in balls of another sheet of the same piece. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
                 other, inside = anchors.cover(y, sheet)
                 for i in np.flatnonzero(inside & (anchor >= 0)).tolist():
-                    twice[i] |= not anchors.alike(int(anchor[i]), int(other[i]))
+                    twice[i] |= not anchors.on_one_branch(int(anchor[i]), int(other[i]))
         return twice
 
     def _keep_straight(self, first: int) -> None:
@@ -97,16 +97,16 @@ class Region(Continuation):
             self.at, self.left = 0, MOST
             try:
                 self._walk(anchors[a].y)
-                led = self.at == a or anchors.alike(self.at, a)
+                led = self.at == a or anchors.on_one_branch(self.at, a)
             except Blocked:
                 led = False
             if not led:
                 anchors.move(a, 1)
 
-    def _aside(self, y: Array, i: int) -> int:
+    def _anchor_nearby(self, y: Array, i: int) -> int:
         """Anchor of home's sheet at place i by distance from the nearest."""
         kin = self.anchors.sheet_of(0)
-        order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
+        order = np.argsort(np.linalg.norm(self.anchors.difference(y, self.anchors.table["y"][kin]), axis=1))
         return int(kin[order[min(i, len(kin) - 1)]])
 
     def _of_region(self, y: Array, anchor: Indices) -> Poses:

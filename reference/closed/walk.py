@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchor, Anchors, Flags, aside, measure
-from screwgauge.reference.closed.newton import CLOSED, OPEN, Curve, Evaluation, newton, stalled
+from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchor, Anchors, Flags, measure, offsets
+from screwgauge.reference.closed.newton import CLOSED, OPEN, Curve, Evaluation, has_stalled, newton
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
@@ -82,7 +82,7 @@ class Walk:
         self.turns, self.strict, z, y = angles[1], strict, start[0], start[1] / size
         self.anchors, self.floor, self.left = Anchors(len(y), len(z), angles[0]), np.inf, MOST
         residual, J, *_ = evaluate(z[None], y[None])
-        home = self._measured(z, y, residual[0], J[0]) if np.isfinite(J).all() else None
+        home = self._measure(z, y, residual[0], J[0]) if np.isfinite(J).all() else None
         if home is None:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)
@@ -106,10 +106,10 @@ class Walk:
         if not self.left:
             raise Blocked(singular=False)
         self.left -= 1
-        way = anchors.away(target, anchor.y)
+        way = anchors.difference(target, anchor.y)
         far = float(anchors.distance(target, self.at))
         goal = anchor.y + min(1.0, 1.0 / far) * way
-        if (known := self._known(goal, target, float(np.linalg.norm(way)))) is not None:
+        if (known := self._find_known(goal, target, float(np.linalg.norm(way)))) is not None:
             self._visit(known)
             return
         share, size = min(1.0, 1.0 / far), float(np.abs(way).max())
@@ -120,14 +120,14 @@ class Walk:
             anchors.shrink(self.at)
         raise Blocked(singular=True)
 
-    def _known(self, goal: Array, target: Array, length: float) -> int | None:
+    def _find_known(self, goal: Array, target: Array, length: float) -> int | None:
         """Find an anchor of this sheet whose ball holds a goal well and that is nearer to the target than a length."""
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
-        remaining = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
+        remaining = np.linalg.norm(anchors.difference(target, anchors.table["y"][kin]), axis=1)
         for i in np.argsort(remaining)[:2]:
-            if remaining[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
+            if remaining[i] < length * (1.0 - 1e-9) and anchors.on_one_branch(self.at, int(kin[i])):
                 return int(kin[i])
         return None
 
@@ -140,7 +140,7 @@ class Walk:
         ahead, half = base.change(self._full(begun[1], begun[2:]))
         if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
-        anchor = self._measured(start, goal, begun[0][0], begun[1][0], base)
+        anchor = self._measure(start, goal, begun[0][0], begun[1][0], base)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
         if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
@@ -155,7 +155,7 @@ class Walk:
         self._visit(number)
         return True
 
-    def _measured(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
+    def _measure(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
         """Measure an anchor by Newton's method from a nearby pose; None if it does not converge.
 
         The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it, unless
@@ -167,13 +167,13 @@ class Walk:
             right = np.concatenate([-residual[:, None], np.eye(len(residual))[:, -k:]], axis=1)
             step, K = np.split(linear.solve(J[None], right[None])[0], [1], axis=1)
             there = z if closed else z + step[:, 0]
-            ways, divisor = aside(base.steady(K) if base else K)
+            ways, divisor = offsets(base.steady(K) if base else K)
             poses = np.concatenate([there[None], there + ways])
             residuals, matrices, *more = self.evaluate(poses, np.tile(y, (2 * k + 1, 1)))
             full, after = self._full(matrices, more), float(np.abs(residuals[0]).max(initial=0.0))
             if not (np.isfinite(full).all() and after < 1.0):
                 return None
-            if stalled(gap, after) and not closed:
+            if has_stalled(gap, after) and not closed:
                 closed = True
                 continue
             z, residual, J, gap = there, residuals[0], matrices[0], after
@@ -191,7 +191,7 @@ class Walk:
             rows = anchors.sheet_of(candidate)
             rows = rows[rows != new]
             near = rows[anchors.distance(y, rows) <= 0.7]
-            if all(anchors.alike(new, int(one)) for one in near[:8]):
+            if all(anchors.on_one_branch(new, int(one)) for one in near[:8]):
                 if candidate != sheet:
                     anchors.move(new, candidate)
                 return
@@ -205,7 +205,7 @@ class Walk:
         while not self.anchors.distance(target, self.at) <= 1.0:
             self._step(target)
 
-    def _along(self, curve: Curve, depth: int = 0) -> None:
+    def _follow_curve(self, curve: Curve, depth: int = 0) -> None:
         """Move along a curve, halved until each piece lies in one ball."""
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
@@ -223,31 +223,31 @@ class Walk:
             return
         if depth == DEEPEST:
             raise Blocked(singular=True)
-        self._along(left, depth + 1)
-        self._along(right, depth + 1)
+        self._follow_curve(left, depth + 1)
+        self._follow_curve(right, depth + 1)
 
-    def _beyond(self, y: Array) -> Anchor | None:
+    def _predict_beyond(self, y: Array) -> Anchor | None:
         """Predict an anchor just beyond a singular pose from the regular directions; None if the loops stay open."""
         anchor, k = self.anchors[self.at], len(y)
         _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
         start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
         z, J, error, *_ = newton(self.evaluate, start[None], y[None])
         closes = error[0] < OPEN and np.abs(z[0] - start).max() < 1.0
-        return self._measured(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
+        return self._measure(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
         """Jump just beyond a singular pose; return whether the loops close there."""
         anchor = self.anchors[self.at]
         last = np.linalg.norm(target - anchor.y) <= LEAP * np.linalg.norm(way)
         y = target if last else anchor.y + LEAP * way
-        if (beyond := self._beyond(y)) is None:
+        if (beyond := self._predict_beyond(y)) is None:
             return False
         landed = self.anchors.add(beyond, self.anchors.sheets)
         self.parent[landed] = self.at
         self._visit(landed)
         return True
 
-    def _back(self) -> list[int]:
+    def _ancestors(self) -> list[int]:
         """Anchors by which the current one was reached, back to home."""
         path, a = list[int](), self.at
         while a:
@@ -260,7 +260,7 @@ class Walk:
         at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:
             short = SHORTEST * max(1.0, float(np.abs(y).max()))
-            while np.abs(self.anchors.away(y, self.anchors[self.at].y)).max() > short:
+            while np.abs(self.anchors.difference(y, self.anchors[self.at].y)).max() > short:
                 self._step(y)
             z = self.anchors[self.at].z
         finally:
@@ -287,7 +287,7 @@ class Walk:
             path = np.concatenate(
                 [self.anchors.table["z"][self.visits], self.anchors.predict(y[None], np.array([self.at]))]
             )
-            path = self._unwrapped(path)
+            path = self._unwrap(path)
             z, _, error, *_ = newton(self.evaluate, path[-1:], y[None])
             off = np.where(self.anchors.angles, within_half_turn(z[0] - home.z), z[0] - home.z)
             if error[0] < OPEN and np.abs(off).max() < 1e-6:
@@ -298,7 +298,7 @@ class Walk:
         finally:
             self.at, self.visits = at, visits
 
-    def _unwrapped(self, path: Array) -> Array:
+    def _unwrap(self, path: Array) -> Array:
         """Add whole turns to the unknowns of successive poses so that angles do not jump. Shape (v, n_z)."""
         jumps = np.where(self.anchors.angles, np.rint(np.diff(path, axis=0) / TURN), 0.0)
         return np.concatenate([path[:1], path[1:] - TURN * np.cumsum(jumps, axis=0)])

@@ -112,7 +112,7 @@ def _child(at: JointPose) -> Array:
 
 def _across(at: JointPose) -> Array:
     """Two directions across the child's axis."""
-    return np.asarray(_beside(at.joint)[1] @ transpose(at.R_child))
+    return np.asarray(_directions_across(at.joint)[1] @ transpose(at.R_child))
 
 
 def _normal(at: JointPose) -> Array:
@@ -126,7 +126,7 @@ def _along(at: JointPose) -> Array:
 
 
 @lru_cache(maxsize=4096)
-def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
+def _directions_across(joint: Joint) -> tuple[Sequence[str], Array]:
     """Labels and directions orthogonal to the first axis."""
     return across(joint.axes[0])
 
@@ -183,7 +183,7 @@ def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value
     return [(-k * M[..., 1, 2], k * M[..., 2, 2]), (M[..., 0, 2], c), (-k * M[..., 0, 1], k * M[..., 0, 0])]
 
 
-def _crossed(at: JointPose, w: Array) -> Any:
+def _power_on_normal(at: JointPose, w: Array) -> Any:
     """Power on the normal of ``[S1 w1, S2 w2] = S w1 w2``; S turns about that normal of both axes."""
     normal = cross(at.first, at.last)
     return dot(normal, normal) * (w[..., 0] * w[..., 1])
@@ -211,7 +211,7 @@ class JointType:
 TYPES = {
     "R": JointType(_world, _across, _tilt, _one_angle),
     "P": JointType(_across, _child, _turn, _no_angle),
-    "U": JointType(_world, _normal, _skew, _two_angles, own=_crossed),
+    "U": JointType(_world, _normal, _skew, _two_angles, own=_power_on_normal),
     "S": JointType(_world, _none, None, _three_angles),
     "C": JointType(_across, _across, _tilt, _one_angle),
     "E": JointType(_along, _across, _tilt, _one_angle),
@@ -222,7 +222,7 @@ TYPES = {
 
 def components(joint: Joint) -> list[tuple[str, str]]:
     """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
-    kind, directions, axis = TYPES[joint.kind], _beside(joint)[0], _named_axis(joint)[0]
+    kind, directions, axis = TYPES[joint.kind], _directions_across(joint)[0], _named_axis(joint)[0]
     labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: directions, _normal: [""], _none: ""}
     labels[_along] = [axis]
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]

@@ -258,7 +258,7 @@ def pose(lay: Layout, q: Array) -> TreePose:
     """
     at = tree_pose(lay, coordinates(q, NUMPY))
     for joint in lay.cuts:
-        at.S[:, lay.columns[joint.name]] = _beyond(at, joint, q)[0]
+        at.S[:, lay.columns[joint.name]] = _cross_cut_joint(at, joint, q)[0]
     return at
 
 
@@ -274,14 +274,14 @@ def gaps(lay: Layout, q: Array) -> Array:
     """
     at, found = tree_pose(lay, coordinates(q, NUMPY)), np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
     for i, joint in enumerate(lay.cuts):
-        (_, R, p), frames = _beyond(at, joint, q), at.joint(joint)
+        (_, R, p), frames = _cross_cut_joint(at, joint, q), at.joint(joint)
         turn = vee(R @ frames.R_child.swapaxes(-1, -2))
         # measured at the joint, where the lever arms are short, then moved to O
         found[:, i, :3], found[:, i, 3:] = turn, p - frames.p_child - cross(turn, frames.p_child)
     return found
 
 
-def _beyond(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
+def _cross_cut_joint(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
     """Screws of a cut joint and the frame beyond them, from its given coordinates, see `joint_screws`."""
     frames, columns = at.joint(joint), at.lay.columns[joint.name]
     return joint_screws(

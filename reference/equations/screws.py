@@ -44,15 +44,15 @@ def transpose(M: Array) -> Array:
 
 def join(*parts: Array) -> Array:
     """Concatenate vectors of different lengths. Shapes (..., m_i) -> (..., sum m_i)."""
-    return _joined(parts, ())
+    return _concatenate(parts, ())
 
 
 def stack(*parts: Array) -> Array:
     """Stack the rows of matrices. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
-    return _joined(parts, (slice(None),))
+    return _concatenate(parts, (slice(None),))
 
 
-def _joined(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
+def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
     """Concatenate arrays with broadcast leading shapes; `after` has a slice for each axis behind the joined one."""
     axis = -1 - len(after)
     leads = {x.shape[:axis] for x in parts}

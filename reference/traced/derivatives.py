@@ -17,7 +17,7 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
         NotTraceableError: A number is made by an operation without derivative.
     """
     known: dict[int, Scalar] = {node.index: rate for node, rate in rates.items()}
-    for node in _below(outputs, known):
+    for node in _nodes_below(outputs, known):
         if node.index not in known and any(isinstance(x, Node) and x.index in known for x in node.args):
             parts = (slope * known[x.index] for x, slope in _slopes(node) if isinstance(x, Node) and x.index in known)
             known[node.index] = sum(parts, start=0.0)
@@ -36,7 +36,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
     """
     pairs = [(x, weight) for x, weight in weighted if isinstance(x, Node)]
     ends, found = {node.index for node in by}, dict[int, Scalar]()
-    nodes = _below([x for x, _ in pairs], ends)
+    nodes = _nodes_below([x for x, _ in pairs], ends)
     active = set(ends)
     for node in nodes:
         if any(isinstance(x, Node) and x.index in active for x in node.args):
@@ -55,14 +55,14 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
 def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> list[Scalar]:
     """Substitute floats, sample arrays or nodes for some operands of traced numbers."""
     known: dict[int, Scalar] = {node.index: number for node, number in numbers.items()}
-    for node in _below(outputs, known):
+    for node in _nodes_below(outputs, known):
         args = [known.get(x.index, x) if isinstance(x, Node) else x for x in node.args]
         if node.index not in known and any(x is not y for x, y in zip(args, node.args, strict=True)):
-            known[node.index] = _computed(node.op, args)
+            known[node.index] = _compute(node.op, args)
     return [known.get(x.index, x) if isinstance(x, Node) else x for x in outputs]
 
 
-def _computed(op: str, args: Sequence[Scalar]) -> Scalar:
+def _compute(op: str, args: Sequence[Scalar]) -> Scalar:
     """Apply an operation to numbers of any kind."""
     trace = next((x.trace for x in args if isinstance(x, Node)), None)
     if trace is None:
@@ -70,7 +70,7 @@ def _computed(op: str, args: Sequence[Scalar]) -> Scalar:
     return getattr(trace, op)(*args) if op in ("add", "sub", "mul", "div", "neg") else trace.function(op, *args)
 
 
-def _below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
+def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
     """Nodes below some numbers in creation order, without those below `known`."""
     found, ends = dict[int, Node](), set(known)
     stack = [x for x in outputs if isinstance(x, Node)]

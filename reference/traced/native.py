@@ -182,7 +182,7 @@ class Native:
         """
         n = inputs[0].shape[1]
         if n < self.width:
-            return self._padded(inputs, outputs, weights)
+            return self._pad(inputs, outputs, weights)
         weights = np.zeros(self.program.checks) if weights is None else weights
         limits = np.ascontiguousarray(weights, self.dtype)
         tables = rows(inputs), rows(outputs), limits
@@ -193,7 +193,7 @@ class Native:
 
         return run
 
-    def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
+    def _pad(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
         """Pad samples that do not fill a register by repeating the last."""
         given, results = (
             [np.empty((len(block), self.width), self.dtype) for block in blocks] for blocks in (inputs, outputs)

@@ -103,12 +103,12 @@ def apply(name: str, *x: Scalar) -> Scalar:
     return applied if np.ndim(applied) else float(applied)
 
 
-def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+def _order(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """Order two operands: a number first, nodes by creation; at least one is a node."""
     return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
 
 
-def _negated(x: Scalar) -> bool:
+def _negate(x: Scalar) -> bool:
     return isinstance(x, Node) and x.op == "neg"
 
 
@@ -168,12 +168,12 @@ class Trace:
     def add(self, a: Scalar, b: Scalar) -> Scalar:
         if a is b:
             return self.mul(2.0, a)
-        a, b = _ordered(a, b)
+        a, b = _order(a, b)
         if not isinstance(a, Node) and a == 0.0:
             return b
-        if _negated(b):
+        if _negate(b):
             return self.sub(a, b.args[0])
-        return self.sub(b, a.args[0]) if _negated(a) else self._make("add", a, b)
+        return self.sub(b, a.args[0]) if _negate(a) else self._make("add", a, b)
 
     def sub(self, a: Scalar, b: Scalar) -> Scalar:
         if a is b:
@@ -182,16 +182,16 @@ class Trace:
             return a
         if not isinstance(a, Node) and a == 0.0:
             return self.neg(b)
-        if _negated(b):
+        if _negate(b):
             return self.add(a, b.args[0])
-        if _negated(a):
+        if _negate(a):
             return self.neg(self.add(a.args[0], b))
         opposite = self._known.get(("sub", b, a))
         return self._make("sub", a, b) if opposite is None else self.neg(opposite)
 
     def mul(self, a: Scalar, b: Scalar) -> Scalar:
-        a, b = _ordered(a, b)
-        if _negated(b):
+        a, b = _order(a, b)
+        if _negate(b):
             return self.neg(self.mul(a, b.args[0]))
         if isinstance(a, Node):
             return self.neg(self.mul(a.args[0], b)) if a.op == "neg" else self._make("mul", a, b)
@@ -208,9 +208,9 @@ class Trace:
             return self.mul(1.0 / b, a)
         if not isinstance(a, Node) and a == 0.0:
             return 0.0
-        if _negated(b):
+        if _negate(b):
             return self.neg(self.div(a, b.args[0]))
-        if _negated(a):
+        if _negate(a):
             return self.neg(self.div(a.args[0], b))
         return self._make("div", a, b)
 

@@ -114,14 +114,14 @@ def traced(
     while len(uncovered[0]):
         if len(parts) == MOST_ARCS:
             raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
-        one, kept = _traced(loops, applied, wanted, uncovered, further, folds)
+        one, kept = _trace(loops, applied, wanted, uncovered, further, folds)
         y, yd, ydd, q = (x[~kept] for x in uncovered)
         uncovered = y, yd, ydd, q
         parts.append(one)
     return replace(parts[0], arcs=tuple(arc for one in parts for arc in one.arcs))
 
 
-def _traced(
+def _trace(
     loops: Loops,
     applied: Applied,
     wanted: TracedQuantities,
@@ -136,7 +136,7 @@ def _traced(
     at, guess = closed_form(loops.lay, y, TRACE, loops.fixed), dict[int, Any]()
     if at is None:
         guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
-        at = _closed(loops, y, guess, folds)
+        at = _close(loops, y, guess, folds)
     near = {c: trace.input(samples[3][:, c]) for c in sprung_cuts(loops, applied)}
     timed = not all(motor.course.constant for motor in applied.motors)
     t = trace.input(np.zeros(len(samples[0]))) if timed else 0.0
@@ -188,7 +188,7 @@ def dependent(loops: Loops) -> list[int]:
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
 
 
-def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
+def _close(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
     """Coordinates after steps of Newton's method."""
     q = loops.lay.mechanism.home.astype(object)
     for c, value in (*guess.items(), *zip(loops.y_columns, y, strict=True)):
@@ -282,7 +282,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
     t = trace.input(zero)
     x, way = loops.lay.mechanism.home.astype(object), K @ (y - y0)
     x[loops.y_columns], x[columns] = y, z0 + way
-    at, moved = _corrected(loops, x, y, folds) if columns else (coordinates(x, TRACE), 0.0)
+    at, moved = _correct(loops, x, y, folds) if columns else (coordinates(x, TRACE), 0.0)
     motion = Response(loops, at, yd, None, folds, TRACE, applied)
     motion.t = t
     sizes = loops.sizes[columns]
@@ -302,7 +302,7 @@ def _mean(at: Closed, y: Array) -> Any:
     return squares(at.residual(y), at.loops.unit) * (1.0 / max(1, at.loops.given.start))
 
 
-def _corrected(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
+def _correct(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
     """Coordinates after steps of Newton's method, and the square of the last step.
 
     Where only rounding is left a step would move the pose by that, magnified: it fades out there.

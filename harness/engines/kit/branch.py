@@ -69,7 +69,7 @@ class Branch:
         parts, first = list[Array](), 0
         while first < len(motion):
             rows = slice(first, first + self._many)
-            parts.append(self._linked(motion.t[rows], motion.y[rows]))
+            parts.append(self._link(motion.t[rows], motion.y[rows]))
             if self._many == 1 and not len(parts[-1]):
                 self._go(motion, float(motion.t[first]), motion.y[first])
                 parts.append(self._q)
@@ -121,7 +121,7 @@ class Branch:
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
         """Move to a pose, in shorter steps if it is far: along the motion between samples if that is known."""
-        if len(self._linked(np.array([t]), y[None])):
+        if len(self._link(np.array([t]), y[None])):
             return
         if halvings == HALVINGS:
             near = ", ".join(f"{x:.6g}" for x in self._y)
@@ -133,7 +133,7 @@ class Branch:
         self._go(motion, middle, halfway, halvings + 1)
         self._go(motion, t, y, halvings + 1)
 
-    def _linked(self, t: Array, y: Array) -> Array:
+    def _link(self, t: Array, y: Array) -> Array:
         """Follow poses while steps are short and agree with the tangents at both ends."""
         q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
         K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]

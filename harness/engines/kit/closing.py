@@ -235,12 +235,12 @@ class Closing:
         """Residuals and their derivative, both dimensionless."""
         x, s = self._split(z)
         at = self.place(x)
-        read = read_joints(self.mechanism, at.R, at.p, self._known(s))
+        read = read_joints(self.mechanism, at.R, at.p, self._scatter(s))
         open_by, A = self._system(at, read, s)
         away = s[:, self.pick] - y * self.y_size
         return np.concatenate([open_by, away], axis=1) / self.rows, A * self.size / self.rows[:, None]
 
-    def _known(self, s: Array) -> Array:
+    def _scatter(self, s: Array) -> Array:
         """Scatter the unknown joint coordinates, NaN elsewhere. Shape (n, n_s) -> (n, n_q)."""
         near = np.full((len(s), len(self.mechanism.coordinates)), np.nan)
         near[:, self.tracked] = s
@@ -268,9 +268,9 @@ class Closing:
         z, system, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
         x, s = self._split(z)
         at = self.place(x)
-        joints = follow_joints(self.mechanism, at.R, at.p, self._known(s), self.before)
+        joints = follow_joints(self.mechanism, at.R, at.p, self._scatter(s), self.before)
         self.before = joints.q[-1]
-        return self._closed(task, x, at, joints, system)
+        return self._close(task, x, at, joints, system)
 
     def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
         """Perturb the unknowns at some samples by rounding.
@@ -284,12 +284,12 @@ class Closing:
         at = self.place(x)
         joints = read_joints(self.mechanism, at.R, at.p, closed.q[some])
         system = self._system(at, joints, s)[1] * self.size / self.rows[:, None]
-        return self._closed(closed.task.part(some), x, at, joints, system)
+        return self._close(closed.task.part(some), x, at, joints, system)
 
     def _split(self, z: Array) -> tuple[Array, Array]:
         """Split the unknowns into engine coordinates and further ones."""
         x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
         return x, s
 
-    def _closed(self, task: GivenMotion, x: Array, at: Placement, joints: JointReading, system: Array) -> ClosedMotion:
+    def _close(self, task: GivenMotion, x: Array, at: Placement, joints: JointReading, system: Array) -> ClosedMotion:
         return ClosedMotion(self.mechanism, task, x, at, joints, system, self.size, self.rows, self.tracked)

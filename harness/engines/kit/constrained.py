@@ -110,17 +110,17 @@ class _Parts:
         mechanism = self.engine.mechanism
         with self.clock.stage("positions"):
             closed = self.closing.follow(motion)
-        values, trust = self._beyond(closed, applied)
+        values, trust = self._evaluate(closed, applied)
 
         def again(some: Rows, shake: Array) -> dict[str, Array]:
-            return self._beyond(self.closing.shaken(closed, some, shake), at_samples(applied, some))[0]
+            return self._evaluate(self.closing.shaken(closed, some, shake), at_samples(applied, some))[0]
 
         table, k = described(mechanism, self.problem.points), motion.y.shape[1]
         units = {name: units for name, (_, units) in table.items()}
         part = examined(values, trust, closed.system, k, again, self.clock, units, length(mechanism))
         return Answered(part.values, closed.q, closed.condition, part)
 
-    def _beyond(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:
+    def _evaluate(self, closed: ClosedMotion, applied: Applied) -> tuple[dict[str, Array], Trust]:
         """Compute the requested quantities at closed poses, with their error data."""
         wanted, depth, moved = self.problem.wanted, stages(self.problem.wanted), None
         values, sizes, conditions = {"joint_position": closed.q}, dict[str, Array](), dict[str, Array]()
@@ -135,7 +135,7 @@ class _Parts:
             with self.clock.stage("accelerations"):
                 if closed.task.idle:
                     dynamics = self.engine.dynamics(closed.x, closed.xd, applied)
-                moved = self._accelerated(closed, dynamics, conditions)
+                moved = self._accelerate(closed, dynamics, conditions)
                 values |= motion_values(wanted, closed, moved)
                 sizes["rush"] = np.maximum(sizes["speed"] ** 2, np.abs(moved.x / x_units).max(axis=1))
         if depth == "f" or "mass_matrix" in wanted:
@@ -151,7 +151,7 @@ class _Parts:
         trust = Trust(closed.condition, gain, closed.joints.condition, conditions, speed, rush, load)
         return {name: array for name, array in values.items() if name in wanted}, trust
 
-    def _accelerated(
+    def _accelerate(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
     ) -> Accelerated:
         """Second derivatives; forces determine those of undriven coordinates.
@@ -167,14 +167,14 @@ class _Parts:
         still, K = closed.accelerated(*bias, ydd), closed.K
         M, acting = dynamics
         along = along_joints(self.problem.applied, closed.task.t, closed.joints, closed.V) - rotors * still.q
-        need = (M @ still.x[..., None])[..., 0] - acting - self._along(closed, along)
+        need = (M @ still.x[..., None])[..., 0] - acting - self._project(closed, along)
         Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
         B = closed.J[:, self.engine.mechanism.actuated_columns] @ K
         ydd[:, idle], condition = idle_accelerations(B, inertia(closed, M)[..., idle], Q, idle)
         conditions |= dict.fromkeys(ACCELERATED, condition)
         return closed.accelerated(*bias, ydd)
 
-    def _along(self, closed: ClosedMotion, along: Array) -> Array:
+    def _project(self, closed: ClosedMotion, along: Array) -> Array:
         """Transform forces along joint coordinates to x. Shape (n, n_q) -> (n, n_x)."""
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
@@ -197,7 +197,7 @@ class _Parts:
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)
         with self.clock.stage("forces"):
             along = along_joints(problem.applied, closed.task.t, closed.joints, closed.V)
-            need = need - self._along(closed, along - mechanism.rotors * moved.q)
+            need = need - self._project(closed, along - mechanism.rotors * moved.q)
             balanced = closed.balanced(need, axial_line(mechanism, at, rows) if ruled else None)
             values = force_values(closed, moved, balanced, along)
         if problem.wanted & RULED:

@@ -161,12 +161,12 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
     for joint, columns in _columns(mechanism):
         q, turns = read_coordinates(joint_frames(mechanism, joint, R, p)), np.array(KINDS[joint.kind])
         if near is not None:
-            q[:, turns] = _nearest(q[:, turns], near[:, columns][:, turns])
+            q[:, turns] = _choose_nearest(q[:, turns], near[:, columns][:, turns])
         parts.append(q)
     return JointReading(mechanism, R, p, np.concatenate(parts, axis=1))
 
 
-def _nearest(angles: Array, near: Array) -> Array:
+def _choose_nearest(angles: Array, near: Array) -> Array:
     """Choose the equivalent angles nearest to others, where these are not NaN. Shape (n, m)."""
     known, goal = ~np.isnan(near), np.nan_to_num(near)
     one = np.where(known, nearest_turn(angles, goal), angles)

@@ -69,7 +69,7 @@ def solve_stepwise(
         steps += n
         progress((after - grid[0]) / (grid[-1] - grid[0]))
     cost, (x, xd) = watch.cost(steps), (np.array(each) for each in zip(*path, strict=True))
-    read = _read(engine, problem, x, xd, start.q[0])
+    read = _read_joints(engine, problem, x, xd, start.q[0])
     return Simulated(read, empty(len(x)), cost, stopped).solution(labels, mechanism.joints, task)
 
 
@@ -93,7 +93,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
             raise ModelFileError(f"has {what}, which its steps do not know", mechanism.name, "name another engine")
 
 
-def _read(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:
+def _read_joints(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:
     """Read joint coordinates and the engine's accelerations from states."""
     at, n = engine.place(x), x.shape[1]
     unknown = np.full((len(x), len(before)), np.nan)

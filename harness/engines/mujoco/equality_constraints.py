@@ -19,17 +19,17 @@ from screwgauge.reference.rotations import Array
 _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
-def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
+def select_curved(couplings: Sequence[Coupling]) -> list[Coupling]:
     """Select couplings with nonzero second derivative."""
     return [one for one in couplings if not one.function.linear]
 
 
 def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Callable[[mujoco.MjData], None] | None:
-    """Return a function that completes MuJoCo's reference accelerations by the `curved` couplings; None without any.
+    """Return a function that completes MuJoCo's reference accelerations by curved couplings; None without any.
 
     It is to be called after MuJoCo's velocity stage.
     """
-    if not (some := curved(couplings)):
+    if not (some := select_curved(couplings)):
         return None
     rows = bind(some, [model.joint(j).name for j in range(model.njnt)])
     ids = [model.equality(one.name).id for one in some]
@@ -47,7 +47,7 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
     Args:
         own_steps: Simulations are MuJoCo's own, of which nothing is made better.
     """
-    names, task = ", ".join(one.name for one in curved(couplings)), problem.task
+    names, task = ", ".join(one.name for one in select_curved(couplings)), problem.task
     raw = isinstance(task, States) and task.tau is not None
     if not names or not (raw or isinstance(task, InitialValue) or "tree_force_soft" in problem.wanted):
         return ()

@@ -15,7 +15,7 @@ from screwgauge.engines.mujoco.dynamics import MujocoMover, MujocoSettings, Mujo
 from screwgauge.engines.mujoco.equality_constraints import EXACT, curvature_notes, refine
 from screwgauge.engines.mujoco.fixed import editable
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
-from screwgauge.engines.tree.applied_forces import TreeForces, resisting, spring_pull
+from screwgauge.engines.tree.applied_forces import TreeForces, resisting_joints, spring_pull
 from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
@@ -64,7 +64,7 @@ class MujocoDynamics(TreeDynamics):
         self.integrator, self.dt, self.naive = settings.integrator, settings.dt, settings.naive
         self.setting = settings.states
         settings.soften(tree.model)  # the tree's own calls switch its constraints on and off
-        self.model = _welded(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
+        self.model = _weld(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
         settings.soften(self.model)
         if settings.solimp is not None:
             self.model.opt.tolerance = EXACT
@@ -76,7 +76,7 @@ class MujocoDynamics(TreeDynamics):
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
         TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
-        model, left, resist = sprung_model(self.mjcf, applied, resisting(closed), self.tree)
+        model, left, resist = sprung_model(self.mjcf, applied, resisting_joints(closed), self.tree)
         held = TreeForces(closed, left, task.start, resist)
         return MujocoStepper(model, self.tree, applied, held, self.settings)
 
@@ -110,7 +110,7 @@ class MujocoDynamics(TreeDynamics):
         return Accelerations(out, cost, np.full(len(q), condition), {}, (f"rank leaves {freedoms} freedoms",))
 
 
-def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
+def _weld(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
     """Build the model with each closure a weld of its cut joint's frames."""
     spec, kinds = editable(mjcf, tree.fixed), mujoco.mjtEq
     for row in [row for row in spec.equalities if row.type != kinds.mjEQ_JOINT]:

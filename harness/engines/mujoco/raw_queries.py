@@ -30,7 +30,7 @@ def ask(
 ) -> Answers:
     """Query MuJoCo, see `raw_queries.Ask`. `mj_inverse` includes passive forces; dry friction, a constraint, is off."""
     with collect_phrases():
-        model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
+        model, data, states = _load(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
         samples = [_sample(model, data, numbers, state) for state in states]
     tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*samples, strict=True))
@@ -45,14 +45,14 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
         closed. Shape (n, m).
     """
     with collect_phrases():
-        model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
+        model, data, states = _load(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         samples = [_closing(model, data, state) for state in states]
     rows, bias = (np.array(each) for each in zip(*samples, strict=True))
     return rows, bias
 
 
-def _begun(
+def _load(
     path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
     """Load model and data with some constraints off, and iterate over states, see `_state`."""
@@ -66,7 +66,7 @@ def _begun(
                 getattr(model, entry)[:] = 0
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    motions = {name: _carried(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
+    motions = {name: _carry(model, data, name, each) for name, each in joints.items() if each.qd.shape[1] > 1}
     n = len(next(iter(joints.values())).q)
     return model, data, (_state(model, joints, motions, k) for k in range(n))
 
@@ -82,7 +82,7 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
     return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd)
 
 
-def _carried(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array, Array]:
+def _carry(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array, Array]:
     body, frame = model.jnt_bodyid[model.joint(name).id], np.eye(4)
     frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
     pose, velocity = carried(states, frame)

@@ -113,7 +113,7 @@ class MujocoTree(OpenTree):
         self.closures, self.couplings = self._closures(file), self._couplings(file)
         self.complete = curvature(self.model, self.couplings)
         self.hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
-        self.moves = np.array([np.isin(model.jnt_bodyid, self._above(b)) for b in (0, *self.ids)], dtype=float)
+        self.moves = np.array([np.isin(model.jnt_bodyid, self._ancestors(b)) for b in (0, *self.ids)], dtype=float)
         data = self.data
         self.state, self.turning = DataBlock(data.qpos, data.qvel), DataBlock(data.cdof_dot, data.subtree_com)
         self.placed = DataBlock(data.xmat, data.xpos, data.xaxis, data.xanchor)
@@ -198,9 +198,9 @@ class MujocoTree(OpenTree):
     def _name(self, body: int) -> str:
         return (self.model.body(body).name if body else "") or "ground"
 
-    def _above(self, body: int) -> list[int]:
+    def _ancestors(self, body: int) -> list[int]:
         """A body and its ancestors, without the world."""
-        return [body, *self._above(int(self.model.body_parentid[body]))] if body else []
+        return [body, *self._ancestors(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
         """Run `mj_inverse` on each sample, without equality constraints unless `soft`; where MuJoCo linearises a

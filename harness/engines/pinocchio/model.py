@@ -99,7 +99,7 @@ class PinocchioMover:
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
         if len(self.constraints.couplings):
-            left = max(left, float(np.abs(self.constraints.uncoupled(self.q, self.v, a)).max()))
+            left = max(left, float(np.abs(self.constraints.coupling_residual(self.q, self.v, a)).max()))
         return a, left, max(float(np.abs(a).max()), 1.0)
 
 

@@ -223,17 +223,17 @@ class Constraints:
         They are linear in the forces, so that Pinocchio's answers to unit forces along the couplings give those that
         keep the couplings; what rounding leaves of them is taken out once more.
         """
-        a = self._closed(q, v, tau, settings)
+        a = self._accelerate_closed(q, v, tau, settings)
         if not np.isfinite(a).all():
             self._check_inertia(q)
             return a
         if not len(self.couplings):
             return a
         C = self.couplings.matrix(q[None])[0]
-        answers = np.stack([self._closed(q, v, tau + row, settings) - a for row in C], axis=1)
+        answers = np.stack([self._accelerate_closed(q, v, tau + row, settings) - a for row in C], axis=1)
         for _ in range(2):
-            tau = tau - C.T @ np.linalg.lstsq(C @ answers, self.uncoupled(q, v, a), rcond=REDUNDANT)[0]
-            a = self._closed(q, v, tau, settings)
+            tau = tau - C.T @ np.linalg.lstsq(C @ answers, self.coupling_residual(q, v, a), rcond=REDUNDANT)[0]
+            a = self._accelerate_closed(q, v, tau, settings)
         return a
 
     def _check_inertia(self, q: Array) -> None:
@@ -252,13 +252,13 @@ class Constraints:
                 raise SingularPoseError(f"{what}, which Pinocchio has to accelerate", self.tree.engine, remedy)
             M -= np.outer(M[:, k], M[k]) / M[k, k]
 
-    def uncoupled(self, q: Array, v: Array, a: Array) -> Array:
+    def coupling_residual(self, q: Array, v: Array, a: Array) -> Array:
         """Residual of accelerations in the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
         (stiffness, damping), rows = self.gains, self.couplings
         C, bias, gap = (of[0] for of in (rows.matrix(q[None]), rows.bias(q[None], v[None]), rows.residuals(q[None])))
         return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
 
-    def _closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
+    def _accelerate_closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
         """Accelerations of the closed tree, without couplings."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))

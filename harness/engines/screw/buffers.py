@@ -56,7 +56,7 @@ class Buffers(Mapping[str, Array]):
                 )
         _check_apart(given)
         free = {name: count for name, count in counts.items() if name not in given}
-        made = divided(columns(int(n), sum(free.values())), free) | dict(given)
+        made = split_columns(columns(int(n), sum(free.values())), free) | dict(given)
         self._arrays: dict[str, Array] = {name: made[name] for name in counts}
         self.owner: object = owner
         self.n: int = int(n)
@@ -80,7 +80,7 @@ class Buffers(Mapping[str, Array]):
         return all(map(_WRITEABLE, self._arrays.values()))
 
 
-def divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
+def split_columns(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
     """Split the columns of an array among names, `counts` of each."""
     ends = accumulate(counts.values())
     return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.screw.buffers import Buffers, check_array, check_finite, divided
+from screwgauge.engines.screw.buffers import Buffers, check_array, check_finite, split_columns
 from screwgauge.engines.screw.programs import Bound, rows_not_finite
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
@@ -135,7 +135,7 @@ class Solver:
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
         if out is None:
-            return self._lent(given, mode, t)
+            return self._answer_in_pool(given, mode, t)
         if type(out) is not Buffers or out.owner is not self:
             made = "buffers of another solver" if type(out) is Buffers else type(out).__name__
             raise DescriptionError(f"it is {made}", "out", "make it by solver.buffers(n), or solver.buffers(n, arrays)")
@@ -150,23 +150,23 @@ class Solver:
         counts = self._error_counts(mode)
         errors = columns(n, sum(counts.values()))
         by_array, last = self._solve(given, mode, {**out} | ({"error": errors} if estimates else {}), t)
-        answer = CompiledSolution(out, by_array, divided(errors, counts))
+        answer = CompiledSolution(out, by_array, split_columns(errors, counts))
         if last is not None:
             out.known[mode] = last, replace(answer, by_array={})
         return answer
 
-    def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
+    def _answer_in_pool(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
         """Answer in memory that returns to the solver when its last reference is gone, see `Pool`."""
         counts = self.counts, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
         block, by_array = self.pool.take(self._length(given[0]), all_m), Counter[str]()
         if not (t is None and mode in block.known and block.known[mode].fill(given)):
-            arrays = divided(block.array, counts[0]) | ({"error": block.array[:, m:]} if mode[1] else {})
+            arrays = split_columns(block.array, counts[0]) | ({"error": block.array[:, m:]} if mode[1] else {})
             by_array, last = self._solve(given, mode, arrays, t)
             if last is not None:
                 block.known[mode] = last
         lent = self.pool.lend(block)
-        return CompiledSolution(divided(lent, counts[0]), by_array, divided(lent[:, m:], counts[1]))
+        return CompiledSolution(split_columns(lent, counts[0]), by_array, split_columns(lent[:, m:], counts[1]))
 
     def _length(self, y: Array) -> int:
         """Number of samples; rejects zero."""
@@ -204,7 +204,7 @@ class Solver:
         if any(np.may_share_memory(x, array) for x in inputs for array in arrays.values()):
             inputs = [x.copy() for x in inputs]  # parts would be answered over those to come
         with self.lock:
-            by_array, bound = self._solve_checked(inputs, self._works(mode), arrays, t)
+            by_array, bound = self._solve_all(inputs, self._works(mode), arrays, t)
         if (rows := rows_not_finite({name: arrays[name] for name in self.quantities})).size:
             names = (name for name in self.quantities if not np.isfinite(arrays[name][rows[0]]).all())
             what = f"{', '.join(names)} cannot be held by doubles"
@@ -212,7 +212,7 @@ class Solver:
         fits = bound is not None and t is None and bound.fits(inputs, arrays)
         return by_array, bound if fits else None
 
-    def _solve_checked(
+    def _solve_all(
         self, inputs: Sequence[Array], works: Sequence[TracedWork], arrays: Mapping[str, Array], t: Array | None
     ) -> tuple[Counter[str], Bound | None]:
         """Solve like `_solve`; the returned bound program may cover only some samples."""

@@ -107,7 +107,7 @@ class TracedForward:
 
     def _evaluate(self) -> bool:
         """Run the program on the states of all lanes, in smaller steps if needed; True if none is in doubt."""
-        if self._settled():
+        if self._settle():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
         if doubts[PREDICTED].sum() <= 1.0:  # it is the pose itself that is in doubt
@@ -116,18 +116,18 @@ class TracedForward:
         begin, way = start[-k:], goal[:k] - start[-k:]
         for pieces in PIECES:
             ways = (begin + way * (i / pieces) for i in range(1, pieces))
-            if all(self._settled_at(y) for y in ways) and self._settled_at(goal[:k]):
+            if all(self._settle_at(y) for y in ways) and self._settle_at(goal[:k]):
                 return True
             self.pose[:] = start
         self.state[:] = goal
         return False
 
-    def _settled_at(self, y: Array) -> bool:
+    def _settle_at(self, y: Array) -> bool:
         """Run the program on the states with other coordinates; True if none is in doubt. Shape (k, width)."""
         self.state[: len(y)] = y
-        return self._settled()
+        return self._settle()
 
-    def _settled(self) -> bool:
+    def _settle(self) -> bool:
         """Run the program until Newton's method converges; True if no state is in doubt."""
         if self.run():
             self.pose[:] = self.reached

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import Part, Trust, amplified, examined
+from screwgauge.engines.error_estimate import Part, Trust, amplification, examined
 from screwgauge.engines.screw.programs import left_to_forces
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
@@ -184,7 +184,7 @@ class Work:
             "body_angular_acceleration": turned.max(1),
             "com_acceleration": moved.max(1) / L,
         }
-        rushes = {name: np.maximum(trust.rush, one / amplified(name, trust)) for name, one in rounded.items()}
+        rushes = {name: np.maximum(trust.rush, one / amplification(name, trust)) for name, one in rounded.items()}
         forces = {name for name in self.problem.wanted if QUANTITIES[name].needs == "f" or name in _TREE}
         load = np.maximum(trust.load, pushed.max(1) / np.maximum(trust.stretch * trust.gain**3, 1.0))
         return replace(trust, rushes=rushes, load=load if forces else trust.load)

@@ -95,7 +95,7 @@ class TracedWork:
             wanted = TracedQuantities(self.wanted, axial, shares, tree, loaded, points, *left)
             samples = (some.y, some.yd, some.ydd, q)
             applied = self.problem.applied if self.varying is None else self.varying.at(some.t[:1])
-            self.traced = traced(self.work.loops, applied, wanted, samples, self._further)
+            self.traced = traced(self.work.loops, applied, wanted, samples, self._error_outputs)
         with self.clock.stage("compiling"):
             self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.
@@ -103,7 +103,7 @@ class TracedWork:
         #: Whether angles of cut joints have to be distinguished from others that mean the same.
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
-    def _further(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
+    def _error_outputs(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
         """Outputs of error estimates, if wanted."""
         if "error" not in self.outputs:
             return {}
@@ -247,7 +247,7 @@ class TracedWork:
             part = Part(values, Trust.unknown(len(motion)), np.arange(len(motion)), {})
         else:
             part = self._by_program(self.traced, motion, guess, loads, arrays, thorough=thorough)
-        part = self._completed(motion, guess, loads, arrays, part)
+        part = self._complete(motion, guess, loads, arrays, part)
         for name, array in arrays.items() if into is not None and arrays is not into else ():
             into[name][:] = array  # type: ignore[index]
         return part
@@ -268,7 +268,7 @@ class TracedWork:
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.charted and guess is not None:
-                self._nearest(values, self.work.mode.joints(guess))
+                self._choose_nearest(values, self.work.mode.joints(guess))
             trust = self.bounds.trust(out)
             guarded = self.kind is FLOAT64
             left: Rows = np.zeros(0, dtype=np.intp)
@@ -280,7 +280,7 @@ class TracedWork:
                 left = np.union1d(left, zeros)
         return Part(values, trust, left, {})
 
-    def _completed(
+    def _complete(
         self, motion: GivenMotion, guess: Poses | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
     ) -> Part:
         """Replace doubtful samples of the program by the array solver's."""
@@ -294,7 +294,7 @@ class TracedWork:
             array[rows] = examined(other, self.units, self.length) if name == "error" else other.values[name]
         return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
-    def _nearest(self, values: dict[str, Array], near: Array) -> None:
+    def _choose_nearest(self, values: dict[str, Array], near: Array) -> None:
         """Move angles of cut joints to the equivalent ones nearest to the prediction."""
         for joint, fold in zip(self.lay.cuts, self.folds, strict=True):
             columns = self.lay.columns[joint.name]

@@ -24,7 +24,7 @@ from screwgauge.reference.resistance import LOSSES, Resistance, resistances
 from screwgauge.reference.rotations import Array, cross
 
 
-def resisting(closed: ClosedTree) -> tuple[Resistance, ...]:
+def resisting_joints(closed: ClosedTree) -> tuple[Resistance, ...]:
     """Damping and dry friction of joints; the engine includes rotors."""
     return resistances(closed.file.joints, LOSSES)
 
@@ -65,7 +65,7 @@ def applied_wrenches(
     acting = exerted(
         closed,
         applied,
-        resisting(closed),
+        resisting_joints(closed),
         t,
         lambda i: (at.R[:, i], at.p[:, i], V[:, i]),
         lambda name: (q[:, column[name]], v[:, column[name]]),
@@ -120,7 +120,7 @@ class TreeForces:
             UnknownNameError: There is no such body or coordinate.
         """
         self.closed, self.applied, springs = closed, applied, applied.springs
-        self.resist = resisting(closed) if resist is None else resist
+        self.resist = resisting_joints(closed) if resist is None else resist
         takes = bool(applied.motors or applied.loads or self.resist)
         self.acts, self.stores_only = takes or bool(springs), not (takes or any(spring.damping for spring in springs))
         bodies = [load.body for load in applied.loads]

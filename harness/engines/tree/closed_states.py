@@ -118,7 +118,7 @@ def read_path(closed: ClosedTree, path: Path, start: Array) -> JointMotion:
     """
     q, v = np.array(path.q), np.array(path.v)
     rows, a = np.array(path.wanted, dtype=np.intp), np.array(path.a)
-    turned = {name: x[rows] for name, x in _followed(closed, np.array(path.t), q, v, start).items()}
+    turned = {name: x[rows] for name, x in _follow_angles(closed, np.array(path.t), q, v, start).items()}
     parts = [
         _part(closed, q[rows[i]], v[rows[i]], a[i], {n: x[i] for n, x in turned.items()})
         for i in _blocks(closed, len(rows))
@@ -134,7 +134,7 @@ def _blocks(closed: ClosedTree, n: int) -> list[slice]:
     return [slice(i, min(n, i + size)) for i in range(0, n, size)]
 
 
-def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) -> dict[str, Array]:
+def _follow_angles(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) -> dict[str, Array]:
     """Angles of cut joints at all states, each step predicted by the velocities."""
     loops = closed.loops
     if not loops.cut:

@@ -38,11 +38,11 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
     size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
-    errors = {name: _softened(error, work.softness.get(name, 0.0)) for name, error in solution.errors.items()}
+    errors = {name: _soften(error, work.softness.get(name, 0.0)) for name, error in solution.errors.items()}
     return replace(solution, errors=errors, assembly=np.concatenate(work.assembly))
 
 
-def _softened(error: Error, softness: float) -> Error:
+def _soften(error: Error, softness: float) -> Error:
     """Raise an error estimate to at least the effect of soft constraints [N or N m]."""
     if not softness:
         return error
@@ -76,7 +76,7 @@ class _Work:
         self.depth = stages(problem.wanted)
         sizes = closed.sizes
         self.moves = closed.tree.poses(closed.home[None]).moves
-        self.path = Continuation(self._scaled, (closed.home / sizes.q, closed.y_home), closed.angles, sizes.y)
+        self.path = Continuation(self._scale, (closed.home / sizes.q, closed.y_home), closed.angles, sizes.y)
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
@@ -97,7 +97,7 @@ class _Work:
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
             some, sizes = motion.part(doubtful), self.closed.sizes
             there = q[doubtful] + shake * sizes.q
-            _, matrix, R, p, screws = self._scaled(there / sizes.q, some.y / sizes.y)
+            _, matrix, R, p, screws = self._scale(there / sizes.q, some.y / sizes.y)
             poses = BodyPoses(R, p, screws, at.moves)
             read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(poses).items()}
             angles = {name: c.q for name, c in read.items()}
@@ -122,7 +122,7 @@ class _Work:
             errors.append(difference[:, None])
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
-    def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
+    def _scale(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Dimensionless closure residuals, their derivative, and the poses."""
         sizes = self.closed.sizes
         q = z * sizes.q

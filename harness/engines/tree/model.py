@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.engines.kit.acting import taken
 from screwgauge.engines.kit.projection import min_norm
-from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting_joints
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics
@@ -165,7 +165,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
 def _resistance(closed: ClosedTree, v: Array) -> Array:
     """Forces of damping and dry friction along the tree's coordinates. Shape (n, n_v)."""
     total, tree = np.zeros_like(v), closed.tree
-    for one in resisting(closed):
+    for one in resisting_joints(closed):
         if one.coordinate not in tree.coordinates:
             what = f"states take no {one.what} of '{one.coordinate}', a joint outside the tree"
             raise DescriptionError(what, f"model of {tree.engine}", "add it to the forces along the coordinates")

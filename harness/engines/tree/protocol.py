@@ -65,7 +65,7 @@ class BodyPoses:
 
     def velocities(self, v: Array) -> Array:
         """Angular velocities, then those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
-        return self._summed(self.screws, v, self.p)
+        return self._sum_over_movers(self.screws, v, self.p)
 
     def bias(self, rates: Array, v: Array, V: Array, about: Array | float = 0.0) -> Array:
         """The same accelerations at constant coordinate velocities. Shape (n, n_body + 1, 6).
@@ -75,7 +75,7 @@ class BodyPoses:
             v, V: Velocities of the coordinates, and of the bodies.
             about: Points in the world where those of each body are taken. Shape (n, n_body + 1, 3).
         """
-        A = self._summed(rates, v, self.p - about)
+        A = self._sum_over_movers(rates, v, self.p - about)
         A[..., 3:] += cross(V[..., :3], V[..., 3:])
         return A
 
@@ -89,7 +89,7 @@ class BodyPoses:
         about = np.concatenate([wrenches[..., 3:] + cross(self.p, force), force], axis=2)  # the world's origin
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
-    def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
+    def _sum_over_movers(self, screws: Array, v: Array, arms: Array) -> Array:
         """Sum over the coordinates that move each body, about its origin, which `arms` lead to."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)

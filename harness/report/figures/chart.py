@@ -134,7 +134,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     still, draw = still_parts(still), "vegalite_to_svg"
     try:
         if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
-            still, live = (_labelled(RENDERER.ask("vegalite_to_vega", spec)) for spec in (still, live))
+            still, live = (_place_labels(RENDERER.ask("vegalite_to_vega", spec)) for spec in (still, live))
             draw = "vega_to_svg"
         svg: str = RENDERER.ask(draw, json.dumps(still))
     except DrawingError as error:
@@ -157,7 +157,7 @@ def _unseen(layer: Spec) -> bool:
     return bool(layer.get("encoding", {}).get("opacity") == {"value": 0.0})
 
 
-def _labelled(spec: Spec) -> Spec:
+def _place_labels(spec: Spec) -> Spec:
     """Place labels beside their points in a Vega specification, which Vega-Lite cannot do."""
     anchors = ["top-right", "right", "bottom-right", "top-left", "left", "bottom-left", "top", "bottom"]
     for mark in (mark for mark in spec["marks"] if mark["name"] == "labels_marks"):

@@ -72,7 +72,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
         engine, values = next(iter(subject.values.items()))
         picture = contour_picture(name, drawing.title, grid, (engine, component, drawing.unit), values[component])
         return replace(picture, of=drawing.quantity)
-    return _drawn(name, drawing, _subject(drawing, comparison), *_compared(drawing, comparison))
+    return _draw(name, drawing, _subject(drawing, comparison), *_compared_pairs(drawing, comparison))
 
 
 def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
@@ -86,16 +86,16 @@ def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Pictur
     drawing = Drawing(title, worst.quantity, worst.unit, (("", (worst.component,)),))
     subject = _Subject(curve[:, 0], values, everywhere, drawing.panels)
     tolerance = abs(worst.values[0] - worst.values[1]) * worst.tolerance / worst.error
-    return _drawn(name, drawing, subject, [(worst.a, worst.b)], tolerance if np.isfinite(tolerance) else None)
+    return _draw(name, drawing, subject, [(worst.a, worst.b)], tolerance if np.isfinite(tolerance) else None)
 
 
-def _drawn(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tolerance: float | None) -> Picture:
+def _draw(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tolerance: float | None) -> Picture:
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
     labels = [_labels(names, subject.values[first]) for _, names in subject.panels]
     unit = unit_text(drawing.unit)
 
-    apart = {f"|{a} - {b}|": _apart(subject, (a, b)) for a, b in pairs}
+    apart = {f"|{a} - {b}|": _largest_difference(subject, (a, b)) for a, b in pairs}
 
     def build(moving: bool) -> Spec:
         views = ["curves", "lower"] if pairs else ["curves"]
@@ -230,7 +230,7 @@ def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str
     return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
-def _apart(subject: _Subject, pair: Pair) -> Apart:
+def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
     """Largest difference over the components, NaN if either side is NaN. Shapes (n,)."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
@@ -247,7 +247,7 @@ def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
     return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
 
 
-def _compared(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
+def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
     """Pairs of engines with the drawn quantity, and the tolerance if all share it."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]

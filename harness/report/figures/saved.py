@@ -66,7 +66,7 @@ class Figure(Picture):
             raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
-            svg = _drawn(spec, in_points(width), _installed(font), size)
+            svg = _draw(spec, in_points(width), _with_fallbacks(font), size)
         return save_file(path, picture_file(svg, path.suffix, width, dpi), force=force)
 
 
@@ -106,7 +106,7 @@ def sized(svg: str, wide: float, unit: str = "") -> str:
     return f'{head}{box} width="{wide:.2f}{unit}" height="{wide * h / w:.2f}{unit}"{end}{tail}'
 
 
-def _installed(font: str) -> str:
+def _with_fallbacks(font: str) -> str:
     """Add fallback fonts, since text in a missing font would disappear."""
     if font in ALIKE:
         return ALIKE[font]
@@ -121,7 +121,7 @@ def _installed(font: str) -> str:
     return font
 
 
-def _drawn(spec: Spec, wide: float, font: str, size: float) -> str:
+def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
     """Draw a chart's curves as an SVG of the wanted width [pt], using drafts to measure axes and legends."""
     view = _curves(spec, wide, font, size)
     panel, svg = view.get("spec", view), ""

@@ -13,7 +13,7 @@ from screwgauge.report.blocks import Banner, Block, Folded, Marked, Paragraph, P
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.report.layout import Report, Value
-from screwgauge.report.pages.run import theirs
+from screwgauge.report.pages.run import published_row
 from screwgauge.report.record import judged, short
 from screwgauge.study.bench.contestants import count
 from screwgauge.study.bench.run import Bench
@@ -213,7 +213,7 @@ def _measured(bench: Bench) -> list[Row]:
         line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS
         lines.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})
     for item in bench.scene.published:
-        line = theirs(item) | {"family": Marked("*published*"), "setting": item.who, "label": item.who[:18]}
+        line = published_row(item) | {"family": Marked("*published*"), "setting": item.who, "label": item.who[:18]}
         line |= {"scaled": line["observable"], "status": "other machine", "cpu": item.cpu_s}
         lines.append({**line, "remark": " - ".join(filter(None, (item.remark, item.source, "other machine")))})
     return lines

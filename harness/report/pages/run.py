@@ -196,7 +196,7 @@ def _times(results: Comparison) -> list[Row]:
 
 def published(results: Comparison) -> list[Row]:
     """Errors and times of this run beside published ones."""
-    theirs_, ours = [*map(theirs, results.scene.published)], list[Row]()
+    theirs_, ours = [*map(published_row, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
         known = rows(pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)].dropna(subset="max_abs"))
@@ -211,7 +211,7 @@ def published(results: Comparison) -> list[Row]:
     return [*ours, *theirs_]
 
 
-def theirs(item: Published) -> Row:
+def published_row(item: Published) -> Row:
     """A published result, its error beside what it measures."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}

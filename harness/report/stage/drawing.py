@@ -119,7 +119,10 @@ def drawing(
     for joint, place, axis in joints:
         out.append(_joint(joint, place, view @ axis, float(axis @ direction), joint.name in cuts))
     few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
-    wanted = [*_wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints], idle), *sprung]
+    wanted = [
+        *_wanted_labels(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints], idle),
+        *sprung,
+    ]
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
     out.append(corner(view, scale / length(layout(mechanism)), tall))
@@ -272,7 +275,7 @@ def labels(
     return out
 
 
-def _wanted(
+def _wanted_labels(
     mechanism: Mechanism,
     lines: Sequence[tuple[Shape, Array, Array]],
     joints: Sequence[tuple[Joint, Array]],

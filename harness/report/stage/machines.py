@@ -93,7 +93,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         DrawnMachine(_title("A", diagnosis.a), one, np.eye(4), ours),
         DrawnMachine(_title("B", diagnosis.b), two, placement, theirs),
     )
-    points = [np.array([*side.joints().values(), *_further(side)]) for side in sides]
+    points = [np.array([*side.joints().values(), *_further_points(side)]) for side in sides]
     view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
     cloud = np.concatenate(points) @ view.T
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
@@ -103,7 +103,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
     out = []
     for k, side in enumerate(sides):
         shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
-        drawn = _drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE)
+        drawn = _draw(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE)
         out.append(f'<g class="{("first", "second")[k]}">{drawn}</g>')
     out.append(f'<g class="foot">{corner(view, scale, tall)}{_legend(2 * SIDE - 300.0, tall - 16.0)}</g>')
     size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
@@ -131,7 +131,7 @@ def _title(side: str, model: Model) -> str:
     return f"{side}: {len(model.reading.joints)} joints, {model.reading.mass:.6g} kg"
 
 
-def _further(side: DrawnMachine) -> Iterator[Array]:
+def _further_points(side: DrawnMachine) -> Iterator[Array]:
     """Points besides joints that a picture must contain: closures, and centres of mass."""
     yield from (point for _, point in side.closures())
     yield from (point for point, _ in side.masses().values())
@@ -155,7 +155,7 @@ def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar
 
 
-def _drawn(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
+def _draw(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
     """Draw lines, masses by their cube root, joints, and names."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
