@@ -14,11 +14,13 @@ import pandas as pd
 import pytest
 
 from screwgauge import Results
-from screwgauge.environment import environment
+from screwgauge.judging.coverage import Coverage
+from screwgauge.reference.mobility import Mobility
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
 from screwgauge.report.figures.drawings import named
 from screwgauge.scene.entries import Figure
+from screwgauge.study.left_out import LeftOutForces
 from support.acting import Applied, Load
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
@@ -172,9 +174,13 @@ def make() -> Make:
             errors=pd.DataFrame(errors, columns=columns),
             pairs=pd.DataFrame(pairs, columns=[*columns, "worst_component", "reason"]),
             judge=pd.DataFrame([judged(name, judge_ok) for name in solutions]),
-            mobility={"mobility": 2, "unique": {"a": True, "b": False}},
-            environment=environment(),
+            remarks={},
+            freedoms=Mobility(0, 0, 0, 2, 0, 0, 0, 0, ("a", "b"), (True, False), (True, True)),
             provenance=PROVENANCE,
+            refusals=(),
+            left_out=LeftOutForces(),
+            reviews={},
+            cover=Coverage,
         )
 
     return build
@@ -438,7 +444,8 @@ def with_forces(results: Results) -> Results:
     reactions = Values(names, ("N", "N", "N m", "N", "N"), array)
     more = {"actuator_force": actuators, "reaction": reactions}
     solutions = {name: replace(s, values={**s.values, **more}) for name, s in results.solutions.items()}
-    return replace(results, solutions=solutions, undetermined=("b.fz",))
+    counts = replace(results.freedoms, names=("b.fz",), unique=(False,), determined=(False,))
+    return replace(results, solutions=solutions, freedoms=counts)
 
 
 @pytest.mark.parametrize("alone", [False, True])
