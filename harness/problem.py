@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,20 +77,14 @@ class GivenMotion(_ReadOnly):
 
     def ordered(self, columns: list[int]) -> GivenMotion:
         """The motion with its independent coordinates in another order."""
-        drive = None if self.drive is None else _Reordered(self.drive, tuple(columns))
+        drive = None if self.drive is None else partial(_reordered, self.drive, columns)
         idle = tuple(columns.index(i) for i in self.idle)
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive, idle)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reordered:
-    """A motion whose independent coordinates come in another order."""
-
-    drive: Callable[[Array], GivenMotion]
-    columns: tuple[int, ...]
-
-    def __call__(self, t: Array) -> GivenMotion:
-        return self.drive(t).ordered([*self.columns])
+def _reordered(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
+    """A motion whose independent coordinates come in another order, at times [s]."""
+    return drive(t).ordered(columns)
 
 
 @dataclass(frozen=True, slots=True)

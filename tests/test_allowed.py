@@ -1,4 +1,4 @@
-"""A gate ends with the weakest word of what it knows: a file that differs from its description, and wide tolerances."""
+"""Differing files and wide tolerances weaken the word of a gate."""
 
 from __future__ import annotations
 
@@ -164,7 +164,6 @@ def test_the_tolerance_of_a_coarse_integration_is_wide(theirs):
 
 
 def test_a_gate_drops_no_but(theirs):
-    """An engine leaves out what a file says beyond its description; a run says so, and the gate does."""
     edited(theirs / "four-bar.urdf", lambda text: re.sub(r'effort="[^"]*"', 'effort="7"', text, count=1))
     scene = gate(theirs, MOVING, engines='"screw", "pinocchio"')
     edited(scene, lambda text: text.replace('models.mujoco = "four-bar.xml"', 'models.pinocchio = "four-bar.urdf"'))

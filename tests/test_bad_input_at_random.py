@@ -1,4 +1,4 @@
-"""Whatever is deleted from a description or a scene, or replaced, it is read or refused; nothing else happens."""
+"""Random edits of descriptions and scenes are read or refused."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TRIES = 30  # of the mechanisms together so many that what may be put in, and wh
 
 
 def attempt(action, done: str) -> bool:
-    """Whether it went through. Any error but our own fails the test and says what had been done to the file."""
+    """True if the file is taken; foreign errors fail the test with the edit."""
     try:
         action()
     except ScrewgaugeError as error:
@@ -34,7 +34,7 @@ def attempt(action, done: str) -> bool:
 
 
 def accepted(table, chance: random.Random, tries: int, path: Path, action) -> int:
-    """How many changed copies of a file go through; as it is it has to, so that others are refused for their change."""
+    """Count the changed copies that go through; the file as it is has to."""
     path.write_text(document(table), encoding="utf-8")
     assert attempt(action, "nothing")
     count = 0
@@ -90,7 +90,6 @@ def test_a_mutated_scene_runs_or_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_a_mutated_forward_scene_runs_or_is_refused(tmp_path):
-    """An integration that cannot go on is a row with its reason, and no error either."""
     path, table = tmp_path / "s.toml", tomllib.loads((FOLDER / "a05-governor.toml").read_text(encoding="utf-8"))
     table |= {"time": {"times": [0, 0.002]}, "engines": ["screw"]}
     table["forward"] |= {"rtol": 1e-3, "atol": 1e-3}

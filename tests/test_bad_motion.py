@@ -1,4 +1,4 @@
-"""A motion that the mechanism cannot make, or that is no motion, is refused with the time and the pose."""
+"""Motions that cannot be are refused with time and pose."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def b_over_time(*coefficients: float) -> str:
 def test_a_joint_limit_is_enforced_with_time_pose_and_limits(changed_scene, refused):
     times = "time = { times = [0, 1, 2, 3] }"
     said = refused("run", changed_scene(LIMITS, motion=b_over_time(0, 0.05), time=times))
-    found = re.search(r"t = (\d) s: joint coordinate 'leg1.q3' = (\S+) m is beyond its limits \[0.55, 0.62\]", said)
+    found = re.search(r"t = (\d) s: .*'leg1.q3' = (\S+) m .* \[0.55, 0.62\]", said)
     assert found, said
     assert not 0.55 <= float(found[2]) <= 0.62
     assert int(found[1]) == 2  # the first sample beyond
-    assert "shorten the motion or widen the limits" in said
+    assert "widen the limits" in said
 
 
 def test_the_limit_message_tells_the_pose(changed_scene, refused):
@@ -57,13 +57,14 @@ def test_limits_of_cut_joints_count() -> None:
 def test_limits_of_every_coordinate_of_a_composite_joint_count(changed_scene, refused):
     limits = "[joints.s]\nlimits = [[-1, 1], [-1, 0.04], [-1, 1]]"
     said = refused("run", changed_scene(limits))
-    assert "t = 0 s: joint coordinate 's.q2' = 0.05 rad is beyond its limits [-1, 0.04]" in said
+    assert all(fact in said for fact in ("t = 0 s: ", "'s.q2' = 0.05 rad", "[-1, 0.04]"))
 
 
 def test_a_motion_to_where_a_leg_locks_is_refused(changed_scene, refused):
     motion = "motion = { a = { polynomial = [0.6, 2] }, b = { offset = 0.6 } }"
     said = refused("run", changed_scene(LENGTHS, motion=motion, time="time = { times = [0, 0.01, 1] }"))
-    assert "between t = 0.01 s and 1 s: the motion passes through a singular pose near a = 1.09744, b = 0.6" in said
+    assert "between t = 0.01 s and 1 s: " in said
+    assert "singular pose near a = 1.09744, b = 0.6" in said
     assert "leg3.base locks" in said
 
 
@@ -151,7 +152,6 @@ def test_numbers_of_a_csv_are_read_to_the_last_bit(csv_scene):
 
 
 def test_columns_that_are_no_derivatives_get_a_warning(csv_scene):
-    """Rates in degrees, accelerations of the wrong sign: the forces would be those of no motion."""
     t = np.linspace(0.0, 1.0, 11)
     columns = {"t": t, "a": 0.1 * np.sin(3 * t), "ad": 0.3 * np.cos(3 * t), "add": -0.9 * np.sin(3 * t)}
     columns |= dict.fromkeys(("b", "bd", "bdd"), 0.0 * t)
@@ -165,25 +165,22 @@ def test_columns_that_are_no_derivatives_get_a_warning(csv_scene):
 
     assert told() == []
     assert told(b=t * 0.0 + 1e-17) == []
-    assert [s[:40] for s in told(add=-columns["add"])] == ["motion.csv: add is no derivative of ad ("]
+    assert [s.partition(" (")[0] for s in told(add=-columns["add"])] == ["motion.csv: add is no derivative of ad"]
     (said,) = told(ad=np.rad2deg(columns["ad"]), add=np.rad2deg(columns["add"]))
-    assert said == (
-        "motion.csv: ad is no derivative of a (its integral is up to 5.57 off, a moves by 0.0997; check units, signs "
-        "and step)"
-    )
+    assert all(fact in said for fact in ("motion.csv: ad ", " of a ", "5.57 off", "by 0.0997", "check units"))
 
 
 def test_labels_whose_derivatives_collide_are_refused_in_a_csv(write, changed_scene, refused):
     write("motion.csv", GOOD_CSV)
     labels = 'independent = { a = "s.q1", b = "s.q2", ad = "s.q3" }'
     said = refused("run", changed_scene(labels, motion='motion = { csv = "motion.csv" }'))
-    assert "motion.csv: columns t, a, ad, add, b, bd, bdd, ad, add, addd share a name" in said
+    assert "columns t, a, ad, add, b, bd, bdd, ad, add, addd" in said
 
 
 @pytest.mark.parametrize("times", [[0.05], [0, 0.2], [-1], [0.3, 0.4], [1e300]])
 def test_times_that_a_csv_does_not_have_are_refused(times, csv_scene):
     scene = load_scene(csv_scene(GOOD_CSV))
-    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: has no sample at t = .* s; .*none are interpolated"):
+    with pytest.raises(ScrewgaugeError, match=r"motion\.csv: .* at t = .* s; .*none are interpolated"):
         scene.at(times)
 
 

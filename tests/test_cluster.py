@@ -1,4 +1,4 @@
-"""On a Dask cluster rows are those of this machine: none is lost, none is there twice, whoever dies."""
+"""A Dask cluster loses and doubles no row, whoever dies."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def local() -> Iterator[str]:
 
 
 class Interfering(Journal):
-    """A journal beside which something happens after so many rows."""
+    """A journal that calls a function after some rows."""
 
     def __init__(self, after: int, what: Callable[[], Any], place: Path | None = None) -> None:
         super().__init__(place, "")

@@ -1,4 +1,4 @@
-"""What commands share: folders of their own, progress, tracebacks on request, no warning of numpy."""
+"""Commands share folders, progress, tracebacks on request, silence of numpy."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_nothing_is_rendered_so_that_no_graphics_is_needed(monkeypatch, command)
         (
             "r.xacro",
             '<robot xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
-            "expand it first: xacro r.xacro > robot.urdf",
+            "xacro r.xacro > robot.urdf",
         ),
         ("m.sdf", '<sdf version="1.3"/>', "save it as SDF 1.5 to 1.12"),
     ],

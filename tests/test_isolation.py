@@ -1,4 +1,4 @@
-"""An engine that crashes, exits, hangs or eats all memory costs its own row only, in one sentence."""
+"""Engines that crash, hang or eat memory cost their own row only."""
 
 from __future__ import annotations
 
@@ -223,7 +223,6 @@ def test_a_number_in_the_place_of_limits_is_refused():
 
 @pytest.mark.slow
 def test_a_process_is_asked_again_soon_and_replaced_before_it_may_have_ended(monkeypatch):
-    """Of the crash of a process that loky starts anew in an old pool nobody would hear."""
     monkeypatch.setattr("screwgauge.study.isolation._FREE", free := {})
     first, second = (isolated({"one": bad_works.fine}, Limits(), silent)["one"] for _ in range(2))
     free["one"] -= 1e3

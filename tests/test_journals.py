@@ -1,4 +1,4 @@
-"""Interrupted work is taken up only where nothing has changed, and only from what this user's program wrote."""
+"""Journals are taken up where nothing has changed, and from their own user alone."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_the_address_of_a_bench_knows_scene_and_extent():
 
 @pytest.fixture
 def fresh(monkeypatch):
-    """An address as a process makes it that has just started."""
+    """An address made by a fresh process."""
 
     def forget() -> None:
         for each in (address_module._code, address_module._engines, address_module._installed):

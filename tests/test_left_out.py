@@ -1,4 +1,4 @@
-"""What acts in a model file and is not modelled is measured at the compared states, or the file is refused by name."""
+"""Forces of model files beyond the description are measured, or refused by name."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.resistance import without_resistance
+from support.claims import table
 from support.errors import DescriptionError, ModelFileError, UnknownNameError
 from support.judging import MeasuredForces, admitted_by, answer_at, measure
 from support.mechanism import load_mechanism, same_content
@@ -17,115 +18,45 @@ from support.models import Options, description, import_model
 from support.pages import markdown, terminal
 from support.report import conclusion, phrase, report, run_in_terminal, summary, verdict
 
-INERTIAL = '<inertial pos="0.1 0.02 0.03" mass="{}" diaginertia="0.02 0.03 0.025"/>'
-CHAIN = (
-    '<mujoco><compiler angle="radian"/><option {option}/><worldbody>'
-    '<body name="a" {a}><joint name="ja" axis="0 1 0" {ja}/>' + INERTIAL.format(1.2) + '<site name="s"/>'
-    '<body name="b" pos="0.3 0 0" euler="0.2 0.3 0.1"><joint name="jb" type="slide" axis="1 0 0" {jb}/>'
-    + INERTIAL.format(0.7)
-    + '<body name="c" pos="0.3 0 0.1" {c}><joint name="jc" axis="1 0 0" {jc}/>'
-    + INERTIAL.format(0.5)
-    + '<body name="d" pos="0.1 0 0.1" {d}>'
-    + INERTIAL.format(0.2)
-    + '<site name="e" pos="0.1 0.02 0.05"/></body>'
-    + "</body></body></body>{world}</worldbody>"
-    '{end}<actuator><motor name="ma" joint="ja" {ma}/><motor joint="jb"/><motor joint="jc"/>{motors}</actuator>'
-    "</mujoco>"
-)
+TABLE = table("left_out")
+ROTOR = 0.005
 
 
-def chain(**parts: str) -> str:
-    """Three joints in a row: a hinge, a slide, a hinge."""
+def described(path) -> str:
+    """The description that a model file becomes."""
+    return description(import_model(path).mechanism)
+
+
+def text_of(name: str, *arguments: str) -> str:
+    """A text of the table, with arguments."""
+    return TABLE["texts"][name].format(*arguments)
+
+
+def chain(**parts: str | list[str]) -> str:
+    """Three joints in a row, with parts of a file put in."""
     names = ("option", "a", "ja", "jb", "c", "jc", "d", "world", "end", "ma", "motors")
-    return CHAIN.format(**{**dict.fromkeys(names, ""), **parts})
+    given = {name: part if isinstance(part, str) else text_of(*part) for name, part in parts.items()}
+    return TABLE["texts"]["chain"].format(**{**dict.fromkeys(names, ""), **given})
 
 
-THREE = (
-    '<tendon><fixed name="t" {}><joint joint="ja" coef="1.5"/><joint joint="jb" coef="2"/>'
-    '<joint joint="jc" coef="-2"/></fixed></tendon>'
-)
-FLEX = (
-    '<body name="cloth"><flexcomp name="f" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" radius="0.01" '
-    'mass="0.1"><contact contype="0" conaffinity="0"/><edge equality="{}"/></flexcomp></body>'
-)
-PATH = (
-    '<tendon><spatial name="r" {}><site site="w"/><site site="s"/>{}<site site="e"/></spatial></tendon>',
-    '<site name="w" pos="0 0.2 1"/><geom name="g" size="0.01" contype="0" conaffinity="0"/>',
-)
-BALL = '<body name="z" pos="0 1 0"><joint name="ball" type="ball" {}/>' + INERTIAL.format(0.8) + "</body>"
-#: A tendon of one joint that a square of the length of another one holds.
-BY_POWERS = """<tendon><fixed name="u"><joint joint="ja" coef="1"/></fixed></tendon>
-<equality><tendon name="e" tendon1="u" tendon2="t" polycoef="0 1 1 0 0"/></equality>"""
-#: File, and what its refusal names.
-REFUSED = {
-    "powers of a sum": (chain(end=THREE.format("") + BY_POWERS), "equality e"),
-    "flex held": (chain(world=FLEX.format("true")), "equality"),
-    "flex": (chain(world=FLEX.format("false")), "flexible bodies"),
-    "tendon round a geom": (
-        chain(world=PATH[1], end=PATH[0].format('stiffness="5"', '<geom geom="g"/>')),
-        "tendon r pulls, and runs over geoms",
-    ),
-    "spring that yields": (chain(ja='stiffness="2" springyield="0.1"'), "yield of springs of joint ja"),
-    "ellipsoid": (
-        chain(option='density="2"', world='<geom fluidshape="ellipsoid" size="1"/>'),
-        "fluid shape of geoms",
-    ),
-    "weight borne by some": (
-        chain(c='gravcomp="1"', jc='actuatorgravcomp="true"'),
-        "actuators bear the weight of body c",
-    ),
-    "rotor of a ball": (
-        chain(world=BALL.format(""), motors='<motor name="x" joint="ball" armature="1"/>'),
-        "actuator x",
-    ),
-    "spring of a ball": (chain(world=BALL.format('stiffness="1"')), "joint ball is a ball joint with a spring"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
+@pytest.mark.parametrize("case", TABLE["refused"])
 def test_what_acts_and_cannot_be_measured_is_refused_by_name(case, write):
-    text, name = REFUSED[case]
-    path = write("own.xml", text)
-    with pytest.raises(ModelFileError, match=name):
-        import_model(path)
-    with pytest.raises(ModelFileError, match=name):
-        screwgauge.load_scene(path)
+    row = TABLE["refused"][case]
+    path = write("own.xml", chain(**row["parts"]))
+    for take in (import_model, screwgauge.load_scene):
+        with pytest.raises(ModelFileError, match=row["says"]):
+            take(path)
 
 
 @pytest.mark.parametrize("end", ['<tendon name="e" tendon1="t" active="false"/>', ""])
 def test_what_is_not_active_is_not_refused(end, write):
-    import_model(write("own.xml", chain(end=THREE.format("") + f"<equality>{end}</equality>")))
+    import_model(write("own.xml", chain(end=text_of("three", "") + f"<equality>{end}</equality>")))
 
 
 def test_an_equality_that_the_reader_does_not_read_is_refused(write):
     path = write("own.xml", chain(end='<equality><joint name="e" joint1="jc" joint2="ja"/></equality>'))
-    with pytest.raises(ModelFileError, match="equality e, which pinocchio does not read"):
+    with pytest.raises(ModelFileError, match="equality e, which pinocchio"):
         import_model(path, Options(library="pinocchio"))
-
-
-LAWS = 'armature="0.02" damping="0.3 0.1 0.2" frictionloss="0.4" stiffness="2 1 3" springref="0.1"'
-#: A file with everything that is measured, by what it has.
-MEASURED = {
-    "hinge and slide": {"ja": LAWS, "jb": 'armature="0.3" damping="2" frictionloss="0.2" stiffness="5"'},
-    "actuator": {"ma": 'gear="10" armature="1e-3" damping="0.002 0.001"'},
-    "tendon": {"end": THREE.format('stiffness="3 2" damping="0.5 0.1" armature="0.01" springlength="-0.1 0.1"')},
-    "tendon over sites": {
-        "world": PATH[1],
-        "end": PATH[0].format('stiffness="30 2" damping="0.5 0.1" armature="0.1" springlength="0.1 0.9"', ""),
-    },
-    "actuator of a tendon": {
-        "end": THREE.format(""),
-        "motors": '<motor tendon="t" gear="3" armature="2e-3" damping="0.01 0.02"/>',
-    },
-    "weight borne by some parts": {"a": 'gravcomp="1"', "c": 'gravcomp="0.5"'},
-    "weight borne by actuators": {
-        **dict.fromkeys(("a", "c"), 'gravcomp="1"'),
-        **dict.fromkeys(("ja", "jb", "jc"), 'actuatorgravcomp="true"'),
-    },
-    "dense medium in the wind": {"option": 'density="100" wind="1 0.5 0.2"'},
-    "viscous medium": {"option": 'viscosity="3"'},
-    "switched off": {"option": 'density="0"><flag spring="disable" damper="disable"/></option><option', "ja": LAWS},
-}
 
 
 def moving(path, bare: bool = True):
@@ -144,7 +75,7 @@ def moving(path, bare: bool = True):
 
 
 def of_mujoco(path, answer, bare: bool) -> np.ndarray:
-    """``mj_inverse`` along the coordinates of an answer, dry friction off: with it MuJoCo follows the acceleration."""
+    """``mj_inverse`` along the coordinates of an answer, without dry friction."""
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     data, out = mujoco.MjData(model), []
@@ -156,9 +87,9 @@ def of_mujoco(path, answer, bare: bool) -> np.ndarray:
     return np.array(out)[:, answer.mechanism.independent_columns]
 
 
-@pytest.mark.parametrize("case", MEASURED)
+@pytest.mark.parametrize("case", TABLE["measured"])
 def test_what_is_left_out_is_what_mujoco_adds(case, write):
-    path = write("own.xml", chain(**MEASURED[case]))
+    path = write("own.xml", chain(**TABLE["measured"][case]))
     solution, forces = moving(path)
     added = [forces.generalized(wrenches) for kind, wrenches in forces.needed.items() if kind != "dry friction"]
     rigid = solution.values["generalized_force"].array
@@ -170,7 +101,7 @@ def test_what_is_left_out_is_what_mujoco_adds(case, write):
 @pytest.mark.parametrize("kind", ["ball", "free"])
 def test_a_joint_of_several_freedoms_resists_as_in_mujoco(kind, write):
     laws = 'armature="0.3" damping="0.4 0.2"'
-    path = write("own.xml", chain(world=BALL.format(laws).replace('type="ball"', f'type="{kind}"')))
+    path = write("own.xml", chain(world=text_of("ball", laws).replace('type="ball"', f'type="{kind}"')))
     _, forces = moving(path)
     (one,) = forces.answer.mechanism.left_out
     assert (one.of, one.armature, one.damping) == ("joint ball", 0.3, (0.4, 0.2))
@@ -198,10 +129,11 @@ def test_a_joint_of_several_freedoms_resists_as_in_mujoco(kind, write):
 
 
 def test_a_description_keeps_what_is_left_out_of_its_file(write):
-    parts = {"ja": LAWS, "a": 'gravcomp="0.5"', "option": 'density="9" viscosity="2" wind="1 0 2"'}
-    parts["end"] = THREE.format('stiffness="3 2" frictionloss="0.2" springlength="-0.1 0.1"')
-    parts["end"] += PATH[0].format('stiffness="30" armature="0.1"', "")
-    mechanism = import_model(write("own.xml", chain(world=PATH[1] + BALL.format('damping="0.2"'), **parts))).mechanism
+    parts = {"ja": text_of("laws"), "a": 'gravcomp="0.5"', "option": 'density="9" viscosity="2" wind="1 0 2"'}
+    parts["end"] = text_of("three", 'stiffness="3 2" frictionloss="0.2" springlength="-0.1 0.1"')
+    parts["end"] += text_of("path", 'stiffness="30" armature="0.1"', "")
+    parts["world"] = text_of("sites") + text_of("ball", 'damping="0.2"')
+    mechanism = import_model(write("own.xml", chain(**parts))).mechanism
     again = load_mechanism(write("again.toml", description(mechanism)))
     assert len(mechanism.left_out) == len(again.left_out) == 10
     for one, other in zip(mechanism.left_out, again.left_out, strict=True):
@@ -210,7 +142,7 @@ def test_a_description_keeps_what_is_left_out_of_its_file(write):
 
 
 def test_a_description_refuses_what_it_does_not_know(write):
-    text = description(import_model(write("own.xml", chain(ja=LAWS))).mechanism)
+    text = described(write("own.xml", chain(ja=text_of("laws"))))
     head, entry = text.split("[[left_out]]")
     wrong = {
         "unknown coordinate": entry.replace("ja = 1", "jx = 1"),
@@ -225,37 +157,17 @@ def test_a_description_refuses_what_it_does_not_know(write):
             load_mechanism(write("bad.toml", f"{head}[[left_out]]{bad}"))
 
 
-FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 -9.81"/><default><joint axis="0 1 0"/></default><worldbody>
-<body name="l1" pos="-.06 0 0"><joint name="m1"/>
-<inertial pos="-.03 0 -.04" mass=".12" diaginertia="2e-4 2e-4 1e-4"/>
-<body name="l2" pos="-.06 0 -.08"><joint name="p1"/>
-<inertial pos=".06 0 -.05" mass=".11" diaginertia="2e-4 2e-4 1e-4"/><site name="e1" pos=".12 0 -.10"/></body></body>
-<body name="r1" pos=".06 0 0"><joint name="m2"/><inertial pos=".03 0 -.04" mass=".12" diaginertia="2e-4 2e-4 1e-4"/>
-<body name="r2" pos=".06 0 -.08"><joint name="p2"/><inertial pos="-.06 0 -.05" mass=".11" diaginertia="2e-4 2e-4 1e-4"/>
-<site name="e2" pos="-.12 0 -.10"/></body></body></worldbody><equality><connect site1="e1" site2="e2"/></equality>
-<tendon><fixed name="t" {0}><joint joint="m1" coef="1"/><joint joint="m2" coef="-1"/></fixed></tendon>
-<actuator><motor name="m1" joint="m1"/><motor name="m2" joint="m2"/></actuator></mujoco>"""
-GAIT = """mechanism = "{}"
-motion.m1.harmonics = [[12, 0, 0.2]]
-motion.m2.harmonics = [[12, 0, -0.2]]
-time = {{ duration = 0.5, step = 0.05 }}
-quantities = ["actuator_force"]
-engines = ["screw", "mujoco"]
-"""
-ROTOR = 0.005
-
-
 @pytest.fixture
 def gait(write):
-    """A scene of a five-bar whose motors turn a rotor by their difference, and what that takes along its motion."""
+    """A scene of a five-bar whose motors turn a rotor by their difference."""
 
     def make(tendon: str = f'armature="{ROTOR}"', source: str = ""):
-        path = write(f"five-bar-{len(tendon)}.xml", FIVE_BAR.format(tendon))
+        path = write(f"five-bar-{len(tendon)}.xml", text_of("five-bar", tendon))
         if source == "gone":
-            text = description(import_model(path).mechanism)
+            text = described(path)
             path.unlink()
             path = write("five-bar.toml", text)
-        return screwgauge.load_scene(write("gait.toml", GAIT.format(path.name)))
+        return screwgauge.load_scene(write("gait.toml", text_of("gait", path.name)))
 
     return make
 
@@ -343,9 +255,9 @@ def test_what_is_left_out_stands_on_every_page(gait):
 
 @pytest.mark.parametrize(("tendon", "status"), [('frictionloss="0.02"', 0), (f'armature="{ROTOR}"', 1)])
 def test_a_gate_says_so_of_a_file_and_of_what_was_imported(tendon, status, write):
-    path = write("five-bar.xml", FIVE_BAR.format(tendon))
-    scene = write("own.toml", GAIT.format("own-description.toml"))
-    write("own-description.toml", description(import_model(path).mechanism))
+    path = write("five-bar.xml", text_of("five-bar", tendon))
+    scene = write("own.toml", text_of("gait", "own-description.toml"))
+    write("own-description.toml", described(path))
     check = screwgauge.check(path, scene)
     assert check.exit_status == status
     assert all("tendon t, up to" in row.more for row in check.rows)
@@ -362,8 +274,8 @@ def test_long_motions_are_measured_part_by_part(gait, monkeypatch):
 
 
 def test_a_simulation_is_measured_where_its_velocities_are_not_asked_for(write):
-    path = write("own.xml", chain(end=THREE.format('frictionloss="0.2" armature="0.01"')))
-    text = description(import_model(path).mechanism)
+    path = write("own.xml", chain(end=text_of("three", 'frictionloss="0.2" armature="0.01"')))
+    text = described(path)
     write("own.toml", text)
     forward = 'mechanism = "own.toml"\nquantities = ["joint_position"]\nengines = ["screw"]\n'
     forward += "time.times = [0, 0.1]\nforward = {}\n"

@@ -1,4 +1,4 @@
-"""Limits hold without the parent: a process whose parent is gone ends, and its own limit of time is kept by itself."""
+"""Processes end with their parent, and keep their own limit of time."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ else:
 
 
 def until(true: Callable[[], bool], most: float = 30.0) -> bool:
-    """Whether something comes true within so many seconds; others get the processor meanwhile."""
+    """True if something comes true in time; others get the processor."""
     end = monotonic() + most
     while not (found := true()) and monotonic() < end:
         os.sched_yield()
@@ -53,7 +53,7 @@ def until(true: Callable[[], bool], most: float = 30.0) -> bool:
 
 
 def alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and that nobody asks about does not."""
+    """True if a process runs; a zombie does not."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0]
     except OSError:
@@ -62,7 +62,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="processes as Linux shows them")
 @pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "program"])
 def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

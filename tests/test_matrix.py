@@ -1,4 +1,4 @@
-"""The check with several versions of the engines: one row a pair, whatever becomes of it. Nothing is installed."""
+"""Checks by versions of engines: a row a pair. Nothing is installed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,6 @@ def test_one_row_a_pair_and_only_these_versions_are_pinned(made, tmp_path):
 
 
 def test_what_pin_3_was_built_with_is_asked_for():
-    """It asks for newer libraries itself, beside which it cannot be imported."""
     asked = {pin: {*study.requirements(pin=pin, mujoco="4.0.0")} for pin in ("3.9.0", "4.1.0")}
     assert asked["3.9.0"] - asked["4.1.0"] == {"pin==3.9.0", "cmeel-tinyxml2<11", "cmeel-urdfdom<5"}
 
@@ -95,7 +94,7 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_the_package_answers_where_it_is_laid_out(tmp_path):
-    """A real one: this Python stands for the fresh environment."""
+    """This Python stands for the fresh environment."""
     found = study.matrix(
         [("0", "0")],
         tmp_path / "m.csv",

@@ -1,4 +1,4 @@
-"""No command overwrites what it reads, or a file that this program did not write, without ``--force``."""
+"""Commands overwrite no input and no foreign file without ``--force``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def bars() -> None:
 
 
 def refused(*arguments: str) -> str:
-    """Runs a command that has to refuse, and to leave all files as they are. Returns what it says."""
+    """Runs a command that has to refuse and to change no file; returns its words."""
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     assert main([*arguments]) == 2
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
@@ -266,7 +266,7 @@ def test_the_second_command_into_a_folder_is_refused(capsys):
     run = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position", "--out", "out"]
     with locked(Path("out")):
         assert main(run) == 2
-        assert "out: another command is writing into the folder; wait for its end" in capsys.readouterr().err
+        assert "out: another command is writing" in capsys.readouterr().err
         with pytest.raises(OutputError, match="another command"):
             screwgauge.run(screwgauge.load_scene("slider-crank"), ["screw"], ["joint_position"]).write("out")
     assert not Path("out").exists()  # nothing was put there

@@ -1,4 +1,4 @@
-"""Every report names what was judged: the files by name and content, the date, the schema of its summary."""
+"""Reports name the judged files by name and content, the date, the schema."""
 
 from __future__ import annotations
 

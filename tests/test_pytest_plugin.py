@@ -1,4 +1,4 @@
-"""A repository of somebody else gates its models by pytest: it passes, and ten changes fail it, each with its words."""
+"""A repository gates its models by pytest; ten changes fail it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import screwgauge
+from support.claims import table
 from support.command import printed_by
 from support.mechanism import load_mechanism
 from support.models import model_texts
@@ -33,7 +34,7 @@ ENGINES = ("pinocchio", "mujoco", "numpy", "pandas", "scipy")
 
 @pytest.fixture(scope="module", autouse=True)
 def loaded():
-    """Libraries that cannot be imported twice are there before pytester begins, which forgets what it imports."""
+    """Import before pytester begins what cannot be imported twice."""
     assert screwgauge.check(ROBOT, smoke=True).ok
 
 
@@ -62,41 +63,7 @@ def tested(pytester, repository, monkeypatch):
     return lambda *options: pytester.runpytest_inprocess("-p", "screwgauge.pytest_plugin", "-p", "xdist", *options)
 
 
-#: File, what is replaced in it, by what, and what is said then.
-CHANGES = {
-    "an inertia by 1e-6": (
-        ("robot.xml", "0.0021 0.0023 ", f"0.0021 {0.0023 * (1.0 + 1e-6)!r} "),
-        "first in actuator_force at crank, by 9.9e-8 N·m (1.7e-7 scaled, tolerance 1e-11) at t = 0.25 s. The models "
-        "differ, too: crank: inertia zz 0.00230000230 kg m^2 in B, 0.00230000000 kg m^2 in A",
-    ),
-    "a leg that is lost": (
-        ("robot.urdf", r'  <joint name="slide".*?</joint>.*?</link>\n', ""),
-        "model of pinocchio: has no body 'piston'",
-    ),
-    "a mass": (("robot.xml", 'mass="0.6"', 'mass="0.601"'), "rod: mass 0.60100 kg in B, 0.60000 kg in A"),
-    "a centre of mass": (
-        ("robot.xml", '"0.12 0 0"', '"0.12 0.001 0"'),
-        "rod: centre of mass (0.12, 0.001, 0) m in B",
-    ),
-    "a length of the loop": (
-        ("robot.xml", 'pos="0.3 0', 'pos="0.301 0'),
-        "its frame on rod is elsewhere in B",
-    ),
-    "a length of the tree": (
-        ("robot.xml", '"0.1 0 0"', '"0.11 0 0"'),
-        "pin sits elsewhere in B",
-    ),
-    "an axis": (
-        ("robot.xml", '"pin" type="hinge" axis="0 0 1"', '"pin" type="hinge" axis="0 0 -1"'),
-        "pin counts the other way in B",
-    ),
-    "an armature": (
-        ("robot.xml", '"crank" type="hinge"', '"crank" type="hinge" armature="0.001"'),
-        "robot.xml has more: armature of joint crank, up to ",
-    ),
-    "a name": (("robot.urdf", '<link name="rod">', '<link name="rad">'), "child link [rod] of joint [pin] not found"),
-    "a file that is gone": (("scenes/robot.toml", "robot.xml", "none.xml"), "model file of mujoco does not exist"),
-}
+CHANGES = table("gate")["changes"]
 
 
 def change(repository: Path, file: str, old: str, new: str) -> None:
@@ -108,24 +75,24 @@ def change(repository: Path, file: str, old: str, new: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_fails_the_gate_and_is_named(name, repository):
-    where, said = CHANGES[name]
+    *where, facts = CHANGES[name]
     change(repository, *where)
     with pytest.raises(AssertionError) as error:
         screwgauge.check(repository / "scenes").assert_ok()
-    assert said in str(error.value)
+    assert [fact for fact in facts if fact not in str(error.value)] == []
 
 
 @pytest.mark.slow
 def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repository):
     (repository / "test_robot.py").write_text(TEST, encoding="utf-8")
     tested(repository, "--screwgauge", repository / "scenes").assert_outcomes(passed=2)
-    where, said = CHANGES["an inertia by 1e-6"]
+    *where, facts = CHANGES["an inertia by 1e-6"]
     change(repository, *where)
     found = tested(repository, "--screwgauge", repository / "scenes", "-rf")
     found.assert_outcomes(failed=2)
     text = found.stdout.str()
     of_scene = text[text.index("_ scene robot _") :].split("\n====")[0]
-    assert said in of_scene
+    assert all(fact in of_scene for fact in facts)
     assert ".py" not in of_scene
     assert "scenes/robot.toml::screwgauge" in text
 
@@ -163,11 +130,10 @@ def test_the_plugin_is_an_entry_point():
 
 
 def test_what_lies_in_a_folder_of_scenes_does_not_stop_the_collection(repository):
-    """A FIFO once was waited for without end, and a link to an endless file took all memory."""
     from screwgauge.pytest_plugin import _scenes
 
     os.mkfifo(repository / "scenes" / "x.toml")
     (repository / "scenes" / "y.toml").symlink_to("/dev/zero")
     assert [path.name for path in _scenes(repository / "scenes")] == ["robot.toml", "x.toml", "y.toml"]
-    with pytest.raises(AssertionError, match=r"x\.toml: cannot be read \(it is no regular file\)"):
+    with pytest.raises(AssertionError, match=r"x\.toml: .*no regular file"):
         screwgauge.check(repository / "scenes").assert_ok()

@@ -1,4 +1,4 @@
-"""Tasks become rows, once each and in their order, wherever they run; what was there when it stopped is taken up."""
+"""Tasks become rows once each, in order; interrupted work goes on."""
 
 from __future__ import annotations
 

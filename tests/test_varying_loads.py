@@ -153,34 +153,6 @@ def test_simulations_agree_and_keep_their_energy(write):
     assert balance["ok"].all()
 
 
-def test_a_simulation_refuses_samples_of_a_load(write):
-    write("gust.csv", "t,fx\n0,1\n1,2\n")
-    text = 'mechanism = "five-bar"\n[forward]\n[time]\nduration = 0.5\nstep = 0.1\n[[loads]]\non = "left.crank"\n'
-    text += 'by = "environment"\nforce = [{ csv = "gust.csv" }, 0, 0]\n'
-    with pytest.raises(DescriptionError, match="loads"):
-        screwgauge.load_scene(write("swing.toml", text))
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        'axes = "ground"\nforce = [1, 0, 0]',
-        "force = [{ offset = 1 }, 0]",
-        "force = { offset = 1 }",
-        'force = [{ csv = "none.csv" }, 0, 0]',
-        'force = [{ csv = "gust.csv" }, 0, 0]',
-        'force = [{ csv = "gust.csv", column = "fy", offset = 1 }, 0, 0]',
-        'force = [{ csv = "gust.csv", column = "fy" }, 0, 0]',  # not at all times of the scene
-        "force = [{ omega = 1 }, 0, 0]",
-    ],
-)
-def test_bad_loads_are_refused_in_a_sentence(write, line):
-    write("bar.toml", BAR)
-    write("gust.csv", "t,fy\n0,1\n1,2\n")
-    with pytest.raises(ScrewgaugeError):
-        screwgauge.load_scene(write("turn.toml", f"{TURN}{line}\n"))
-
-
 def test_a_compiled_solver_takes_times_or_loads(write):
     scene = loaded("slider-crank", "body", write)
     solver, motion = screwgauge.compile(scene, ["actuator_force"]), scene.motion

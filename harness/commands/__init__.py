@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.commands.execution import Files, carry_out
+from screwgauge.commands.execution import carry_out
 from screwgauge.models.importing import MESHES, is_model
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.outputs import check_free
@@ -150,7 +150,8 @@ def run(options: argparse.Namespace) -> int:
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, **more),
         tell=(lambda answer: json_text(page.summary(answer), escaped=True)) if options.json else None,
-        files=Files(_files(scene), {f"--csv {table}": table for table in tables.values()}),
+        inputs=_files(scene),
+        outputs={f"--csv {table}": table for table in tables.values()},
         force=options.force,
         samples=options.samples,
         pdf=options.pdf,
@@ -233,7 +234,7 @@ def sweep(options: argparse.Namespace) -> int:
         page,
         out,
         lambda progress: sweep(plan, progress=progress, **more),
-        files=Files([plan.file, *_files(plan.scene)], {}),
+        inputs=[plan.file, *_files(plan.scene)],
         again=True,
         force=options.force,
         samples=plan.table == "parquet",
@@ -259,7 +260,8 @@ def diagnose(options: argparse.Namespace) -> int:
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
         tell=tell or (every_difference if options.all else None),
-        files=Files(_models(options), {} if options.fix is None else {"--fix": options.fix}),
+        inputs=_models(options),
+        outputs={} if options.fix is None else {"--fix": options.fix},
         force=options.force,
     )
     if options.fix is not None:
@@ -324,7 +326,8 @@ def check(options: argparse.Namespace) -> int:
         lambda progress: check_with(execute, options.what, **more, progress=progress, place=place),
         tell=(lambda outcome: outcome.json) if options.json else None,
         again=place is not None,
-        files=Files(check_inputs(options), check_outputs(options)),
+        inputs=check_inputs(options),
+        outputs=check_outputs(options),
         force=options.force,
         junit=options.junit,
         baseline=options.baseline if options.update else None,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,22 +13,6 @@ from screwgauge.report.console import say
 
 if TYPE_CHECKING:
     from screwgauge.report.console import Progress
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Files:
-    """Files of a command beside its report.
-
-    Attributes:
-        inputs: All that it reads.
-        outputs: Option -> file that it writes.
-    """
-
-    inputs: Iterable[Path] = ()
-    outputs: Mapping[str, Path] = field(default_factory=dict)
-
-
-NONE = Files()
 
 
 _ON = "run the same command again: it goes on from the rows that are there"
@@ -42,7 +25,8 @@ def carry_out(
     *,
     tell: Callable[[Any], str] | None = None,
     again: bool = False,
-    files: Files = NONE,
+    inputs: Iterable[Path] = (),
+    outputs: Mapping[str, Path] | None = None,
     force: bool = False,
     **writing: Any,
 ) -> Any:
@@ -52,7 +36,8 @@ def carry_out(
         work: Takes the progress.
         tell: Text to print for the results; by default the page's text for a terminal.
         again: The same command goes on from the rows that are there.
-        files: What else the command reads and writes; nothing of it may be the same file.
+        inputs: Files that the command reads; it writes none of them.
+        outputs: Option -> file that the command writes beside its report; no two may be the same file.
         force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
 
@@ -65,7 +50,7 @@ def carry_out(
     names = [*page.DATA, *([SAMPLES] if writing.get("samples") else [])]
     with locked(out):
         written = {f"the report's {name}": out / name for name in (*names, *PAGES, MANIFEST)}
-        check_apart({**written, **files.outputs}, () if force else files.inputs)
+        check_apart(written | dict(outputs or {}), () if force else inputs)
         check_writable(out, names, force=force)
         with Progress(sys.stderr) as progress:
             try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,19 +31,9 @@ FIRST = 20
 NOT_REACHED = "the loops do not close there, or not without passing a singular pose on the way from home"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Closed:
-    """Closed poses of some cells, without dimension.
-
-    Attributes:
-        z: Unknowns. Shape (n, n_z).
-        K: Their rates per rate of y. Shape (n, n_z, k).
-        matrix: Closing system. Shape (n, m, n_z').
-    """
-
-    z: Array
-    K: Array
-    matrix: Array
+Closed = tuple[Array, ...]
+"""Closed poses of some cells: unknowns z without dimension, shape (n, n_z), their rates K per rate of y, shape
+(n, n_z, k), and the closing system, shape (n, m, n_z')."""
 
 
 def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
@@ -81,15 +70,15 @@ def examine(
     first = _first(mode, y, nearest)
     if first is None:
         return [NOT_REACHED] * len(y), (sides[0][:0], sides[1][:0]), int(nearest[0])
-    known, closed, passed = _flooded(mode.system, y / mode.unit, first, sides)
+    known, (z, K, matrix), passed = _flooded(mode.system, y / mode.unit, first, sides)
     reasons, rows = [NOT_REACHED] * len(y), np.flatnonzero(known)
-    q = mode.system.coordinates(closed.z[rows], np.tile(mechanism.home, (len(rows), 1)))
-    for row, why in zip(rows.tolist(), _doubts(lay, q, closed.matrix[rows], undriven), strict=True):
+    q = mode.system.coordinates(z[rows], np.tile(mechanism.home, (len(rows), 1)))
+    for row, why in zip(rows.tolist(), _doubts(lay, q, matrix[rows], undriven), strict=True):
         reasons[row] = why
-    known[rows] = linear.inverted_along(closed.matrix[rows])[1] <= SINGULAR
+    known[rows] = linear.inverted_along(matrix[rows])[1] <= SINGULAR
     ways = np.flatnonzero(known[sides[0]] & known[sides[1]])
     a, b = (side[ways] for side in sides)
-    near = _linked(closed.z[b] - closed.z[a], [closed.K[a], closed.K[b]], (y[b] - y[a]) / mode.unit)
+    near = _linked(z[b] - z[a], [K[a], K[b]], (y[b] - y[a]) / mode.unit)
     passed = np.sort(passed[:, known[passed].all(axis=0)], axis=0)
     begin, end = np.unique(np.concatenate([np.stack([a[near], b[near]]), passed], axis=1), axis=1)
     return reasons, (begin, end), first[0]
@@ -121,7 +110,7 @@ def _flooded(
         Which cells were reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
     """
     start, n = _closed(system, first[1][None], y[first[0]][None])[0], len(y)
-    all_cells = Closed(*(np.full((n, *part.shape[1:]), np.nan) for part in (start.z, start.K, start.matrix)))
+    all_cells = tuple(np.full((n, *part.shape[1:]), np.nan) for part in start)
     known, wave, passed = np.zeros(n, dtype=bool), np.array([first[0]]), [np.zeros((2, 0), dtype=np.intp)]
     _keep(all_cells, wave, start)
     known[wave] = True
@@ -133,11 +122,10 @@ def _flooded(
         for pieces in (FINEST,) if last else PIECES:
             out = out[~known[ends[1][out]]]
             a, b = ends[0][out], ends[1][out]
-            begin = Closed(all_cells.z[a], all_cells.K[a], all_cells.matrix[a])
-            found, good = _advanced(system, begin, (y[a], y[b]), pieces)
+            found, good = _advanced(system, _rows(all_cells, a), (y[a], y[b]), pieces)
             reached, at = np.unique(b[good], return_index=True)
             some = np.flatnonzero(good)[at]
-            _keep(all_cells, reached, Closed(found.z[some], found.K[some], found.matrix[some]))
+            _keep(all_cells, reached, _rows(found, some))
             known[reached] = True
             passed.append(np.stack([a[some], reached]))
         wave = np.flatnonzero(known & ~before)
@@ -147,7 +135,13 @@ def _flooded(
 
 
 def _keep(cells: Closed, rows: Rows, found: Closed) -> None:
-    cells.z[rows], cells.K[rows], cells.matrix[rows] = found.z, found.K, found.matrix
+    for part, new in zip(cells, found, strict=True):
+        part[rows] = new
+
+
+def _rows(cells: Closed, rows: Rows) -> Closed:
+    """Copy some cells."""
+    return tuple(part[rows] for part in cells)
 
 
 def _closed(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
@@ -155,7 +149,7 @@ def _closed(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
         K = velocity_map(J, y.shape[1])
-    return Closed(z, K, more[0] if more else J), (error < OPEN) & np.isfinite(K).all(axis=(1, 2))
+    return (z, K, more[0] if more else J), (error < OPEN) & np.isfinite(K).all(axis=(1, 2))
 
 
 def _advanced(
@@ -163,14 +157,14 @@ def _advanced(
 ) -> tuple[Closed, NDArray[np.bool_]]:
     """Goes straight from cells to others, piece by piece, and whether each way leads there. Shape (n, k) each."""
     step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
-    at = Closed(at.z.copy(), at.K.copy(), at.matrix.copy())
     for i in range(1, pieces + 1):
         rows = np.flatnonzero(good)
         if not len(rows):
             break
-        ahead = at.z[rows] + (at.K[rows] @ step[rows][..., None])[..., 0]
+        z, K, _ = _rows(at, rows)
+        ahead = z + (K @ step[rows][..., None])[..., 0]
         found, closes = _closed(system, ahead, way[0][rows] + i * step[rows])
-        good[rows] = closes & _linked(found.z - at.z[rows], [at.K[rows], found.K], step[rows])
+        good[rows] = closes & _linked(found[0] - z, [K, found[1]], step[rows])
         _keep(at, rows, found)
     return at, good
 

@@ -34,17 +34,8 @@ ASIDE = 0.05
 COARSE = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class Undriven:
-    """Entry of ``[idle]``, for a coordinate that no actuator drives.
-
-    Attributes:
-        start: Where it starts; home if nothing is said.
-        rate: Its rate there; None is that of no momentum along it.
-    """
-
-    start: float | None = None
-    rate: float | None = None
+Start = Mapping[str, float | None]
+"""``start`` of a coordinate that no actuator drives, by default home, and ``rate``, that of no momentum along it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +74,13 @@ def read_given(
     return *read_drive(table, labels, folder, where), tuple(labels)
 
 
-def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, where: str) -> dict[str, Undriven]:
+def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, where: str) -> dict[str, Start]:
     """Reads ``[idle]``: label -> start and rate."""
     check_keys(table, mechanism.independent, where)
     for label in table:
         if label in motion:
             raise DescriptionError(f"'{label}' has a motion, too", where, f"remove motion.{label} or idle.{label}")
-    return {label: Undriven(**read_keys("idle", entry, f"{where}.{label}")) for label, entry in table.items()}
+    return {label: read_keys("idle", entry, f"{where}.{label}") for label, entry in table.items()}
 
 
 def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
@@ -130,7 +121,7 @@ class Followed:
 
     given: Analytic | Sampled
     labels: tuple[str, ...]
-    stated: Mapping[str, Undriven]
+    stated: Mapping[str, Start]
     since: float
     mechanism: Mechanism
     applied: Applied
@@ -168,8 +159,8 @@ class Followed:
         home = self.mechanism.home[self.mechanism.independent_columns]
         y, yd, ydd = np.tile(home, (len(t), 1)), *np.zeros((2, len(t), len(home)))
         for label, one in self.stated.items():
-            if one.start is not None:
-                y[:, [*self.mechanism.independent].index(label)] = one.start
+            if one["start"] is not None:
+                y[:, [*self.mechanism.independent].index(label)] = one["start"]
         for whole, part in ((y, some.y), (yd, some.yd), (ydd, some.ydd)):
             whole[:, self._places] = part
         return y, yd, ydd
@@ -181,13 +172,13 @@ class Followed:
         every = [k for k in range(len(labels)) if k not in self._places]
         idle = self._inert(every)
         y, yd, _ = self._given(np.array([self.since]))
-        said = {label: self.stated.get(label, Undriven()) for label in labels}
-        chosen = [k for k in idle if said[labels[k]].rate is not None]
+        rates = {labels.index(label): rate for label, one in self.stated.items() if (rate := one["rate"]) is not None}
+        chosen = [k for k in idle if k in rates]
         for k in chosen:
-            yd[0, k] = said[labels[k]].rate
+            yd[0, k] = rates[k]
         yd[0] = self._unmoved(y, yd, idle, [k for k in idle if k not in chosen])
         for k in every:
-            if k not in idle and said[labels[k]].rate:
+            if k not in idle and rates.get(k):
                 what = f"'{labels[k]}' has no inertia, so that it has no rate of its own"
                 raise DescriptionError(what, f"idle.{labels[k]}", "leave the rate out: it rests")
         return tuple(Freedom(labels[k], k, float(y[0, k]), float(yd[0, k]), k in chosen, k not in idle) for k in every)

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
 from importlib.metadata import requires
@@ -23,7 +22,7 @@ import pandas as pd
 
 import screwgauge
 from screwgauge import processes
-from screwgauge.judging.residual import JUDGE, columns_of
+from screwgauge.judging.residual import JUDGE
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
@@ -38,30 +37,19 @@ BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 LIMIT = 3600.0
 
 
-@dataclass(frozen=True, slots=True)
-class VersionRow:
-    """A pair of versions.
-
-    Attributes:
-        status: ``agree``, ``differ``, ``failed`` or ``not installed``.
-        passing, scenes: Scenes that pass, of so many.
-        digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
-        differing: Quantities out of tolerance, with the number of scenes.
-        reason: The sentence on the first scene that does not pass, or why there is none.
-    """
-
-    pin: str
-    mujoco: str
-    status: str
-    passing: int = 0
-    scenes: int = 0
-    digits: float = float("nan")
-    worst: str = ""
-    differing: str = ""
-    reason: str = ""
-
-
-COLUMNS = tuple(columns_of(VersionRow))
+#: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; scenes that pass, of so many; the fewest
+#: digits of two engines that agree, with scene and quantity; quantities out of tolerance, with numbers of scenes; the
+#: sentence on the first scene that does not pass, or the reason why there is none.
+RESULT: dict[str, Any] = {
+    "status": "",
+    "passing": 0,
+    "scenes": 0,
+    "digits": float("nan"),
+    "worst": "",
+    "differing": "",
+    "reason": "",
+}
+COLUMNS = ("pin", "mujoco", *RESULT)
 
 
 class CannotError(Exception):
@@ -99,7 +87,7 @@ def matrix(
         COLUMNS,
         [Task(name, partial(_row, *pair, make or fresh, scenes)) for name, pair in named.items()],
         execute or InTurn(),
-        lambda name, reason: asdict(VersionRow(*named[name], "failed", reason=reason)),
+        lambda name, reason: _result(*named[name], status="failed", reason=reason),
         progress,
         [scenes],
     )
@@ -121,19 +109,24 @@ def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
 
 def _row(pin: str, mujoco: str, make: Maker, scenes: Sequence[str], progress: Progress) -> list[dict[str, Any]]:
     with TemporaryDirectory(prefix="screwgauge-") as folder:
-        return [asdict(_checked_in(Path(folder), pin, mujoco, make, scenes))]
+        return [_checked_in(Path(folder), pin, mujoco, make, scenes)]
 
 
-def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence[str]) -> VersionRow:
+def _result(pin: str, mujoco: str, **result: Any) -> dict[str, Any]:
+    """A row, with defaults of `RESULT`."""
+    return {"pin": pin, "mujoco": mujoco, **RESULT, **result}
+
+
+def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence[str]) -> dict[str, Any]:
     try:
         python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
     except CannotError as error:
-        return VersionRow(pin, mujoco, "not installed", reason=str(error))
+        return _result(pin, mujoco, status="not installed", reason=str(error))
     lay_out(folder / "package")
     try:
-        return VersionRow(pin, mujoco, **_checked(python, folder, scenes))
+        return _result(pin, mujoco, **_checked(python, folder, scenes))
     except CannotError as error:
-        return VersionRow(pin, mujoco, "failed", reason=str(error))
+        return _result(pin, mujoco, status="failed", reason=str(error))
 
 
 def requirements(**pinned: str) -> list[str]:
