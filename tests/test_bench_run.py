@@ -149,9 +149,9 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
         with pytest.raises(KeyboardInterrupt):
             bench(scene, plan=PLAN, contestants=FEW, place=tmp_path)
     scored: list[str] = []
-    scores = run_module._Measurements._scored
+    scores = run_module._Measurements._score
     monkeypatch.setattr(
-        run_module._Measurements, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
+        run_module._Measurements, "_score", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
     )
     found = bench(scene, plan=PLAN, contestants=FEW, place=tmp_path)
     assert not scored

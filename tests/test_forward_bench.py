@@ -27,7 +27,7 @@ from support.bench import (
     absolute_table,
     bench,
     bench_table,
-    simulated,
+    pose_simulation,
     simulation,
     simulators,
 )
@@ -154,7 +154,7 @@ def test_rows_of_steppers_say_what_their_engines_say(family, tmp_path):
     write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)
     everyone = simulators("DOP853", 0.01, quick=True)
     stepper = next(contestant for contestant in everyone if contestant.family == family)
-    asked = stepper.ask(simulated(scene, tmp_path))
+    asked = stepper.ask(pose_simulation(scene, tmp_path))
     assert stepper.method.load(asked.files).solve(asked.problems[0]).setting == stepper.setting
 
 

@@ -6,11 +6,11 @@ import pytest
 import screwgauge
 from support.command import main
 from support.errors import ClosureError, SingularPoseError
-from support.singular import REFUSED, known, near_change_points
+from support.singular import REFUSED, near_change_points, textbook_linkages
 from support.stress import CASES, OK, climb
 from support.stress import REFUSED as SAID
 
-KNOWN = {one.name: one for one in known()}
+KNOWN = {one.name: one for one in textbook_linkages()}
 SAMPLES = (5, 41, 201, 401)
 MANY = [n if n < 100 else pytest.param(n, marks=pytest.mark.slow) for n in SAMPLES]
 #: Random ones that the fast tests look at, of all.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.study.bench.loops import held, in_tree
+from screwgauge.study.bench.loops import constant_force_motion, in_tree
 from support.engines import Method, model_files
 from support.geometry import EPS, Array
 from support.questions import Question, findings
@@ -27,7 +27,7 @@ FILES = model_files("3ups-upu-s", "mujoco")
 @pytest.fixture(scope="module")
 def motion() -> Question:
     # the loops have given way, to a fraction of a percent, after 0.2 s
-    return held(0.2, 3, 1e-11)
+    return constant_force_motion(0.2, 3, 1e-11)
 
 
 def step(motion: Question, dt: float, **settings: object) -> dict[str, Array]:

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study.bench.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
+from screwgauge.study.bench.stiff import RADAU, accelerations, admit_tolerance, explicit_method, leg_springs, motion
 from support.engines import Method
 from support.mechanism import load_mechanism
-from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates
+from support.questions import SCREW, Question, findings, loaded_scene, push, tree_coordinates
 from support.scene import Integration
 from support.stress import DEGRADED, GOOD, OK, REFUSED, Finding
 
@@ -26,7 +26,7 @@ def right(stiffness: float, folder: Path) -> tuple[Question, float]:
 
 
 def integrated(stiffness: float, integration: Integration, folder: Path) -> list[Finding]:
-    return list(findings(tolerant(right(stiffness, folder)[0], integration, SCREW)))
+    return list(findings(admit_tolerance(right(stiffness, folder)[0], integration, SCREW)))
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_a_looser_tolerance_is_admitted_to_lose_digits(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_explicit_method_is_refused_with_its_stable_step(tmp_path: Path) -> None:
-    position, energy = findings(explicit(*right(1e10, tmp_path)))
+    position, energy = findings(explicit_method(*right(1e10, tmp_path)))
     assert position.verdict == energy.verdict == REFUSED
     assert "9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
 
@@ -74,7 +74,7 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path
 
 
 def test_engines_agree_on_springs_beside_given_forces_and_take_no_other_ones(tmp_path: Path) -> None:
-    posed = loaded(tmp_path)
+    posed = loaded_scene(tmp_path)
     mechanism, names = posed.scene.mechanism, tree_coordinates(SPRUNG)
     springs, found = leg_springs(mechanism, 1e4), []
     for method in (SCREW, Method("pinocchio"), Method("mujoco", {"solimp": 0.9999, "passes": 6})):

@@ -15,7 +15,7 @@ from support.bench import TABLE
 from support.command import printed_by
 from support.engines import solve
 from support.mechanism import load_mechanism, mechanism_path
-from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exactly, findings, still
+from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exact_text, findings, scene_at
 from support.stress import CASES, OK, decades
 
 FORCES = ("generalized_force", "actuator_force")
@@ -59,7 +59,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
     base = load_scene("3ups-upu-s")
     scene = replace(base, mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     y = np.array([lock, 0.0]) + np.array([[0.1], [1e-12]]) * np.array([-np.sign(lock), -0.5])
-    solutions, failures = solve(still(scene, y, np.ones_like(y)), ("truth",), ("com_acceleration", "reaction"))
+    solutions, failures = solve(scene_at(scene, y, np.ones_like(y)), ("truth",), ("com_acceleration", "reaction"))
     assert not failures
     assert solutions["truth"].rows is None
     for quantity, radius in {q: error.radius for q, error in solutions["truth"].errors.items()}.items():
@@ -68,7 +68,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
 
 def test_without_a_truth_the_judge_measures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(questions, "solve", lambda *scene: ({}, {}))
-    scene = still(load_scene("3ups-upu-s"), POSES)
+    scene = scene_at(load_scene("3ups-upu-s"), POSES)
     found = {one.engine: one for one in findings(compare(scene, tmp_path, setting="still"))}
     assert set(found) == {"screw still", "pinocchio still", "mujoco still"}
     for one in found.values():
@@ -79,7 +79,7 @@ def test_without_a_truth_the_judge_measures(monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_changed_numbers_are_written_to_the_last_bit() -> None:
     for value in (0.1, 1.42e-6, 2.87 * 1e9, np.nextafter(0.46, 1.0), 5.56e-19):
-        assert Fraction(exactly(value)) == Fraction(float(value))
+        assert Fraction(exact_text(value)) == Fraction(float(value))
 
 
 def test_decades_are_the_literals() -> None:

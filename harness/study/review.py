@@ -120,13 +120,13 @@ def reviews(
             if engine := next((one for one in engines if quantity in one.values), None):
                 pair = errors[(errors["quantity"] == quantity) & errors["a"].isin(both := {name, engine.engine})]
                 readings, pair = (solutions[name], table), pair[pair["b"].isin(both)]
-                columns += _reviewed(scene, quantity, engine, readings, pair, solved)
+                columns += _review_quantity(scene, quantity, engine, readings, pair, solved)
         step, converted = even_step(scene.tables[name].t), tuple(scene.tables[name].converted)
         found[name] = TableReview(name, engines[0].engine, step, tuple(columns), converted)
     return found
 
 
-def _reviewed(
+def _review_quantity(
     scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame, solved: Solved
 ) -> Iterator[ReviewedColumn]:
     """Yield columns of one quantity; only where one is out of tolerance is anything else computed.

@@ -12,7 +12,7 @@ from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations import screws
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.rotations import Array, rotation
-from screwgauge.study.bench.scheme import Chains, fixed_axes, subtracted
+from screwgauge.study.bench.scheme import Chains, fixed_axes, subtract_origin
 from support import at_origin
 
 _X, _Y, _Z = np.eye(3)
@@ -109,7 +109,7 @@ def trajectory(t: Array) -> tuple[Array, Array, Array]:
 def subtraction(case: Case) -> list[Erratum]:
     """4: with V_P of eq. (60) taken about O nothing may be subtracted, or the S joint moves away from O."""
     D, V, _ = trajectory(case.t)
-    printed = Form("(60), less [0; w x r_P]", case.left_over(subtracted(V, D[:, 3:]), S_CHAIN))
+    printed = Form("(60), less [0; w x r_P]", case.left_over(subtract_origin(V, D[:, 3:]), S_CHAIN))
     right = Form("nothing subtracted", case.left_over(case.twist[0], S_CHAIN))
     return [Erratum(4, "E", "(22)-(23)", "violation of the S chain", printed, right, "m/s")]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.contestants import LEAVING_OUT, Contestant, choose, contestants, simulators
-from screwgauge.study.bench.forward_run import FULL, simulated
+from screwgauge.study.bench.forward_run import FULL, pose_simulation
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.given import motion, simulation
 from screwgauge.study.bench.run import BESIDE, Bench, address_of, bench, fits

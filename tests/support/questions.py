@@ -9,11 +9,11 @@ from screwgauge.study.bench.question import (
     SCREW,
     Question,
     compare,
-    exactly,
+    exact_text,
     findings,
-    loaded,
+    loaded_scene,
     push,
-    still,
+    scene_at,
     tree_coordinates,
 )
 from screwgauge.study.bench.singular import BASE_LOCK, SINGULAR_B, WRIST_LOCKS

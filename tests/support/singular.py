@@ -7,8 +7,8 @@ import numpy as np
 from screwgauge.study.bench.singular import (
     REFUSED,
     Passing,
-    known,
     near_change_points,
+    textbook_linkages,
 )
 from screwgauge.study.linkages import PinJoint, PlanarLinkage, five_bar, four_bar, slider_crank
 

@@ -112,7 +112,7 @@ def _remarks(bench: Bench) -> list[str]:
     return parts
 
 
-def _reached(bench: Bench) -> list[Row]:
+def _nine_digits(bench: Bench) -> list[Row]:
     """Return times to nine digits of each family, in the quantities that a terminal shows."""
     return [
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
@@ -137,7 +137,7 @@ def _narrow(bench: Bench) -> list[Row]:
     ]
 
 
-def _failed(bench: Bench) -> list[Row]:
+def _failures(bench: Bench) -> list[Row]:
     """Return a row for each contestant that failed and reason, with all settings and quantities."""
     failed = [row for row in rows(bench_table(bench.rows)) if row["status"] == FAILED]
     lines = list[Row]()
@@ -172,7 +172,7 @@ def _reach(bench: Bench) -> list[Block]:
     return blocks
 
 
-def _leaving(bench: Bench) -> list[Block]:
+def _savings(bench: Bench) -> list[Block]:
     """Return tables of what each engine saves, with the numbers that remain."""
 
     def line(row: Row) -> Row:
@@ -201,7 +201,7 @@ def _simulated_headline(bench: Bench) -> str:
     return " ".join(parts)
 
 
-def _measured(bench: Bench) -> list[Row]:
+def _measurements(bench: Bench) -> list[Row]:
     """Return measurements of a simulation, and published ones."""
     lines = list[Row]()
     for row, energy in pairs(bench.rows):
@@ -343,14 +343,14 @@ PAGE = Report(
         "files": lambda bench: judged(bench.provenance),
         "cheapest": lambda bench: _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1]),
         "no truth": lambda bench: bench.reference != "truth",
-        "reached": _reached,
+        "reached": _nine_digits,
         "reach": _reach,
         "narrow": _narrow,
-        "failed": _failed,
+        "failed": _failures,
         "cut short": _cut_short,
         "cut rows": _rows(CUT),
         "slopes": lambda bench: rows(slopes_table(bench.fits)),
-        "leaving out": _leaving,
+        "leaving out": _savings,
         "every row": _rows(),
         "one thread": lambda bench: bench.environment["one_thread"],
         "samples": lambda bench: len(bench.scene.t),
@@ -369,6 +369,6 @@ SIMULATION = replace(
     values={
         **PAGE.values,
         "cheapest": lambda bench: _cheapest(bench, "observable"),
-        "measured": _measured,
+        "measured": _measurements,
     },
 )

@@ -131,10 +131,10 @@ MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
 
 def contestants(*, quick: bool) -> list[Contestant]:
     """Return contestants, family by family. `quick`: settings that take longest are left out."""
-    return [*(one for entry in TABLE["lines"] for one in _expanded(entry, quick)), *leaving_out()]
+    return [*(one for entry in TABLE["lines"] for one in _expand(entry, quick)), *leaving_out()]
 
 
-def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
+def _expand(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
     """Yield the contestants of an entry of ``cases.toml``, whose head explains the entries."""
     axes = [
         [value if isinstance(value, dict) else {name: value} for value in values]
@@ -181,22 +181,22 @@ def leaving_out() -> Iterator[Contestant]:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
-        yield trial(EVERYTHING, question=given.less, quantities=GIVEN)
+        yield trial(EVERYTHING, question=given.omit, quantities=GIVEN)
         wanted: tuple[str, ...] = ()
         for step, names in WANTED.items():
             wanted += names
-            yield trial(step, question=partial(given.less, computed=wanted), quantities=wanted, series="asked for")
+            yield trial(step, question=partial(given.omit, computed=wanted), quantities=wanted, series="asked for")
         setting, alone = "actuator forces alone", ("actuator_force",)
-        yield trial(setting, question=partial(given.less, computed=alone), quantities=alone, series="asked for")
+        yield trial(setting, question=partial(given.omit, computed=alone), quantities=alone, series="asked for")
         for absent in ("gravity", "load"):  # forces change without them, motion does not
-            yield trial(absent, question=partial(given.less, absent=absent), quantities=MOTION, series="absent")
+            yield trial(absent, question=partial(given.omit, absent=absent), quantities=MOTION, series="absent")
         # parts of the model file that mechanics does not need; URDF has only limits
         for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, given.ALL_PARTS)}[engine]:
             setting = "visuals" if part == "geoms" else part
-            yield trial(setting, question=partial(given.less, part=part), quantities=GIVEN, series="in the model")
+            yield trial(setting, question=partial(given.omit, part=part), quantities=GIVEN, series="in the model")
         if engine != "screw":  # joint forces of another tree are other forces
             same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
-            yield any_engine("full cut instead of minimal", cut, given.less, same, series="cut")
+            yield any_engine("full cut instead of minimal", cut, given.omit, same, series="cut")
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
@@ -221,10 +221,10 @@ def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]
         method: Integration method of the scene.
         duration: Duration of the motion [s].
     """
-    return [*chain(*_climbing(method, quick), *_stepping(duration, quick))]
+    return [*chain(*_ladders(method, quick), *_step_ladders(duration, quick))]
 
 
-def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
+def _ladders(usual: str, quick: bool) -> Iterator[list[Contestant]]:
     """Yield engines by scipy's methods, each a ladder of tolerances."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
@@ -241,7 +241,7 @@ def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
             yield ladder
 
 
-def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
+def _step_ladders(duration: float, quick: bool) -> Iterator[list[Contestant]]:
     """Yield the engines' own steppers, each over fixed steps, those of extras where they are installed."""
     for stepper in TABLE["steppers"]:
         family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()

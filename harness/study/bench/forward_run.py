@@ -38,7 +38,7 @@ FULL = Plan(samples=41, rounds=3, budget=90.0, quick=False, each=45.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
 
 
-def shortened(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
+def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
     """Return a simulated scene at the compared times, with notes on its start.
 
     Raises:
@@ -105,7 +105,7 @@ def _slow(scene: Scene) -> bool:
     return bool(stiff_warning(fast, explicit))
 
 
-def simulated(scene: Scene, folder: Path) -> PreparedScene:
+def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
     """Prepare a simulated scene for methods; its observables are measured.
 
     Args:
@@ -176,10 +176,10 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
         if len(costs) >= plan.rounds or not costs[0].wall_s < SHORT:
             break
     wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
-    return {**_scored(posed, problem, answer), "cost": replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s)}
+    return {**_scores(posed, problem, answer), "cost": replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s)}
 
 
-def _scored(posed: PreparedScene, problem: Problem, solution: Solution) -> dict[str, Any]:
+def _scores(posed: PreparedScene, problem: Problem, solution: Solution) -> dict[str, Any]:
     """Return the error of the observables, and the missing energy, up to the time at which an answer stopped."""
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))

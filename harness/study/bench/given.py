@@ -56,7 +56,7 @@ def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: b
     return Trial(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
-def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
+def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
     """Ask for the given motion, one sample after the other."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
@@ -94,7 +94,7 @@ def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
     return Trial(write_four_bar(folder), (problem,), len(posed.t), reference)
 
 
-def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
+def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
     """Ask for the motion in steps of about a part of its duration.
 
     Args:
@@ -121,7 +121,7 @@ def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, par
     return Trial(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
 
 
-def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
+def speed_up(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
     """Ask for the motion through the same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
@@ -132,7 +132,7 @@ def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: f
     return Trial(posed.files(engine), (problem,), len(task), replace(reference, values=right))
 
 
-def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
+def step(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
     """Ask for the motion at the steps of a method that starts from the first pose.
 
     Args:
@@ -165,7 +165,7 @@ def simulation(
     return Trial(posed.files(engine), (problem,), len(task), posed.reference)
 
 
-def less(
+def omit(
     posed: PreparedScene,
     engine: str,
     wanted: Sequence[str],

@@ -36,13 +36,13 @@ from screwgauge.study.bench.question import (
     Question,
     closure_residuals,
     files_of,
-    integrated,
-    loaded,
+    loaded_scene,
     loop_condition,
     push,
     put,
     tree_coordinates,
     true_velocities,
+    with_integration,
 )
 from screwgauge.study.linkages import FILE, four_bar_states, write_four_bar
 from screwgauge.study.methods import Method
@@ -64,7 +64,7 @@ times = [0, 0.05, 0.1]
 
 def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask `constraintDynamics` over mu and iterations, and with the settings that integrate motions, whatever mu."""
-    posed = loaded(folder)
+    posed = loaded_scene(folder)
     yield push(posed, SCREW)
     yield replace(push(posed), by=_RESIDUAL, of="full rank")
     mechanism, files = load_mechanism(FILE), {"pinocchio": write_four_bar(folder)}
@@ -121,21 +121,21 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Step the loaded default scene under constant actuator forces by MuJoCo's own integrators."""
     scene = load_scene(SCENE)
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
-    right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
+    right = constant_force_motion(QUICK_DURATION if quick else DURATION, SAMPLES)
     exact = replace(right, files=files_of(scene, folder))
-    yield integrated(exact, Integration(rtol=OWN, atol=OWN))
+    yield with_integration(exact, Integration(rtol=OWN, atol=OWN))
     yield replace(exact, right=in_tree(exact), methods=())
 
 
 def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Apply the last constraint force from outside, and solve for the accelerations again."""
-    posed = loaded(folder)
+    posed = loaded_scene(folder)
     yield push(posed, SCREW)
     yield replace(push(posed), condition=loop_condition(true_velocities(posed)))
 
 
 @lru_cache(maxsize=4)
-def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
+def constant_force_motion(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
     """Pose the default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
 
     Raises:

@@ -32,7 +32,7 @@ from screwgauge.study.bench.question import (
     closure_residuals,
     files_of,
     findings,
-    moving,
+    scene_in_motion,
     tree_coordinates,
 )
 from screwgauge.study.bench.variants import VariantMethod
@@ -57,7 +57,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask about joint coordinates and velocities that do not close the loops, like those of an integration."""
-    scene = moving(load_scene(SCENE), quick)
+    scene = scene_in_motion(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
     exact = TRUTH if find_spec("flint") else SCREW.engine
@@ -68,7 +68,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
     # a missing engine closes nothing, but the table has its rows
     closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
-    raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
+    raw, right = pull_apart(scene, names, gap), _at(true.values, names)
     reduced, every = VariantMethod("screw", function=reduced_equations), mechanism.coordinates
     yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
@@ -88,7 +88,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     yield _accelerations(given, method, closed["mujoco"])
 
 
-def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
+def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     """Return states of the engines' tree with the cut joints apart by `gap` [m] and parting at `gap` [m/s].
 
     The independent coordinates and their velocities do not change.
@@ -143,7 +143,7 @@ def _soft_forces(given: Question, scene: Scene, method: Method, states: States) 
     """Ask `mj_inverse` with constraints on; in the closed state, the reference, constraints have no force."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
-    problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
+    problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(rename, has=_SOFT_FORCE)
     return replace(question, problem=problem, right=right, quantities=(TREE_FORCE,), read=read, cause=_STIFF)
 
 
@@ -159,7 +159,7 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
         methods=(method,),
         quantities=(FORWARD,),
         right=replace(true, values=values, scales=scales),
-        read=partial(renamed, has=ACCELERATION),
+        read=partial(rename, has=ACCELERATION),
         cause=cause,
     )
 
@@ -175,6 +175,6 @@ def reduced_equations(lay: Layout, problem: Problem) -> Solution:
     return Solution("screw", __version__, values, at.condition, cost=clock.cost())
 
 
-def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
+def rename(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
     """Return a quantity of a solution under the name that it has in this case."""
     return {question.quantities[0]: solution.values[has]}

@@ -93,7 +93,7 @@ LONGEST = 500  # characters of a reason: some errors print a whole state
 UNKNOWN = Reference("", {}, "", {})
 
 
-def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
+def values_of(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Return the values of a solution."""
     return solution.values
 
@@ -123,7 +123,7 @@ class Question:
     methods: tuple[Method, ...]
     quantities: tuple[str, ...]
     right: Reference
-    read: Callable[[Question, Solution], Mapping[str, Values]] = answered
+    read: Callable[[Question, Solution], Mapping[str, Values]] = values_of
     cause: str = ""
     remarks: Mapping[str, str] = field(default_factory=dict)
     admitted: Mapping[str, float] = field(default_factory=dict)
@@ -152,7 +152,7 @@ def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...] = ()) -> di
     return {name: model_files(scene, name, folder) for name in names}
 
 
-def integrated(question: Question, integration: Integration) -> Question:
+def with_integration(question: Question, integration: Integration) -> Question:
     """Ask about a simulation by another method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
@@ -175,7 +175,7 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
     if not refused and not isinstance(solution, Failure):
         row = replace(row, time_s=_time(solution))
         if not question.unanswerable:
-            yield from _measured(question, solution, row)
+            yield from _measure(question, solution, row)
             return
         refused, error = question.unanswerable, math.inf
     for quantity in question.quantities:
@@ -201,18 +201,18 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
     return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
-def _measured(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
+def _measure(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
     """Yield the findings of a solution, of the judge where there are no reference values."""
     if not question.known:
-        yield _judged(question, solution, row)
+        yield _judge(question, solution, row)
         return
     values, excuses = question.read(question, solution), _excuses(question, solution)
     for quantity in question.quantities:
         excuse = excuses.get(quantity, "") or excuses.get("", "")
-        yield _compared(question, solution, replace(row, quantity=quantity), values[quantity], excuse)
+        yield _compare(question, solution, replace(row, quantity=quantity), values[quantity], excuse)
 
 
-def _compared(question: Question, solution: Solution, blank: Finding, values: Values, excuse: str) -> Finding:
+def _compare(question: Question, solution: Solution, blank: Finding, values: Values, excuse: str) -> Finding:
     """Measure the error of a quantity, and find the admitted one and the reason.
 
     Args:
@@ -221,7 +221,7 @@ def _compared(question: Question, solution: Solution, blank: Finding, values: Va
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, admitted = right.scales[quantity], solution.errors[quantity].absolute if quantity in solution.errors else {}
-    bound = max([_estimated(solution, quantity), *(admitted.get(unit, 0.0) / scales[unit] for unit in scales)])
+    bound = max([_estimate(solution, quantity), *(admitted.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
     finding = replace(blank, error=error, tolerance=bound, condition=condition)
@@ -235,14 +235,14 @@ def _compared(question: Question, solution: Solution, blank: Finding, values: Va
     return replace(finding, reason="; ".join(filter(None, (cause, question.remarks.get(quantity, ""), admits))))
 
 
-def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
+def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
     """Return the largest residual of the judge; without a truth it stands for all quantities."""
     table = judge(question.mechanism, question.problem, solution)
     return replace(
         blank,
         quantity="judge",
         error=float(table["max_scaled"].max(skipna=False)),
-        tolerance=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.errors)]),
+        tolerance=max([GOOD, *(_estimate(solution, quantity) for quantity in solution.errors)]),
         condition=float(np.nanmax(solution.condition)),
         reason="largest residual of the judge: no truth could be had",
     )
@@ -256,7 +256,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
     return {"": "; ".join(solution.notes), **{quantity: one.what for one in refused for quantity in one.quantities}}
 
 
-def _estimated(solution: Solution, quantity: str) -> float:
+def _estimate(solution: Solution, quantity: str) -> float:
     """Return the largest error that the engine estimates for a quantity; infinite where it cannot."""
     return solution.errors[quantity].largest if quantity in solution.errors else 0.0
 
@@ -283,17 +283,17 @@ ACCELERATION = "joint_acceleration"
 SCREW = Method("screw")
 
 
-def exactly(value: float) -> str:
+def exact_text(value: float) -> str:
     """Return all digits of a float64, so that readers of the exact text get the same number as all others."""
     return format(Decimal(float(value)), "f")
 
 
-def moving(scene: Scene, quick: bool) -> Scene:
+def scene_in_motion(scene: Scene, quick: bool) -> Scene:
     """Return the scene at the poses, rates and accelerations of this module, or at the first of them."""
-    return still(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
+    return scene_at(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
 
 
-def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:
+def scene_at(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:
     """Return the scene at given states, the same doubles for every engine, one second apart.
 
     Args:
@@ -329,7 +329,7 @@ def compare(
     return replace(question, cause=cause)
 
 
-def loaded(folder: Path) -> PreparedScene:
+def loaded_scene(folder: Path) -> PreparedScene:
     """Pose the default scene, which is loaded, at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 

@@ -26,7 +26,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.bench.question import SCENE, Question, compare, exactly, moving, still
+from screwgauge.study.bench.question import SCENE, Question, compare, exact_text, scene_at, scene_in_motion
 from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
 from screwgauge.study.bench.stress import Ask
 from screwgauge.study.bench.variants import VariantMethod
@@ -56,27 +56,27 @@ def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
         change(tables, severity)
         path.write_text(tomli_w.dumps(tables), encoding="utf-8")
         scene = replace(load_scene(SCENE), mechanism=load_mechanism(path), mechanism_file=path).under(loads=())
-        yield compare(moving(scene, quick), folder)
+        yield compare(scene_in_motion(scene, quick), folder)
 
     return ask
 
 
 def speed(w: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask about speeds from rest to where centrifugal forces are a million times the weight."""
-    scene = moving(load_scene(SCENE), quick)
+    scene = scene_in_motion(load_scene(SCENE), quick)
     y, n = scene.motion.y, len(scene.motion)
-    yield compare(still(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
+    yield compare(scene_at(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
 
 
 def load(size: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask about loads from none to the weight of a mountain."""
     loads = (Load("platform", None, size * _FORCE, size * _TORQUE),)
-    yield compare(moving(load_scene(SCENE).under(loads=loads), quick), folder)
+    yield compare(scene_in_motion(load_scene(SCENE).under(loads=loads), quick), folder)
 
 
 def _times(texts: list[Any], factor: float) -> list[str]:
     """Multiply numbers of a description, which may be text, by a factor."""
-    return [exactly(number(text, "description") * factor) for text in texts]
+    return [exact_text(number(text, "description") * factor) for text in texts]
 
 
 def _scale(body: Tables, mass: float, inertia: float) -> None:
@@ -110,7 +110,7 @@ def inertia_anisotropy(tables: Tables, e: float) -> None:
             moments, axis = (ROD, ROD, ROD * e), ["3/7", "2/7", "-6/7"]
         else:
             moments, axis = (PLATE * (1.0 + e), PLATE, 2.0 * PLATE), ["6/7", "2/7", "3/7"]
-        body["inertia"] = dict(zip(("xx", "yy", "zz"), map(exactly, moments), strict=True))
+        body["inertia"] = dict(zip(("xx", "yy", "zz"), map(exact_text, moments), strict=True))
         body["inertia_rotation"] = {"axis": axis, "angle": "0.4"}
 
 
@@ -128,9 +128,9 @@ SCHEMES = {
 def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask about the default scene for as long as so many samples take."""
     scene = replace(load_scene(SCENE), rule="min_norm")
-    at = _checked(int(count)) * STEP
+    at = _sample_numbers(int(count)) * STEP
     files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
-    method = VariantMethod("screw", {"scene": scene, "count": int(count)}, function=streamed)
+    method = VariantMethod("screw", {"scene": scene, "count": int(count)}, function=stream_samples)
     problem, engines = scene.at(at).problem(QUANTITIES), {"screw": files, "paper": files}
     whole = Question(scene.mechanism, engines, problem, (method,), QUANTITIES, right)
     yield whole
@@ -140,13 +140,13 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
         yield replace(whole, problem=posed, methods=(scheme,), quantities=QUANTITIES[:1], cause=cause)
 
 
-def _checked(count: int) -> Array:
+def _sample_numbers(count: int) -> Array:
     """Return numbers of samples, from 1, that the scheme meets too; the last among them."""
     stride = round(SCHEME_STEP / STEP)
     return np.unique(np.geomspace(1, count // stride, CHECKED).round().astype(int)) * stride
 
 
-def streamed(lay: Layout, problem: Problem, *, scene: Scene, count: int) -> Solution:
+def stream_samples(lay: Layout, problem: Problem, *, scene: Scene, count: int) -> Solution:
     """Answer the times of a problem by `screw` on all samples of a scene, part by part."""
     clock, at = Stopwatch(), np.rint(timed(problem).t / STEP).astype(int)
     parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}

@@ -125,10 +125,10 @@ def bench(
     record = {**environment(), "one_thread": one_thread()}
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         if scene.simulated:
-            scene, notes = forward_run.shortened(scene, plan)
+            scene, notes = forward_run.shorten_motion(scene, plan)
             chosen, kept = forward_run.choose(scene, contestants, quick=plan.quick), Journal(None, "")
             progress("reference", 0.0)
-            posed = forward_run.simulated(scene, Path(folder))
+            posed = forward_run.pose_simulation(scene, Path(folder))
         else:
             chosen, kept = choose(contestants, quick=plan.quick), Journal(place, address_of(scene, plan), fits)
             chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
@@ -221,7 +221,7 @@ def _elsewhere(
     end = time() + protocol.left
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
-    works = {name: partial(_measured, posed, plan, group, known, end) for name, group in groups.items()}
+    works = {name: partial(_measure_group, posed, plan, group, known, end) for name, group in groups.items()}
     tasks = [Task(name, work, files=posed.written()) for name, work in works.items()]
 
     def lost(name: str, reason: str) -> Measurements:
@@ -237,7 +237,7 @@ def _elsewhere(
     run(tasks, lost=lost, keep=keep)
 
 
-def _measured(
+def _measure_group(
     posed: PreparedScene,
     plan: Plan,
     group: Sequence[Contestant],
@@ -299,7 +299,7 @@ class _Measurements:
                 return [model.solve(problem) for problem in trial.problems]
 
             if contestant.key not in self.kept.results:
-                self.kept.keep(contestant.key, self._scored(contestant, trial, call))
+                self.kept.keep(contestant.key, self._score(contestant, trial, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
         except (Exception, SystemExit) as error:  # a contestant that fails is a row
@@ -307,7 +307,7 @@ class _Measurements:
             reason = failure(error, method.name, self.posed.folder, get_engine(method.engine)).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
-    def _scored(self, contestant: Contestant, trial: Trial, call: Callable[[], list[Solution]]) -> dict[str, Any]:
+    def _score(self, contestant: Contestant, trial: Trial, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
         for problem, solution in zip(trial.problems, solutions, strict=True):

@@ -230,7 +230,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
     if twist != "right":
         V, A = fixed_axes(motion)
         com = lay.mechanism.body(output_body(lay.mechanism)).com
-        return (subtracted(V, com), A) if twist == "literal" else (V, A)
+        return (subtract_origin(V, com), A) if twist == "literal" else (V, A)
     alone = _driver_alone(lay, motion)
     if alone is not None:
         return alone
@@ -259,6 +259,6 @@ def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:
     return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 
 
-def subtracted(V: Array, r_P: Array) -> Array:
+def subtract_origin(V: Array, r_P: Array) -> Array:
     """Subtract as eqs. (22)-(23) are printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
     return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

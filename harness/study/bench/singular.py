@@ -36,7 +36,7 @@ from screwgauge.study.bench.question import (
     Question,
     compare,
     put,
-    still,
+    scene_at,
 )
 from screwgauge.study.bench.variants import VariantMethod, given_motion
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
@@ -65,7 +65,7 @@ _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
 def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Approach the tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
     a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
-    scene = _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1))
+    scene = _poses(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1))
     question = compare(scene, folder, cause=_IMPLICIT)
     yield question
     if question.known:
@@ -77,14 +77,15 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
 
 def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Approach the tilt of 46.1 degrees at which a leg lies along the first axis of its base joint."""
-    y = np.array([BASE_LOCK, 0.0]) + np.array([0.3, 0.1, distance])[:, None] * _towards(-0.6)
-    yield compare(_passing(SCENE, y), folder, cause=_SMALL)
+    y = np.array([BASE_LOCK, 0.0]) + np.array([0.3, 0.1, distance])[:, None] * _direction(-0.6)
+    yield compare(_poses(SCENE, y), folder, cause=_SMALL)
 
 
 def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Pass through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
     for name, lock in WRIST_LOCKS.items():
-        scene, setting = _passing(name, _around(lock, distance, 5 if quick else 9)), "" if name == SCENE else "table2"
+        scene = _poses(name, _path_around(lock, distance, 5 if quick else 9))
+        setting = "" if name == SCENE else "table2"
         yield compare(scene, folder, setting=setting)
         yield compare(scene, folder, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE)
 
@@ -93,7 +94,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Pass the lock of leg 4 in steps of several sizes, the last of which is one far pose."""
     for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
-        scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
+        scene = scene_at(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
         write_models(scene.mechanism, folder, gravity=scene.applied.g)
         mechanism, quantity = scene.mechanism, "joint_position"
         q = positions(layout(mechanism), scene.motion.y, scene.motion.t)
@@ -147,25 +148,25 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     return force_matrix(at, q, at.S) if closed else None
 
 
-def _towards(angle: float) -> Array:
+def _direction(angle: float) -> Array:
     """Return a direction in the plane of (a, b)."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def _around(lock: float, distance: float, steps: int) -> Array:
+def _path_around(lock: float, distance: float, steps: int) -> Array:
     """Go up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
     start, sense = (-0.6, -1.0) if lock < 0.0 else (np.pi + 0.6, 1.0)
     angles = start + sense * np.linspace(0.0, np.pi, steps)
-    arc = [0.05 * _towards(angle) for angle in angles]
-    near, far = (distance * _towards(angle) for angle in (angles[0], angles[-1]))
-    rows = np.array([0.3 * _towards(angles[0]), arc[0], near, *arc, far])
+    arc = [0.05 * _direction(angle) for angle in angles]
+    near, far = (distance * _direction(angle) for angle in (angles[0], angles[-1]))
+    rows = np.array([0.3 * _direction(angles[0]), arc[0], near, *arc, far])
     return np.asarray(rows + np.array([lock, 0.0]))
 
 
-def _passing(name: str, y: Array) -> Scene:
+def _poses(name: str, y: Array) -> Scene:
     """Return a mechanism at poses, all with the same rates and accelerations."""
     scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
-    return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
+    return scene_at(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
 
 #: Duration of motions over the time to the singular pose: evenly spread samples never meet that pose.
@@ -204,7 +205,7 @@ class Passing:
         return load_scene(folder / "scene.toml")
 
 
-def _turning(
+def _drive(
     name: str, linkage: PlanarLinkage, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
 ) -> Passing:
     """Return a linkage in motion at constant rates.
@@ -217,7 +218,7 @@ def _turning(
     return Passing(name, linkage, motion, LAST * at, REGULAR if gap > 0.0 else REFUSED, at, why)
 
 
-def known() -> Iterator[Passing]:
+def textbook_linkages() -> Iterator[Passing]:
     """Yield linkages that textbooks name, each in a motion through or up to a singular pose."""
     half, turn = float(np.pi / 2), float(np.pi)
     crank = slider_crank(0.3, 0.5, 0.4, driven="x")
@@ -228,17 +229,17 @@ def known() -> Iterator[Passing]:
     yield Passing("dead-centre", crank, slow, LAST, REFUSED, half, why)
     yield Passing("fold", crank, swing, LAST, REFUSED, 1.0, why)
     why = "rod and crank coincide: the slide may go on, or rest while the rod turns with the crank"
-    yield _turning("equal-rods", slider_crank(0.1, 0.1, 0.7), {"a": (0.7, 1.0)}, half - 0.7, why)
+    yield _drive("equal-rods", slider_crank(0.1, 0.1, 0.7), {"a": (0.7, 1.0)}, half - 0.7, why)
     why, start = "crank and rod are one line across the slide: the slide may go on or back", -half - 0.8
     offset = slider_crank(0.1, 0.25, start, offset=0.15)
-    yield _turning("offset-slider-crank", offset, {"a": (start, 1.0)}, 0.8, why)
+    yield _drive("offset-slider-crank", offset, {"a": (start, 1.0)}, 0.8, why)
     bars = "all bars are one line: the rocker may go on in either sense"
     for name, lengths, singular, why in (
         ("parallelogram", (0.3, 0.5, 0.3, 0.5), turn, bars),
         ("kite", (0.5, 0.3, 0.3, 0.5), 0.0, "the ends of coupler and rocker meet: both turn freely"),
         ("rhombus", (0.3, 0.3, 0.3, 0.3), turn, bars),
     ):
-        yield _turning(name, four_bar(*lengths, singular - 0.8), {"a": (singular - 0.8, 1.0)}, 0.8, why)
+        yield _drive(name, four_bar(*lengths, singular - 0.8), {"a": (singular - 0.8, 1.0)}, 0.8, why)
     yield _spreading_five_bar("five-bar", (0.2, 0.25), (0.4, 0.45), 0.0, (1.0, 0.7))
 
 
@@ -250,7 +251,7 @@ def _spreading_five_bar(
     angles = float(np.pi) - at * rates[0], -at * rates[1]
     linkage = five_bar((cranks[0], cranks[1]), (rods[0], rods[1]), base, angles)
     why = "cranks and rods are one line: the rods may go on or back"
-    return _turning(name, linkage, {"a": (angles[0], rates[0]), "e": (angles[1], rates[1])}, at, why, gap)
+    return _drive(name, linkage, {"a": (angles[0], rates[0]), "e": (angles[1], rates[1])}, at, why, gap)
 
 
 def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passing]:
@@ -274,7 +275,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
     singular = np.pi if which == 2 else 0.0
     start = float(singular - rng.uniform(0.5, 1.0))
     linkage = four_bar(crank, coupler, rocker, base, start, side=float(rng.choice([-1.0, 1.0])))
-    return _turning(name, linkage, {"a": (start, 1.0)}, float(singular - start), "all bars are nearly one line", gap)
+    return _drive(name, linkage, {"a": (start, 1.0)}, float(singular - start), "all bars are nearly one line", gap)
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
@@ -284,7 +285,7 @@ def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passi
     way = float(rng.uniform(0.5, 1.0))
     start = -float(np.pi) / 2 - way
     linkage = slider_crank(crank, crank + offset + gap, start, offset=offset)
-    return _turning(name, linkage, {"a": (start, 1.0)}, way, "crank and rod are nearly one line across the slide", gap)
+    return _drive(name, linkage, {"a": (start, 1.0)}, way, "crank and rod are nearly one line across the slide", gap)
 
 
 def _five_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
@@ -297,7 +298,7 @@ _NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-b
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
     """Ask about linkages past poses where their bars are nearly one line; at gap 0 also those of textbooks."""
-    some = [*near_change_points(3 if quick else 9, gap), *(known() if gap == 0.0 else ())]
+    some = [*near_change_points(3 if quick else 9, gap), *(textbook_linkages() if gap == 0.0 else ())]
     for one in some:
         place = folder / one.name
         scene = one.scene(place, 5 if quick else 41)

@@ -31,12 +31,12 @@ from screwgauge.study.bench.question import (
     SCENE,
     SCREW,
     Question,
-    integrated,
-    loaded,
+    loaded_scene,
     loop_condition,
     push,
     put,
     true_velocities,
+    with_integration,
 )
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference
@@ -61,8 +61,8 @@ def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question
     """Ask about the 3-UPS-UPU-S on four springs: accelerations, and a motion by scipy's methods and own steppers."""
     yield from accelerations(stiffness, folder)
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
-    yield explicit(question, fastest)
-    yield tolerant(question, RADAU, *_RADAU)
+    yield explicit_method(question, fastest)
+    yield admit_tolerance(question, RADAU, *_RADAU)
     yield question
 
 
@@ -83,21 +83,21 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
     """Ask about the loaded default scene with springs that the actuators compensate, known in length only to eps."""
-    posed = loaded(folder)
+    posed = loaded_scene(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
     for method in (SCREW, *_PUSHED):
         question = push(posed, method)
         yield replace(
             question,
-            problem=_sprung(posed, question.problem, springs, method.engine, at),
+            problem=_with_springs(posed, question.problem, springs, method.engine, at),
             admitted=admitted,
             by="the rounding of spring forces, eps times stiffness times length,",
             condition=loop_condition(at),
         )
 
 
-def _sprung(
+def _with_springs(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
     """Return the problem with springs, and with actuator forces that compensate those of the springs."""
@@ -147,9 +147,9 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     looked_at = [0, *range(1, len(grid), 4)]
 
     def slope(states: Array) -> Array:
-        return np.concatenate([states[:, 2:], _moving(lay, states, applied).ydd], axis=1)
+        return np.concatenate([states[:, 2:], _closed_motion(lay, states, applied).ydd], axis=1)
 
-    at = _moving(lay, collocate(slope, np.concatenate([start, rest]), grid)[looked_at], applied)
+    at = _closed_motion(lay, collocate(slope, np.concatenate([start, rest]), grid)[looked_at], applied)
     change, E = np.abs(at.q - at.q[0]).max(axis=0), at.energy
     values = {
         "motion": Values(mechanism.coordinates, mechanism.units, at.q),
@@ -166,24 +166,24 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     return replace(question, methods=(), read=read, condition=condition), fastest
 
 
-def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
+def _closed_motion(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
     return motion_at(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:], applied=applied)
 
 
-def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
+def admit_tolerance(question: Question, integration: Integration, *methods: Method) -> Question:
     """Put the motion to one of scipy's methods, whose tolerance is the admitted error."""
     # the error of one step, since damping forgets the others; relative to an angle, not to its travel
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
     return replace(
-        integrated(question, integration),
+        with_integration(question, integration),
         methods=methods,
         admitted={"motion": each, "energy": 2.0 * each},  # energy is quadratic
         by=f"the tolerance, {integration.rtol:g},",
     )
 
 
-def explicit(question: Question, fastest: float) -> Question:
+def explicit_method(question: Question, fastest: float) -> Question:
     """Put the motion to DOP853, refused where the step that keeps it stable is too short."""
     steps, reason = DURATION * fastest / REACH, ""
     if steps > MOST_STEPS:
@@ -191,14 +191,14 @@ def explicit(question: Question, fastest: float) -> Question:
             f"stiff for an explicit method: the eigenvalue of {fastest:.2g} 1/s bounds its step to "
             f"{REACH / fastest:.1e} s, {steps:.0f} steps for stability alone"
         )
-    return replace(tolerant(question, DOP853, Method("screw", label="screw DOP853")), refused=reason)
+    return replace(admit_tolerance(question, DOP853, Method("screw", label="screw DOP853")), refused=reason)
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Return joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
-    moving = _moving(lay, np.concatenate([q, v], axis=1), question.problem.applied)
+    moving = _closed_motion(lay, np.concatenate([q, v], axis=1), question.problem.applied)
     missing = moving.energy - np.asarray(solution.work)
     return {
         "motion": solution.values["joint_position"],

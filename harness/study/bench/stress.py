@@ -91,7 +91,7 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
     return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
 
 
-def _asked(
+def _questions(
     ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
 ) -> Iterator[Question]:
     """Yield the questions of a rung; one without methods is put to those of the case.
@@ -116,7 +116,7 @@ def _case(entry: dict[str, Any]) -> StressCase:
     """Return the case of an entry of the table."""
     rungs = {name: _rungs(entry[name]) for name in ("full", "quick")}
     fields = {name: value for name, value in entry.items() if name != "methods"}
-    return StressCase(**{**fields, **rungs, "ask": partial(_asked, entry["ask"], entry.get("methods", ()))})
+    return StressCase(**{**fields, **rungs, "ask": partial(_questions, entry["ask"], entry.get("methods", ()))})
 
 
 def _rungs(given: Any) -> tuple[float, ...]:
@@ -210,7 +210,7 @@ def stress(
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
     kept = Journal(place, address("stress", quick))
     rungs = run_tasks(
-        [Task(f"{case.name} {severity:g}", partial(_climbed, case, severity, quick)) for case, severity in ladders],
+        [Task(f"{case.name} {severity:g}", partial(_climb_rung, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
         lost=lambda name, reason: Rung([Finding("", a=ALL, reason=reason)]),
         before=kept.rows(Rung),
@@ -223,7 +223,7 @@ def stress(
     return Stress(chosen, rows, environment(), provenance(None, {}))
 
 
-def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
+def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
     """Climb a rung as the work of a task."""
     return Rung(climb(case, severity, quick=quick))
 

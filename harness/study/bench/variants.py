@@ -94,7 +94,7 @@ def nothing(lay: Layout, problem: Problem) -> Arrays:
     return {}
 
 
-def closed(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
+def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
     """Compute positions in closed form.
 
     Args:
@@ -166,7 +166,7 @@ def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
 #: Name -> function.
 VARIANTS: dict[str, Callable[..., Arrays]] = {
     "nothing": nothing,
-    "closed form": closed,
+    "closed form": closed_form,
     "newton": newton,
     "differences": differences,
     "without drift": without_drift,
