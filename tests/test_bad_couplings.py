@@ -26,7 +26,7 @@ def test_a_polynomial_that_is_not_finite():
 
 def test_a_name_that_an_mjcf_needs_for_a_closure(write):
     mechanism = load_mechanism(write("geared.toml", GEAR.replace("couplings.gear", "couplings.tip")))
-    with pytest.raises(DescriptionError, match="the name 'tip' is needed for the models; rename that coupling"):
+    with pytest.raises(DescriptionError, match=r"the name 'tip' .* rename"):
         lay_out(mechanism, "minimal")
 
 
@@ -34,7 +34,7 @@ def test_powers_that_mujoco_does_not_have_are_its_own_failure(write, tmp_path):
     high = geared_five_bar("left", "right", [0.0, 0.5, 0.0, 0.0, 0.0, 0.2])
     scene = moving(write, high, {"left": 0.0}, "right.rod")
     results = screwgauge.run(scene, engines=["screw", "pinocchio", "mujoco"])
-    said = "lacks coupling 'gear': MuJoCo has no powers above 4; run other engines"
+    said = "coupling 'gear': MuJoCo has no powers above 4"
     assert said in results.failures["mujoco"].reason
     assert results.exit_status == 3
     assert (results.pairs["ok"] | results.pairs[["a", "b"]].isin(["mujoco"]).any(axis=1)).all()

@@ -117,7 +117,7 @@ def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed
     answers = (results.solutions["screw"].values, solution.values, solver.components)
     for values, said in zip(answers, (results.warnings, solution.notes, solver.notes), strict=True):
         assert {"actuator_force", "reaction"}.isdisjoint({*values})
-        assert f"actuator_force and reaction are left out: the actuated joints drive {driven} of 2 freedoms" in said[0]
+        assert f"drive {driven} of 2 freedoms" in said[0]
 
 
 def test_a_mechanism_without_actuators_still_moves(changed_scene):
@@ -131,4 +131,4 @@ def test_a_mechanism_without_actuators_still_moves(changed_scene):
 def test_the_axial_rule_needs_as_many_redundant_actuators_as_it_fixes(idle, changed_scene, refused):
     changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)
     said = refused("run", changed_scene(changes, rule='rule = "spherical_axial"'))
-    assert f"rule spherical_axial needs 2 redundant actuators, not {2 - len(idle)}" in said
+    assert f"needs 2 redundant actuators, not {2 - len(idle)}" in said

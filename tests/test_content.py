@@ -69,7 +69,7 @@ def test_content_of_one_model_alone_is_never_the_same(kind, case, diagnosed):
             assert found.not_compared
             assert found.differences == ()
         elif not idle:
-            assert found.differences or not found.together.agrees
+            assert found.differences or not found.found.together.agrees
 
 
 @pytest.mark.sampled(3)

@@ -180,7 +180,7 @@ def test_a_driven_coordinate_moves_only_where_no_pose_closes_at_it(write):
     assert kept.home == pytest.approx([0.0, 0.0, 0.0, 0.7], abs=CLOSED)
     assert 0.3 < moved.home[3] < 0.7  # s = 0 is beyond its dead points
     assert gap(moved) < CLOSED
-    assert "s too, as no regular pose within limits closes at s = 0" in moved.remarks[0]
+    assert "closes at s = 0" in moved.remarks[0]
     check_home(moved)
 
 
@@ -200,9 +200,7 @@ def test_a_coupled_coordinate_follows(write):
 
 
 def test_links_that_are_too_short_are_refused_with_the_smallest_gap(four_bar):
-    with pytest.raises(
-        ClosureError, match=r"four-bar.toml: no pose closes .* gap that is reached is 'd' by (\S+) m;"
-    ) as error:
+    with pytest.raises(ClosureError, match=r"four-bar\.toml: .* 'd' by (\S+) m;") as error:
         load_mechanism(four_bar(rocker=1.45))
     least = 1.45 - (BASE + CRANK + COUPLER)
     assert float(re.search(r"by (\S+) m;", str(error.value))[1]) == pytest.approx(least, rel=0.02)
@@ -210,7 +208,7 @@ def test_links_that_are_too_short_are_refused_with_the_smallest_gap(four_bar):
 
 def test_a_linkage_that_moves_by_its_proportions_alone_is_refused_with_others(write):
     other = 'extends = "bennett"\nname = "other"\njoints.j4.child_frame.position = [-0.3, 0, 0]\n'
-    with pytest.raises(ClosureError, match=r"other.toml: no pose closes its loops: .* 'j4' by"):
+    with pytest.raises(ClosureError, match=r"other\.toml: .* 'j4' by"):
         load_mechanism(write("other.toml", other))
 
 

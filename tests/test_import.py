@@ -189,7 +189,7 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert "motor" in mechanism.independent
     assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
     results = agreed(screwgauge.run(sampled(path, [3, 50])))
-    assert "actuator_force and reaction are left out: the actuated joints drive 1 of 2" in " ".join(results.warnings)
+    assert "the actuated joints drive 1 of 2" in " ".join(results.warnings)
     assert "generalized_force" in {*results.pairs["quantity"]}
 
 
@@ -219,8 +219,8 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(writ
         assert joint.limits.tolist() == [[-2.4, -0.5]]
         assert -2.4 < joint.home[0] < -0.5
     said = " ".join(imported.remarks)
-    assert "one within the limits, found from the middle of the limits: the smallest singular value of" in said
-    assert re.search(r"From the file's own home they close where it is 0\.\d+, with .*foot beyond limits\.", said)
+    assert "found from the middle of the limits" in said
+    assert re.search(r"file.s own home .* 0\.\d+, .*foot beyond limits", said)
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
     results = agreed(screwgauge.run(sampled(path, slice(None, None, 25))))
@@ -246,13 +246,13 @@ def test_keyframes_of_any_name_lead_to_a_home(tmp_path):
             "0.6 0 0.8",
             "0 0 0",
             ["R", "R"],
-            "'pitch', 'yaw' are a universal joint, but their axes are not at right angles",
+            "not at right angles",
         ),
         (
             "0 0 1",
             "0 3e-8 0",
             ["R", "R"],
-            "'pitch', 'yaw' are a universal joint, but their axes pass the common point at 1.5e-08 m",
+            "1.5e-08 m",
         ),
     ],
     ids=["a cross", "oblique axes", "axes that do not quite meet"],
@@ -267,7 +267,8 @@ def test_a_composite_joint_that_a_description_cannot_hold_is_named(axis, origin,
     imported = import_model(robot(tmp_path, *parts), Options(floating=True, wanted=Wanted(actuated=[])))
     assert [joint.kind for joint in imported.mechanism.joints] == ["F", *kinds]
     named = [sentence for sentence in imported.remarks if "universal joint" in sentence]
-    assert named == ([] if why is None else [f"{why}: they are divided into simpler ones."])
+    assert len(named) == bool(why)
+    assert all("'pitch', 'yaw'" in said and why in said for said in named)
 
 
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
@@ -275,9 +276,7 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
     path = robot(tmp_path, *far)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
-    with pytest.raises(
-        ClosureError, match=r"loops do not close from any of \d+ starts: nearest are 'loop1' by [\d.]+ m"
-    ):
+    with pytest.raises(ClosureError, match=r"from any of \d+ starts: .*'loop1' by [\d.]+ m"):
         import_model(path)
 
 
@@ -295,7 +294,7 @@ def test_choices_are_followed(gripper):
     mechanism = import_model(gripper, Options(wanted=wanted)).mechanism
     assert dict(mechanism.independent) == {"angle": "follower"}
     assert [joint.name for joint in mechanism.actuators] == ["follower"]
-    with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1 degrees of freedom"):
+    with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1"):
         import_model(gripper, Options(wanted=Wanted(independent={"a": "follower", "b": "driver"})))
     with pytest.raises(ScrewgaugeError, match="--actuated: unknown hinge or slide 'nobody'"):
         import_model(gripper, Options(wanted=Wanted(actuated=["nobody"])))
@@ -305,7 +304,7 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, command):
     out = tmp_path / "made" / "grip.toml"
     said = command("import", gripper, "-o", out).out
     assert "gear (not 1) of actuator" in said
-    assert "# Left out: gear (not 1) of actuator" in out.read_text(encoding="utf-8")
+    assert "# Left out: gear (not 1)" in out.read_text(encoding="utf-8")
     scene = screwgauge.load_scene(out)  # finds the scene beside it
     assert scene.file == out.with_name("grip.scene.toml")
     assert scene.name == "grip"
@@ -320,9 +319,7 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, command):
 def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, command):
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
     (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
-    assert (
-        "is there, and nothing in it proves" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
-    )
+    assert "nothing in it proves" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
     assert path.read_text(encoding="utf-8") == mine
 
 
@@ -368,8 +365,8 @@ def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_fil
     path.write_text(text, encoding="utf-8")
     for typed in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
         said = command(*typed, status=2).err
-        assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
-        assert "it would leave the limits of 'jc' ([-1e-05, 2e-05] rad); widen the limits" in said
+        assert f"screwgauge: {path.name}: no motion of 0.01 rad" in said
+        assert "limits of 'jc' ([-1e-05, 2e-05] rad); widen" in said
         assert "tmp" not in said.rpartition("no motion")[2]
 
 
@@ -379,7 +376,7 @@ def test_redundant_loops_move(tmp_path):
 
 
 def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
-    with pytest.raises(DescriptionError, match=r"for roundings of about \de-06 they would leave 1 more; write angles"):
+    with pytest.raises(DescriptionError, match=r"roundings of about \de-06 .* write angles"):
         import_model(planar(tmp_path, "1.5708"))
 
 

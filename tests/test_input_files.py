@@ -39,18 +39,20 @@ def test_a_byte_order_mark_is_no_part_of_the_text(name, folder):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda path: os.mkfifo(path), "cannot be read (it is no regular file)"),
-        (lambda path: path.symlink_to("/dev/zero"), "cannot be read (it is no regular file)"),
-        (lambda path: path.mkdir(), "cannot be read (is a directory)"),
-        (lambda path: None, "cannot be read (it does not exist)"),
-        (lambda path: path.symlink_to(path), "cannot be read (too many levels of symbolic links)"),
+        (lambda path: os.mkfifo(path), "(it is no regular file)"),
+        (lambda path: path.symlink_to("/dev/zero"), "(it is no regular file)"),
+        (lambda path: path.mkdir(), "(is a directory)"),
+        (lambda path: None, "(it does not exist)"),
+        (lambda path: path.symlink_to(path), "(too many levels of symbolic links)"),
         (lambda path: path.write_bytes(b"# \xe4\n"), "is not UTF-8 text"),
     ],
 )
 def test_what_is_no_text_file_is_refused_at_once(name, make, said, folder, refused):
     (folder / name).unlink()
     make(folder / name)
-    assert f"{folder / name}: {said}" in refused("run", folder / "scene.toml")
+    refusal = refused("run", folder / "scene.toml")
+    assert f"{folder / name}: " in refusal
+    assert said in refusal
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -99,7 +99,7 @@ def test_swapped_inertia_entries_are_named(asymmetric: Mechanism, tmp_path: Path
     path = edited(tmp_path / "edited.xml", write_mjcf(asymmetric, "minimal"), change)
     rows = wrong(check_file(asymmetric, "minimal", path, "mujoco"))
     assert list(rows) == [("inertia tensor", "leg2.upper")]
-    assert "edited.xml as read by mujoco: inertia tensor of leg2.upper: expected" in check_table(list(rows.values()))
+    assert "mujoco: inertia tensor of leg2.upper" in check_table(list(rows.values()))
 
 
 @pytest.mark.parametrize("reader", READERS[1:3])

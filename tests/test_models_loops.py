@@ -45,5 +45,5 @@ def test_round_trip(name: str, cut: str, write) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path) -> None:
-    with pytest.raises(ModelFileError, match=r"nowhere.toml: cannot be read .*; check the path"):
+    with pytest.raises(ModelFileError, match=r"nowhere\.toml: .*; check the path"):
         read_loops(tmp_path / "nowhere.toml")

@@ -29,7 +29,7 @@ def test_a_crash_costs_one_reading(write, monkeypatch):
 
     monkeypatch.setattr(isolation, "isolated", REAL)
     monkeypatch.setattr(loading, "read", crashing)
-    with pytest.raises(LoaderError, match=r"pinocchio does not survive it \(crashed: its process got SIGABRT\)"):
+    with pytest.raises(LoaderError, match=r"pinocchio .*crashed.* SIGABRT"):
         loading.read_isolated(roots, "pinocchio")
     assert list(loading.read_isolated(roots, "mujoco").bodies) == ["a", "b", "c"]
 
@@ -44,7 +44,7 @@ def test_a_reading_that_takes_all_memory_ends_and_names_no_option_of_engines(wri
     monkeypatch.setattr(loading, "import_model", greedy)
     path = write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>")
     for load in (lambda: loading.read_isolated(path, "mujoco"), lambda: loading.import_isolated(path)):
-        with pytest.raises(ScrewgaugeError, match="needs more than 4 GB of memory") as refusal:
+        with pytest.raises(ScrewgaugeError, match="more than 4 GB of memory") as refusal:
             load()
         assert "--memory" not in str(refusal.value)
 

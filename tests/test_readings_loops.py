@@ -131,7 +131,7 @@ def test_what_depends_on_a_joint_of_another_type_is_told(write):
     held = with_loops(reading, write("robot.yaml", LOOP.format("elbow", "FIXED"))).couplings["grip"]
     assert (held.joint, held.function.lead, held.function.polynomial.tolist()) == ("grip", "", [0.3])
     for name, kind in (("grip", "FIXED"), ("elbow", "UJOINT_XY"), ("grip", "SPHERICAL")):
-        with pytest.raises(ScrewgaugeError, match=f"'{name}' is coupled to another one, and cannot be made {kind}"):
+        with pytest.raises(ScrewgaugeError, match=rf"'{name}' is coupled.* cannot be made {kind}"):
             with_loops(reading, write("robot.yaml", LOOP.format(name, kind)))
 
 
@@ -151,7 +151,7 @@ def test_names_of_fixed_joints_are_frames(turned, write):
     assert np.array_equal(by_joint.first_frame, by_link.first_frame)
     assert np.array_equal(by_joint.second_frame, by_link.second_frame)
     twice = read(write("twice.urdf", TURNED.replace('joint name="nail"', 'joint name="upper"')), "pinocchio")
-    with pytest.raises(ScrewgaugeError, match="'upper' is a link, and a joint of that name carries link 'thumb'"):
+    with pytest.raises(ScrewgaugeError, match=r"'upper' is a link.* joint .* link 'thumb'"):
         with_loops(twice, write("robot.yaml", "closed_loop: [[upper, base]]\ntype: [3d]"))
 
 
