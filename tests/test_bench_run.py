@@ -11,7 +11,7 @@ import pytest
 
 import screwgauge
 from screwgauge.study.bench import run as run_module
-from support.bench import COLUMNS, CUT, Plan, bench, journals, reach
+from support.bench import CUT, Plan, bench, journals, reach
 from support.command import main
 from support.pages import terminal as text
 from support.report import BENCH_PAGE as PAGE
@@ -40,24 +40,9 @@ def small(monkeypatch):
 @pytest.mark.slow
 def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
     out = PAGE.write(found, tmp_path / "out")
-    table = pd.read_csv(out / "bench.csv")
+    first = (out / "bench.csv").read_text(encoding="utf-8").splitlines()[0]
     assert (
-        list(table.columns)
-        == COLUMNS
-        == [
-            *(
-                "family",
-                "contestant",
-                "setting",
-                "quantity",
-                "max_scaled",
-                "rms_scaled",
-                "digits",
-                "time_s",
-                "n_sample",
-            ),
-            *("covers", "status", "reason"),
-        ]
+        first == "family,contestant,setting,quantity,max_scaled,rms_scaled,digits,time_s,n_sample,covers,status,reason"
     )
     slopes = pd.read_csv(out / "slopes.csv")
     assert list(slopes.columns) == ["family", "parameter", "quantity", "expected", "fitted", "ok"]

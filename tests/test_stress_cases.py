@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import pickle
+from dataclasses import asdict, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -89,3 +90,13 @@ def test_decades_are_the_literals() -> None:
 
 def test_every_case_is_registered_once() -> None:
     assert len(CASES) == len(TABLE["cases"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["upu-singularity", "closure-violation", "refinement", "proximal", "long-run"])
+def test_a_copy_is_answered_to_the_last_bit(name: str, tmp_path: Path) -> None:
+    case = CASES[name]
+    with np.errstate(all="ignore"):
+        for question in case.ask(case.quick[0], True, tmp_path):
+            for one, other in zip(findings(question), findings(pickle.loads(pickle.dumps(question))), strict=True):
+                np.testing.assert_equal(asdict(replace(other, time_s=0.0)), asdict(replace(one, time_s=0.0)))

@@ -162,15 +162,8 @@ def test_a_rung_that_breaks_is_said_and_is_no_success(tmp_path, capsys) -> None:
 def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
     assert main(["stress", "toy", "--quick", "--out", str(tmp_path)]) == 0
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert names == {
-        "stress.csv",
-        "report.md",
-        "report.html",
-        "environment.json",
-        "report-files.json",
-        "plots/01-worst.svg",
-        "plots/02-digits.svg",
-    }
+    pictures, pages = {"plots/01-worst.svg", "plots/02-digits.svg"}, {"report.md", "report.html"}
+    assert names == pictures | pages | {"stress.csv", "environment.json", "report-files.json"}
     table = pd.read_csv(tmp_path / "stress.csv")
     assert list(table.columns) == list(COLUMNS)
     assert sorted(set(table["severity"])) == [1.0, 1e4]
