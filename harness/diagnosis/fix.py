@@ -100,7 +100,9 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
         except ScrewgaugeError as error:
             best = replace(best, why_not=(*why, f"the changed file cannot be read: {error.what}"))
             continue
-        left = select(explain(a.posed, rehome(again, b.home)[0], _names(pair, again)).facts, only)
+        joints = {name: partner.name for name, partner in pair.joints.items() if partner.name in again.joints}
+        names = Names(joints, _bodies(pair), {})
+        left = select(explain(a.posed, rehome(again, b.home)[0], names).facts, only)
         left = tuple(fact for fact in left if fact.what != "name")
         lost = {(change.item, change.what) for change, _ in unwritten}
         deaf = [f.what for f in left if f.what in OPTIONAL and (f.partner or f.part, f.what) not in lost]
@@ -116,11 +118,6 @@ def _compare_back(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation
         return compare_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
     return compare_readings(b.posed, a.posed, Names(pair.back, bodies, {}))
-
-
-def _names(pair: Pair, again: Reading) -> Names:
-    joints = {name: partner.name for name, partner in pair.joints.items() if partner.name in again.joints}
-    return Names(joints, _bodies(pair), {})
 
 
 def _bodies(pair: Pair) -> dict[str, str]:

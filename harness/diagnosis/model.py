@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -177,7 +176,7 @@ def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path |
         return model
     reading = with_loops(model.reading, loops)
     as_read = model.reading if _joints(reading) != _joints(model.reading) else None
-    return replace(model, as_read=as_read, loops=loops, reading=reading, loops_sha256=_digest(read_file(loops)))
+    return replace(model, as_read=as_read, loops=loops, reading=reading, loops_sha256=digest(loops))
 
 
 def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
@@ -226,10 +225,6 @@ def _is_description(text: str, library: str) -> bool:
 def _is_urdf(given: str | Path | Weighed) -> bool:
     text, library = _split_library(given)
     return not _is_description(text, library) and form_of(Path(text)) == "urdf"
-
-
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _load_description(name: str) -> Model:

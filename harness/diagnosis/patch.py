@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import ModuleType
 
@@ -14,7 +14,7 @@ from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
 from screwgauge.models.matter import Matter, displace, divide, is_same, plainest, remainder, spread
 from screwgauge.models.poses import matrix, relative, shortest_step
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
 
 #: Tag of the outermost element -> module that writes such a file.
@@ -284,15 +284,10 @@ def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
         if closure.first_frame is not old.first_frame or closure.second_frame is not old.second_frame:
             placed = {link.element: frame for link, frame in zip(file.links, frames, strict=True)}
             file.writer.close(file.xml, name, ends, placed)
-    old_soft, new_soft = ({n: c.softness for n, c in _constraints(r)} for r in (file.reading, target))
-    for name, softness in new_soft.items():
-        if softness != old_soft[name]:
-            file.writer.soften(file.xml, name, softness)
-
-
-def _constraints(reading: Reading) -> Iterator[tuple[str, ClosureReading | CouplingReading]]:
-    yield from reading.closures.items()
-    yield from reading.couplings.items()
+    for new, old in ((target.closures, file.reading.closures), (target.couplings, file.reading.couplings)):
+        for name, each in new.items():
+            if each.softness != old[name].softness:
+                file.writer.soften(file.xml, name, each.softness)
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:

@@ -124,7 +124,7 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
         else:
             yield f"Together they change {forces} {much}; {percent(most.share)} of that by {name} alone."
     yield from _outside(causes)
-    plain = [each for each in causes if not _is_left_out(each)]
+    plain = [each for each in causes if not all(map(_is_outside, each.facts))]
     unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
         counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
@@ -170,10 +170,6 @@ def _is_outside(fact: Fact) -> bool:
 def _of_loops(fact: Fact) -> bool:
     """True if a fact concerns the closing of loops; an end may also belong to a joint."""
     return fact.what in _LOOPS or (fact.what == "end" and all(change.what in CLOSING for change in fact.changes))
-
-
-def _is_left_out(cause: Cause) -> bool:
-    return all(map(_is_outside, cause.facts))
 
 
 def _proof(found: Findings) -> Iterator[str]:

@@ -235,12 +235,8 @@ def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed:
     there = {other: name for name, other in joints.items()}
     first = tuple(name for name in a.joints if name in joints)
     second = tuple(there[other] for other in b.joints if other in there)
-    k, own = _first_difference(first, second), [joints[name] for name in second]
-    phrases = (
-        f"{models[0].library} indexes the joints of A as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
-        f"{models[1].library} those of B as {first_few(own[k:], _NAMED)}",
-    )
-    return _order(a, (first, second), phrases, seed)
+    phrases = f"{models[0].library} indexes the joints of A", f"{models[1].library} those of B"
+    return _order(a, (first, second), [joints[name] for name in second], phrases, seed)
 
 
 def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
@@ -256,31 +252,23 @@ def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tu
     source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)
-    k = _first_difference(first, second)
-    phrases = (
-        f"pinocchio indexes the joints of a URDF of it as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
-        f"mujoco those of the file as {first_few(second[k:], _NAMED)}",
-    )
-    order = _order(reading, (first, second), phrases, 0)
+    phrases = "pinocchio indexes the joints of a URDF of it", "mujoco those of the file"
+    order = _order(reading, (first, second), second, phrases, 0)
     return () if order is None else (order.sentence,)
 
 
-def _first_difference(first: Sequence[str], second: Sequence[str]) -> int:
-    """Return the first index at which two orders differ; 0 where they agree."""
-    return next((k for k, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1]), 0)
-
-
-def _from_joint(k: int) -> str:
-    return f" (from joint {k + 1} on)" if k else ""
-
-
 def _order(
-    reading: Reading, orders: tuple[tuple[str, ...], tuple[str, ...]], phrases: tuple[str, str], seed: int
+    reading: Reading,
+    orders: tuple[tuple[str, ...], tuple[str, ...]],
+    names: Sequence[str],
+    phrases: tuple[str, str],
+    seed: int,
 ) -> Order | None:
     """Compare two orders of joints of a reading by the torques of its dynamics at the same random states.
 
     Args:
-        phrases: Library and order, in words.
+        names: Joints in the second order by their own names.
+        phrases: Library and joints of either order, in words.
     """
     first, second = orders
     if first == second:
@@ -299,6 +287,11 @@ def _order(
     cost = f"torques differ by {off[k]:.3g} {unit} ({one} beside {other}), the largest being {largest:.3g} {unit}"
     permutation = tuple(theirs if ours == sorted(ours) else map(ours.index, theirs))
     paste = f", or by q_b = q_a[{[*permutation]}]" if len(permutation) <= PASTED else ""
-    sentence = f"Joints have another order: {phrases[0]}, {phrases[1]}"
+    start = next(i for i, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1])
+    told = [
+        f"{whose} as {first_few(each[start:], _NAMED)}" for whose, each in zip(phrases, (first, names), strict=True)
+    ]
+    told[0] += f" (from joint {start + 1} on)" * bool(start)
+    sentence = f"Joints have another order: {', '.join(told)}"
     sentence += f"; compared by index, {cost}: compare them by name{paste}."
     return Order(first, second, sentence, float(off[k]), unit, largest, (one, other), permutation)

@@ -112,14 +112,6 @@ def _absence(fact: Fact) -> Hashable:
     return (fact.what, fact.side) if fact.what in ("branch", "fixed", "link") else None
 
 
-def _content(fact: Fact) -> Hashable:
-    return fact.what if fact.what in kinds() else None
-
-
-def _name(fact: Fact) -> Hashable:
-    return fact.what if fact.what == "name" else None
-
-
 def _part(fact: Fact) -> Hashable:
     """Key of one part: mass properties of a body, place of a joint, coordinate of a joint, or a single property."""
     if fact.kind == "convention" and fact.what in ("zero", "limits", "rest"):
@@ -132,13 +124,13 @@ def _part(fact: Fact) -> Hashable:
 
 
 _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
-    (_content, SEVERAL),
+    (lambda fact: fact.what if fact.what in kinds() else None, SEVERAL),
     (_weight, SEVERAL),
     (_factor, SEVERAL),
     (_value, SEVERAL),
     (_lack, SEVERAL),
     (_absence, SEVERAL),
-    (_name, 2),
+    (lambda fact: fact.what if fact.what == "name" else None, 2),
     (_part, 1),
 )
 

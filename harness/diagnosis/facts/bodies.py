@@ -44,16 +44,13 @@ def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
     most = max(float(np.abs(ours.inertia).max()), float(np.abs(theirs.inertia).max()))
     # a tensor about another centre is only as exact as that centre
     floor = TOLERANCE * max(ours.mass, theirs.mass) * length**2
+    away = float(np.linalg.norm(ours.com - theirs.com)) / length
     off = float(np.abs(ours.inertia - theirs.inertia).max())
     return {
         "mass": difference(ours.mass, theirs.mass, NO_MASS),
-        "com": _without_rounding(float(np.linalg.norm(ours.com - theirs.com)) / length) if solid else 0.0,
+        "com": away if solid and away > TOLERANCE else 0.0,
         "inertia": off / most if most and off > max(10.0 * TOLERANCE * most, 1e-3 * floor) else 0.0,
     }
-
-
-def _without_rounding(size: float) -> float:
-    return size if size > TOLERANCE else 0.0
 
 
 def _changes(machine: Machine, name: str, whole: Matter) -> dict[str, Change]:

@@ -193,16 +193,13 @@ def numbers_in(text: str) -> list[float]:
 def _counts(text: str) -> Counter[int]:
     """Count numbers by their digits, without those in comments."""
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
-    return Counter(_significant(match.group(0)) for value in _values(text) for match in _NUMBER.finditer(value))
+    found = (match[0] for value in _values(text) for match in _NUMBER.finditer(value))
+    return Counter(len(re.sub(r"[eE].*|[-+.]", "", number).lstrip("0")) for number in found)
 
 
 def _values(text: str) -> list[str]:
     """Return the values of all attributes, and the texts of elements, which hold the numbers of an SDF."""
     return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
-
-
-def _significant(number: str) -> int:
-    return len(re.sub(r"[eE].*|[-+.]", "", number).lstrip("0"))
 
 
 def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, int] = (0, 0)) -> list[Fact]:

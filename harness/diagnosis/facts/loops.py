@@ -224,13 +224,10 @@ def softness_facts(pair: Pair) -> Iterator[Fact]:
                 np.array(getattr(machine.reading, room)[each].softness)
                 for machine, each in ((pair.a, name), (pair.b, other))
             )
-            if a.size == b.size and a.size and (size := _largest(a, b)):
+            size = max(map(difference, a, b), default=0.0)
+            if a.size == b.size and size:
                 change = Change(name, "softness", b)
                 yield Fact(name, "softness", a, b, "", size, changes=(change,), partner=other)
-
-
-def _largest(a: Array, b: Array) -> float:
-    return max(difference(float(x), float(y)) for x, y in zip(a, b, strict=True))
 
 
 def _closure_partners(pair: Pair) -> dict[str, str]:
