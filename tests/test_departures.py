@@ -12,9 +12,10 @@ import pytest
 import screwgauge
 from screwgauge.models.content import FORMATS, extras
 from screwgauge.study.mismatches import departures, left_out_of_file
-from support.claims import table
+from support.claims import filled, table
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
+from support.facts import replaced
 from support.judging import reference_values
 from support.mechanism import DATA, load_mechanism, mechanism_names, mechanism_path
 from support.models import CUTS, model_texts, stem
@@ -23,15 +24,6 @@ from support.report import conclusion, phrase, report, summary, verdict
 
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
 WRITTEN = {ending: FORMATS[ending] for ending in (".urdf", ".xml")}
-#: What the table below calls what becomes of an edit -> how the sentence begins.
-FATE = {
-    "ignored": "ignored by {engine} in own.{kind}: ",
-    "applied": "applied by {engine} in own.{kind}, beyond the description: ",
-    "unknown": "not known whether applied by {engine} in own.{kind}: ",
-    "other": "own.{kind}, other than described: ",
-    "unread": "ignored by {engine} in own.{kind}, other than described: ",
-}
-
 TABLE = table("departures")
 EDITS = [
     pytest.param(engine, kind, *edit, id=f"{engine}: {name}")
@@ -39,8 +31,8 @@ EDITS = [
     for kind in (suffix, "loops.toml")
     for name, edit in TABLE[kind].items()
 ]
-_AXIS, _END = (TABLE["urdf"][name][0] for name in ("damping", "gear"))
-_B, _MOTOR, FLAGS = (TABLE["xml"][name][0] for name in ("armature", "gear", "friction switched off"))
+_AXIS = TABLE["urdf"]["damping"][0]
+_B, FLAGS = (TABLE["xml"][name][0] for name in ("armature", "friction switched off"))
 TENDON = TABLE["xml"]["tendon"][1]
 POINTS = "child_points = [[0.6, 0, 0.3], [0.6, 0, -0.3]]", "child_points = [[0.601, 0, 0.3], [0.601, 0, -0.3]]"
 
@@ -92,7 +84,7 @@ def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
         return
     fate, _, what = becomes.partition(": ")
     fate = {"pinocchio": "other", "mujoco": "unread"}[engine] if fate == "loop" else fate
-    begin = re.escape(FATE[fate].format(engine=engine, kind=kind))
+    begin = re.escape(TABLE["fates"][fate].format(engine=engine, kind=kind))
     assert any(re.match(rf"{begin}(.*, )?{re.escape(what)}(,| and|$)", sentence) for sentence in said), said
 
 
@@ -165,52 +157,17 @@ def test_the_table_knows_all_that_mujoco_reads(scene, tmp_path):
     assert [extra for extra in found if extra.kind == "unknown"] == []
 
 
-def test_of_an_engine_of_another_package_it_is_not_known(own, scene, monkeypatch):
+@pytest.mark.parametrize("row", TABLE["told"])
+def test_departures_are_told_in_one_sentence(row, scene, texts, write, monkeypatch):
     entry = EntryPoint("other", "elsewhere:ENGINE", registry.GROUP)
     monkeypatch.setattr(registry, "further_entries", lambda: {"other": entry})
     monkeypatch.setattr(registry, "_load_description", lambda entry: replace(ENGINES["mujoco"], name="other"))
-    files = own("mujoco", "xml", _B, '& damping="1" actuatorfrcrange="-1 1"')
-    what = "not known whether applied by other in own.xml: damping of joint b, actuatorfrcrange of joint b"
-    assert departures(scene, "other", files) == (what,)
-
-
-def test_a_description_of_ones_own_is_compared_with_that_of_the_scene(scene, write):
-    same = (DATA / "four-bar.toml").read_text(encoding="utf-8").replace('"four-bar"', '"own"')
-    assert departures(scene, "screw", ModelFiles(write("own.toml", same))) == ()
-    other = ModelFiles(write("own.toml", same.replace("xx = 1e-3", "xx = 2e-3")))
-    assert departures(scene, "screw", other) == ("own.toml, other than described: inertia tensor of coupler",)
-
-
-@pytest.mark.parametrize("engine", SUFFIX)
-def test_an_edit_of_the_full_cut_is_named(engine, scene, texts, write):
-    suffix = SUFFIX[engine]
-    old, new = {"urdf": (_AXIS, f'{_AXIS}<mimic joint="b"/>'), "xml": (_MOTOR, f'{_MOTOR} ctrlrange="0 1"')}[suffix]
-    model = write(f"own.{suffix}", texts[f"four-bar-full.{suffix}"].replace(old, new, 1))
-    loops = write("own.loops.toml", texts["four-bar-full.loops.toml"])
-    (said,) = departures(scene, f"{engine}-full", ModelFiles(model, loops))
-    assert said in (
-        "ignored by pinocchio-full in own.urdf: mimic of joint a",
-        "ignored by mujoco-full in own.xml: ctrlrange of motor a",
-    )
-
-
-def test_long_names_are_cut(own, scene):
-    files = own("pinocchio", "urdf", _END, f'<transmission name="{"x" * 10_000}"/>&')
-    (said,) = departures(scene, "pinocchio", files)
-    assert said == f"ignored by pinocchio in own.urdf: transmission {'x' * 64}..."
-
-
-def test_many_of_a_kind_are_counted(own, scene, texts):
-    files = own("pinocchio", "urdf", "", "")
-    text = texts["four-bar.urdf"].replace('effort="1000000000" velocity="1000000000"', 'effort="5" velocity="1"')
-    more = "".join(f'<transmission name="{name}"/>' for name in "tu")
-    text = text.replace(_END, f"{more}{_END}")
-    files.model.write_text(text, encoding="utf-8")
-    (said,) = departures(scene, "pinocchio", files)
-    assert said == (
-        "ignored by pinocchio in own.urdf: limit effort of joint a and 2 more, limit velocity of joint a and 2 more, "
-        "transmission t and 1 more"
-    )
+    cut = "-full" * row["engine"].endswith("-full")
+    own = (DATA / "four-bar.toml").read_text(encoding="utf-8") if row["kind"] == "toml" else ""
+    text = filled(replaced(own or texts[f"four-bar{cut}.{row['kind']}"], row["edits"]), {})
+    model = write(f"own.{row['kind']}", text)
+    files = ModelFiles(model) if own else ModelFiles(model, write("own.loops.toml", texts[f"four-bar{cut}.loops.toml"]))
+    assert departures(scene, row["engine"], files) == tuple(filled(each, {}) for each in row["said"])
 
 
 def test_a_reference_goes_by_the_description_whatever_the_solver_reads(scene, write):

@@ -1,5 +1,3 @@
-"""``screwgauge diagnose``: exit status, report, JSON, patched model, bad input."""
-
 from __future__ import annotations
 
 import json

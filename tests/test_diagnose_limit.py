@@ -1,5 +1,3 @@
-"""A diagnosis that meets its time limit reports what is there, and names what is not."""
-
 from __future__ import annotations
 
 import json

@@ -1,5 +1,3 @@
-"""Two files of a mechanism, cut in different ways, move alike and need the same torques along admissible motions."""
-
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Two machines that share some joints by name are compared where they fit, and what does not fit is named."""
-
 from __future__ import annotations
 
 import numpy as np

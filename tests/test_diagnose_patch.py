@@ -1,5 +1,3 @@
-"""Changes are written into the text of a URDF or MJCF, and nothing else in it; what cannot be written is said."""
-
 from __future__ import annotations
 
 import difflib

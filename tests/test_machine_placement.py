@@ -1,5 +1,3 @@
-"""Two models of one machine in different poses: equal coordinates lay each body onto its partner, joint by joint."""
-
 from __future__ import annotations
 
 import pytest

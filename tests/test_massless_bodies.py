@@ -7,6 +7,7 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
+from support.claims import table
 from support.errors import DescriptionError, SingularPoseError
 from support.judging import agreed
 from support.mechanism import load_mechanism
@@ -15,121 +16,10 @@ from support.planar import Bar, four_bar
 from support.tolerances import LINEAR, STEPPED
 
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+TABLE = table("massless")
+CROSS, UNIVERSAL, FOUR_BAR, PLATFORM, GEARED = TABLE["models"].values()
+CROSSED, CRANKED, POSED, FALLING = TABLE["motions"].values()
 BOB = "mass = 1.3\ncom = [0.02, 0.01, -0.3]\ninertia = { xx = 2e-2, yy = 1.5e-2, zz = 1e-2, xy = 1e-3 }\n"
-
-CROSS = """
-name = "cross"
-independent = { a = "a", b = "b" }
-[bodies.cross]
-mass = 0
-[bodies.bob]
-BOB
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "cross"
-axes = [[1, 0, 0]]
-parent_frame.position = [0, 0, 0.4]
-actuated = true
-[joints.b]
-kind = "R"
-parent = "cross"
-child = "bob"
-axes = [[0, 1, 0]]
-child_frame.position = [0, 0, 0.1]
-actuated = true
-""".replace("BOB\n", BOB)
-
-#: The same as one joint, which no actuator drives.
-UNIVERSAL = """
-name = "universal"
-independent = { a = "u.q1", b = "u.q2" }
-[bodies.bob]
-BOB
-[joints.u]
-kind = "U"
-parent = "ground"
-child = "bob"
-axes = [[1, 0, 0], [0, 1, 0]]
-parent_frame.position = [0, 0, 0.4]
-child_frame.position = [0, 0, 0.1]
-""".replace("BOB\n", BOB)
-
-FOUR_BAR = """
-name = "four-bar"
-independent = { crank = "a" }
-[bodies]
-crank = { mass = 0.5, com = [0, 0, 0.1], inertia = { xx = 2e-3, yy = 2e-3, zz = 1e-4 } }
-coupler = { mass = 0 }
-rocker = { mass = 0.9, com = [0.05, 0, 0.2], inertia = { xx = 1.3e-2, yy = 1.3e-2, zz = 1e-3 } }
-[joints]
-a = { kind = "R", parent = "ground", child = "crank", axes = [[0, 1, 0]], actuated = true }
-b = { kind = "R", parent = "crank", child = "coupler", axes = [[0, 1, 0]], parent_frame.position = [0, 0, 0.2] }
-c = { kind = "R", parent = "ground", child = "rocker", axes = [[0, 1, 0]], parent_frame.position = [0.4, 0, 0] }
-[joints.d]
-kind = "R"
-parent = "coupler"
-child = "rocker"
-axes = [[0, 1, 0]]
-parent_frame.position = [0.5, 0, 0.2]
-child_frame.position = [0.1, 0, 0.4]
-"""
-
-
-_LEG = """
-[bodies."leg{k}.low"]
-mass = 0.3
-com = [0, 0, 0.2]
-inertia = {{ xx = 1e-3, yy = 1e-3, zz = 1e-4 }}
-[bodies."leg{k}.high"]
-mass = 0.2
-com = [0, 0, -0.2]
-inertia = {{ xx = 1e-3, yy = 1e-3, zz = 1e-4 }}
-[joints."leg{k}.foot"]
-kind = "R"
-parent = "ground"
-child = "leg{k}.low"
-axes = [[0, 1, 0]]
-parent_frame.position = [{foot}, 0, 0]
-home = ["atan({head} - ({foot}))"]
-[joints."leg{k}.slide"]
-kind = "P"
-parent = "leg{k}.low"
-child = "leg{k}.high"
-axes = [[0, 0, 1]]
-home = ["sqrt(1 + ({head} - ({foot}))**2)"]
-actuated = true
-[joints."leg{k}.head"]
-kind = "R"
-parent = "leg{k}.high"
-child = "top"
-axes = [[0, 1, 0]]
-child_frame.position = [{head}, 0, 0]
-home = ["-atan({head} - ({foot}))"]
-"""
-#: A platform on three legs in a plane, its pose being the coordinates of a chain of massless carriers.
-PLATFORM = """
-name = "platform"
-independent = { x = "carried.x", z = "carried.z", turn = "carried.turn" }
-[bodies]
-slide = { mass = 0 }
-carrier = { mass = 0, inertia = {} }
-top = { mass = 2, com = [0.02, 0, 0.03], inertia = { xx = 2e-2, yy = 3e-2, zz = 2e-2 } }
-[joints]
-"carried.x" = { kind = "P", parent = "ground", child = "slide", axes = [[1, 0, 0]] }
-"carried.z" = { kind = "P", parent = "slide", child = "carrier", axes = [[0, 0, 1]], home = [1] }
-"carried.turn" = { kind = "R", parent = "carrier", child = "top", axes = [[0, 1, 0]] }
-""" + "".join(
-    _LEG.format(k=k, foot=foot, head=head) for k, (foot, head) in enumerate(((-0.6, -0.2), (-0.1, 0.3), (0.6, 0.2)), 1)
-)
-
-#: Motions of those mechanisms.
-CROSSED = "motion.a.polynomial = [0.1, 1, 2]\nmotion.b.harmonics = [[5, 0.3, 0.2]]"
-CRANKED = "motion.crank.polynomial = [0.1, 4, 3]"
-POSED = (
-    "motion.x.harmonics = [[4, 0, 0.2]]\nmotion.z.polynomial = [1, 0.1, -0.2]\nmotion.turn.polynomial = [0, 0.3, 0.2]"
-)
-FALLING = "[forward]\nstart = { a = 0.3, b = 0.4 }\nrates = { a = 1, b = -2 }"
 
 
 @pytest.fixture
@@ -241,35 +131,6 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
 def test_what_a_massless_body_cannot_have_is_refused(old, new, said, write):
     with pytest.raises(DescriptionError, match=re.escape(said)):
         load_mechanism(write("m.toml", CROSS.replace(old, new)))
-
-
-#: A wheel that is a point mass at its own hinge, and turns as the arm does by a gear.
-GEARED = """
-name = "geared"
-independent.arm = "arm"
-[bodies.arm]
-mass = 1
-com = [0.5, 0, 0]
-inertia = { xx = 0.01, yy = 0.1, zz = 0.1 }
-[bodies.wheel]
-mass = 2
-inertia = { xx = 0, yy = 0, zz = 0 }
-[joints.arm]
-kind = "R"
-parent = "ground"
-child = "arm"
-axes = [[0, 1, 0]]
-[joints.spin]
-kind = "R"
-parent = "arm"
-child = "wheel"
-axes = [[0, 1, 0]]
-parent_frame.position = [1, 0, 0]
-[couplings.gear]
-coordinate = "spin"
-of = "arm"
-polynomial = [0, -3]
-"""
 
 
 def point_mass_coupler() -> str:
