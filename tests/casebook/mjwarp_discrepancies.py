@@ -1,5 +1,3 @@
-"""Discrepancies of MuJoCo Warp from MuJoCo."""
-
 from __future__ import annotations
 
 import mujoco_warp

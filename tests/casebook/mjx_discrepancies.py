@@ -1,5 +1,3 @@
-"""Discrepancies of MJX, MuJoCo in JAX, from MuJoCo."""
-
 from __future__ import annotations
 
 import math

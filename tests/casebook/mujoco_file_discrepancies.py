@@ -1,5 +1,3 @@
-"""What MuJoCo's readers and writer make of a file."""
-
 from __future__ import annotations
 
 import math

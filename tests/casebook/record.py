@@ -1,4 +1,4 @@
-"""What reproductions show with some versions of the engines, as ``shown.toml`` of the package keeps it."""
+"""Measures with which versions of the engines cases are shown, for ``shown.toml`` of the package."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh
 
 
 def grown(case: Case, versions: Mapping[str, str], found: Found) -> Case:
-    """The case with what was found with further versions, engine -> version."""
+    """Add the findings of further versions to a case."""
     status, numbers = found
     pair = tuple(versions[engine] for engine in case.engines)
     shown, not_shown = {*case.shown} - {pair}, {*case.not_shown} - {pair}

@@ -24,7 +24,7 @@ Status = Literal["shown", "not shown", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """How a case is shown.
+    """The way to show a case.
 
     Attributes:
         run: Function that returns `Evidence`, as module:name; empty where the case cannot be shown.
@@ -43,7 +43,7 @@ class Reproduction:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a reproduction measured with the engines of this Python.
+    """The measurements of a reproduction, with the engines of this Python.
 
     Attributes:
         evidence: None where it failed, and `failure` says why.
@@ -96,7 +96,7 @@ RUN = [name for name, how in REPRODUCTIONS.items() if how.run]
 
 
 def reproduce(case: Case, how: Reproduction) -> Result:
-    """Shows a case; what the engines raise is its failure."""
+    """Show a case, or catch the errors of its engines."""
     module, name = how.run.split(":")
     try:
         run = getattr(import_module(f"casebook.{module}"), name)

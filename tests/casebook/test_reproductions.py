@@ -1,5 +1,3 @@
-"""Every reproduction shows what its sentence says, its remedy works, and the package's record is what is measured."""
-
 from __future__ import annotations
 
 import string

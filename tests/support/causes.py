@@ -1,4 +1,4 @@
-"""What puts a model file right."""
+"""Corrections of model files."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> P
         side, link = found
         lost.append(_lost_link(side, "fixed", link, (link.far,)))
         a, b = (fuse(pair.a, link), pair.b) if side == "A" else (pair.a, fuse(pair.b, link))
-        pair = Pair(a, b, pair.alignment.fused(link, side))
+        pair = Pair(a, b, pair.alignment.fuse(link, side))
     return replace(pair, lost=tuple(lost))
 
 

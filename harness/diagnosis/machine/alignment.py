@@ -151,10 +151,10 @@ class Alignment:
         links = tuple((other, one) for one, other in self.links)
         return Alignment(bodies, placed_, links, self.only_b, self.only_a)
 
-    def fused(self, gone: Link, side: str) -> Alignment:
+    def fuse(self, gone: Link, side: str) -> Alignment:
         """Return the alignment with a body without a partner fused into its neighbour."""
         if side == "B":
-            return self.inverse.fused(gone, "A").inverse
+            return self.inverse.fuse(gone, "A").inverse
         links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
         only = (one.renamed(gone.far, gone.near) for one in self.only_a)
         return replace(self, links=links, only_a=tuple(one for one in only if one.near != one.far))
@@ -293,7 +293,7 @@ class _Walk:
         a, b, T = self.a, self.b, self.placed[one.near]
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):
-            cost += min(1.0, 10.0 * float(np.linalg.norm(gap(mine, yours.placed(T), a.length))))
+            cost += min(1.0, 10.0 * float(np.linalg.norm(gap(mine, yours.move(T), a.length))))
         cost += UNLIKE * (_roles(a.reading, one) != _roles(b.reading, other))
         first, second = a.bodies[one.far], b.bodies[other.far]
         cost += min(1.0, abs(math.log((first.matter.mass + 1e-9) / (second.matter.mass + 1e-9))))

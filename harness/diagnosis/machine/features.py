@@ -25,8 +25,8 @@ class Feature:
     point: Array
     direction: Array
 
-    def placed(self, T: Array) -> Feature:
-        """The feature in another world. T: shape (4, 4)."""
+    def move(self, T: Array) -> Feature:
+        """Move the feature to another world. T: shape (4, 4)."""
         return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
 
 
@@ -35,7 +35,7 @@ def features(link: Link, body: str) -> list[Feature]:
     if link.kind == "F":
         return []
     if body != link.near and link.step is not None:
-        return [each.placed(link.step) for each in features(replace(link, step=None), body)]
+        return [each.move(link.step) for each in features(replace(link, step=None), body)]
     if link.kind == "S" and link.centre is not None:
         return [Feature("S", link.centre, np.zeros(3))]
     return [feature(link.elements[0 if body == link.near else -1])]
@@ -68,8 +68,8 @@ class Shape:
         self.ways = np.array([each.direction for each in some]).reshape(-1, 3)
         self.matter = machine.bodies[body].matter
 
-    def placed(self, T: Array) -> Shape:
-        """The shape in another world. T: shape (4, 4)."""
+    def move(self, T: Array) -> Shape:
+        """Move the shape to another world. T: shape (4, 4)."""
         other = copy(self)
         other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
         other.matter = displace(self.matter, T)

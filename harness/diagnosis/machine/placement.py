@@ -101,7 +101,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     if same and len(one.elements) == len(other.elements):
         yield coordinate_placement(a, b, links, near)
     yield near
-    mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
+    mine, yours = features(one, one.near), [each.move(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
         yield lay(mine[0], yours[0]) @ near
     first, second = a.bodies[one.far], b.bodies[other.far]
@@ -209,7 +209,7 @@ def _are_parallel(ways: Array, axis: Array) -> bool:
 def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
     """Yield turns about a hinge that bring a feature, the centre of mass or the inertia onto its partner."""
     axis, centre = hinge.direction, hinge.centre
-    ours, theirs = overlay.ours, overlay.theirs.placed(near)
+    ours, theirs = overlay.ours, overlay.theirs.move(near)
     places = product(ours.places(), theirs.places())
     pairs = [
         (x - centre, y - centre, False) for (k, x, way), (m, y, _) in places if k == m and _are_parallel(way, axis)
@@ -230,7 +230,7 @@ def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
 def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
     """Return shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
     shifted = [near]
-    for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
+    for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.move(near).places()):
         if kind == other:
             across = np.eye(3) - np.outer(way, way)
             shifted.append(matrix(np.linalg.pinv(across @ ways.T) @ across @ (x - y) @ ways, np.eye(3)) @ near)
@@ -276,7 +276,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
         T: Placement of B's world in A's. Shape (4, 4).
     """
     ours, theirs = (features(link, link.near) for link in links)
-    gaps = (np.linalg.norm(gap(x, y.placed(T), a.length)) for x, y in zip(ours, theirs, strict=False))
+    gaps = (np.linalg.norm(gap(x, y.move(T), a.length)) for x, y in zip(ours, theirs, strict=False))
     return float(max(gaps, default=0.0))
 
 
