@@ -284,10 +284,13 @@ def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
         if closure.first_frame is not old.first_frame or closure.second_frame is not old.second_frame:
             placed = {link.element: frame for link, frame in zip(file.links, frames, strict=True)}
             file.writer.close(file.xml, name, ends, placed)
-    for new, old in ((target.closures, file.reading.closures), (target.couplings, file.reading.couplings)):
-        for name, each in new.items():
-            if each.softness != old[name].softness:
-                file.writer.soften(file.xml, name, each.softness)
+    before, after = (
+        {**{n: c.softness for n, c in r.closures.items()}, **{n: c.softness for n, c in r.couplings.items()}}
+        for r in (file.reading, target)
+    )
+    for name, softness in after.items():
+        if softness != before[name]:
+            file.writer.soften(file.xml, name, softness)
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
