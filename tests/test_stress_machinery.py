@@ -146,6 +146,23 @@ def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
     assert (row["verdict"], row["reason"]) == (REFUSED, "ValueError: the third rung breaks")
 
 
+def test_interrupted_stress_goes_on_where_it_stopped(tmp_path, monkeypatch, cache_folder) -> None:
+    climbed, climb = list[float](), study.climb
+
+    def counted(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
+        climbed.append(severity)
+        if len(climbed) == 3:
+            raise KeyboardInterrupt
+        return climb(case, severity, quick=quick)
+
+    monkeypatch.setattr(study, "climb", counted)
+    with pytest.raises(KeyboardInterrupt):
+        stress(["toy"], place=tmp_path)
+    again = stress(["toy"], place=tmp_path).table
+    assert climbed == [*RUNGS[:3], *RUNGS[2:]]
+    pd.testing.assert_frame_equal(again, stress(["toy"]).table)
+
+
 @pytest.mark.slow
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0

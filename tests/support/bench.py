@@ -18,7 +18,6 @@ from screwgauge.study.bench.tables import (
     OK,
     RULES,
     BenchRow,
-    Rule,
     absolute_table,
     bench_table,
     reach,

@@ -314,11 +314,11 @@ def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
     def panel(fit: SlopeFit) -> Spec:
         x, error, line = fit.x[fit.used], fit.error[fit.used], list[Spec]()
         if len(x):
-            level = np.mean(np.log10(error) - fit.rule.expected * np.log10(x))
-            line = [{"x": end, "y": 10**level * end**fit.rule.expected} for end in (x.min() / 1.5, x.max() * 1.5)]
+            level = np.mean(np.log10(error) - fit.expected * np.log10(x))
+            line = [{"x": end, "y": 10**level * end**fit.expected} for end in (x.min() / 1.5, x.max() * 1.5)]
         points = [{"x": a, "y": b, "used": used} for a, b, used in zip(fit.x, fit.error, fit.used, strict=True)]
-        slope = f"{WORDS[fit.rule.quantity]}: slope {fit.slope:.3f}, expected {fit.rule.expected:g}"
-        head, colour = [fit.rule.line, slope], camp(fit.rule.line)
+        slope = f"{WORDS[fit.quantity]}: slope {fit.slope:.3f}, expected {fit.expected:g}"
+        head, colour = [fit.line, slope], camp(fit.line)
         scales = chart.logarithm("x", fit.x) | chart.logarithm("y", fit.error)
         return chart.filled("slope", head=head, name=fit.name, line=line, points=points, colour=colour, **scales)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -26,7 +26,7 @@ from screwgauge.study.bench.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import Method, missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
-from screwgauge.study.store import Journal
+from screwgauge.study.store import Journal, from_record, is_record
 
 Ask = Callable[[float, bool, Path], Iterable[Question]]
 """(severity, quick, folder for model files) -> the questions of a rung. A function of a module, which pickles."""
@@ -177,13 +177,6 @@ class Stress:
         return frame(self.rows, COLUMNS)
 
 
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """Findings of a rung, as a journal keeps them."""
-
-    rows: Sequence[Finding]
-
-
 def stress(
     cases: Iterable[str] | None = None,
     *,
@@ -208,24 +201,25 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
-    kept = Journal(place, address("stress", quick))
+    kept, form = Journal(place, address("stress", quick)), Sequence[Finding]
+    before = {key: each["rows"] for key, each in kept.results.items() if is_record(each.get("rows"), form)}
     rungs = run_tasks(
         [Task(f"{case.name} {severity:g}", partial(_climb_rung, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
-        lost=lambda name, reason: Rung([Finding("", a=ALL, reason=reason)]),
-        before=kept.rows(Rung),
-        keep=kept.keep,
+        lost=lambda name, reason: [Finding("", a=ALL, reason=reason)],
+        before={key: from_record(rows, form) for key, rows in before.items()},
+        keep=lambda key, rows: kept.keep(key, {"rows": [asdict(row) for row in rows]}),
         progress=progress,
     )
     climbed = zip(ladders, rungs, strict=True)
-    rows = [replace(row, case=case.name, severity=at) for (case, at), rung in climbed for row in rung.rows]
+    rows = [replace(row, case=case.name, severity=at) for (case, at), rung in climbed for row in rung]
     kept.remove()
     return Stress(chosen, rows, environment(), provenance(None, {}))
 
 
-def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
+def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> list[Finding]:
     """Climb a rung as the work of a task."""
-    return Rung(climb(case, severity, quick=quick))
+    return climb(case, severity, quick=quick)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -147,10 +148,10 @@ def leaving_out_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 Mask = NDArray[np.bool_]
 
 SLOPE_COLUMNS = {
-    "family": "rule.line",
+    "family": "line",
     "parameter": "name",
-    "quantity": "rule.quantity",
-    "expected": "rule.expected",
+    "quantity": "quantity",
+    "expected": "expected",
     "fitted": "slope",
     "ok": "ok",
 }
@@ -160,31 +161,18 @@ LARGE, SMALL = 0.1, 1e-10
 FLOOR = 30.0  # factor above a floor from which on it does not matter
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """An expected slope.
-
-    Attributes:
-        line: Family with its series, see `Contestant.line`.
-        most: Largest parameter of the window; infinite where the errors decide.
-        by_error: The window is where errors are between floor and saturation; otherwise all of it.
-    """
-
-    line: str
-    quantity: str
-    expected: float
-    most: float = np.inf
-    by_error: bool = True
-
-
-RULES = tuple(Rule(**entry) for entry in TABLE["slopes"])
+#: Rules of the table: `line` (family with its series, see `Contestant.line`), `quantity`, `expected` slope, and what
+#: limits the window of a fit, see `_window`.
+RULES: Sequence[Mapping[str, Any]] = TABLE["slopes"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlopeFit:
     """Fit of a rule to points: parameter `name`, error, and whether it was used. Shape (n,) each."""
 
-    rule: Rule
+    line: str
+    quantity: str
+    expected: float
     name: str
     x: Array
     error: Array
@@ -199,32 +187,41 @@ class SlopeFit:
 
     @property
     def ok(self) -> bool:
-        return bool(abs(self.slope / self.rule.expected - 1.0) <= WITHIN)
+        return bool(abs(self.slope / self.expected - 1.0) <= WITHIN)
 
 
-def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeFit]:
+def fits(rows: Sequence[BenchRow], rules: Sequence[Mapping[str, Any]] = RULES) -> list[SlopeFit]:
     """Fit the rules that have rows, except those that were cut short before they had three points."""
     fitted = []
     for rule in rules:
-        of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
+        line, quantity, window = rule["line"], rule["quantity"], {**rule}
+        del window["line"], window["quantity"]
+        of_rule = [row for row in rows if row.contestant.line == line and row.quantity == quantity]
         varied = [(row.contestant.parameter, row.error) for row in of_rule if row.error > 0]
         points = sorted((*parameter, error) for parameter, error in varied if parameter)
         if points:
             x, error = np.array([point[1:] for point in points]).T
-            fit = SlopeFit(rule, points[0][0], x, error, _window(rule, x, error))
+            used = _window(x, error, **window)
+            fit = SlopeFit(line, quantity, rule["expected"], points[0][0], x, error, used)
             if np.isfinite(fit.slope) or all(row.status != CUT for row in of_rule):
                 fitted.append(fit)
     return fitted
 
 
-def _window(rule: Rule, x: Array, error: Array) -> Mask:
-    if not rule.by_error:
-        return np.asarray(x <= rule.most)
+def _window(x: Array, error: Array, expected: float, most: float = np.inf, by_error: bool = True) -> Mask:
+    """Return the points to fit.
+
+    Args:
+        most: Largest parameter.
+        by_error: Errors are between floor and saturation, too.
+    """
+    if not by_error:
+        return np.asarray(x <= most)
     low = SMALL
-    flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * rule.expected * np.log(x[1] / x[0])
+    flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * expected * np.log(x[1] / x[0])
     if flat:  # the small end follows no power law: there is a floor
         low = max(low, FLOOR * float(error.min()))
-    return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
+    return np.asarray((error <= LARGE) & (error >= low) & (x <= most))
 
 
 def slopes_table(fitted: Sequence[SlopeFit]) -> pd.DataFrame:
