@@ -10,7 +10,7 @@ from support.engines import IN_DOUBLES, ask, model_files
 from support.equations import Dynamics
 from support.errors import DescriptionError, UnknownNameError
 from support.solve import LONG
-from support.tolerances import AGREE, LINEAR
+from support.tolerances import LINEAR
 from support.trees import smallest_model
 
 ASKED = ("axis_moment",)
@@ -114,14 +114,6 @@ def test_a_coordinate_has_its_actuator_spring_damper_and_motor_and_else_nothing(
         assert moment == pytest.approx(expected[name], rel=0.0, abs=LINEAR * np.abs(found.array).max()), name
 
 
-@pytest.mark.parametrize("name", ["ruse", "3ups-upu-s-fast", "3ups-upu-s-eq55", "planetary-gear"])
-def test_all_engines_agree_and_satisfy_the_judge(name):
-    results = screwgauge.run(few(name), IN_DOUBLES, ASKED)
-    assert results.ok, results.pairs.to_string()
-    assert results.judge["max_scaled"].max() < AGREE
-    assert "virtual_work" in {*results.judge["residual"]}
-
-
 def planted(values: np.ndarray) -> np.ndarray:
     wrong = values.copy()
     wrong[:, 1] *= 1.0 + PLANTED
@@ -171,13 +163,6 @@ def test_too_few_actuators_leave_no_moment(write):
     text = 'mechanism = "cart-pole"\nmotion = { cart.offset = 0, angle.offset = 0 }\ntime = { times = [0] }\n'
     with pytest.raises(DescriptionError):
         screwgauge.run(screwgauge.load_scene(write("s.toml", text)), ["screw"], ASKED)
-
-
-def test_the_truth_says_that_it_has_none():
-    pytest.importorskip("flint", reason="python-flint is not installed")
-    results = screwgauge.run(few("five-bar"), ["truth", "screw", "mujoco"], [*ASKED, "joint_position"])
-    assert results.ok
-    assert "axis_moment" in results.solutions["truth"].lacks
 
 
 def test_programs_and_compiled_solvers_give_it():

@@ -101,25 +101,6 @@ def test_joint_coordinates_and_their_derivatives_are_read_from_bodies(scene):
         assert np.abs(found - right).max() < LINEAR * max(np.abs(right).max(), 1.0)
 
 
-@pytest.mark.slow
-@pytest.mark.sampled(3)
-def test_an_engine_of_the_kit_agrees_with_the_solver_in_all_quantities(scene):
-    quantities = [name for name in kit.OF_MOTION if not name.startswith("tree_")]
-    problem = scene.problem(quantities)
-    found = FrozenModel(scene.mechanism, "").solve(problem).values
-    unique = {name: set(found[name].components) for name in found}
-    with further_engines({"frozen": "support.frozen_engine:FROZEN"}):
-        asked = [name for name in scene.quantities if not name.startswith("tree_")]
-        results = screwgauge.run(scene, engines=["screw", "frozen"], quantities=asked)
-    agreed(results)
-    assert results.pairs["max_scaled"].max() < AGREE
-    right = solved(scene, "mass_matrix", "resistance")
-    for name, values in right.items():
-        assert set(values.components) == unique[name]
-        size = max(np.abs(values.array).max(initial=0.0), 1e-9)
-        assert np.abs(found[name].pick(values.components).array - values.array).max(initial=0.0) < 10 * LINEAR * size
-
-
 @pytest.mark.parametrize("name", ["frozen", "exudyn", "drake"])
 @pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
 def test_both_rules_with_loads_springs_and_motors(write, rule, name):

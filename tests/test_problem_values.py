@@ -12,12 +12,6 @@ def change_of_energy(found):
     return np.abs(found.trajectory.energy - found.trajectory.energy[0]).max()
 
 
-def test_pendulum_keeps_nine_digits_for_ten_seconds(answer):
-    found, known = answer("a01-pendulum")
-    assert np.abs(found.observable - known[["x", "y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a01-pendulum"]
-    assert change_of_energy(found) < 1e-9
-
-
 def test_two_four_bars_pass_their_singular_poses(answer):
     """Published solutions drift by 1e-3 to 0.1 J."""
     found, known = answer("a02-fourbar-2")
@@ -28,16 +22,6 @@ def test_two_four_bars_pass_their_singular_poses(answer):
     assert np.ptp(crank) > 4.0 * np.pi
     others = found.trajectory.rates.q[:, 1:3] - crank[:, None]
     assert np.abs(others).max() < 1e-13  # still parallelograms
-
-
-@pytest.mark.parametrize(("rods", "until"), [("thin", 10.0), ("box", 10.0)])
-def test_bricard_moves_with_its_redundant_constraint(answer, rods, until):
-    found, known = answer(f"a04-bricard-{rods}", until, tolerance=1e-10)
-    assert known["t"].iloc[-1] == until
-    assert (
-        np.abs(found.observable - known[["P3.x", "P3.y", "P3.z"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a04-bricard"]
-    )
-    assert change_of_energy(found) < 1e-8
 
 
 @pytest.mark.slow

@@ -380,16 +380,6 @@ def test_a_folder_in_the_way_of_a_file_leaves_the_rest_alone(make: Make, tmp_pat
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.md"]
 
 
-@pytest.mark.slow
-def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_path: Path) -> None:
-    out = make().write(tmp_path / "out")
-    (out / "notes.txt").write_text("mine", encoding="utf-8")
-    figure = Figure("Only one", "joint_position", "rad", (("", ("leg1.*",)),))
-    make(figures=(figure,)).write(out)
-    assert sorted(path.name for path in out.glob("plots/*")) == ["01-only-one.svg", "02-condition.svg", "mechanism.svg"]
-    assert (out / "notes.txt").read_text(encoding="utf-8") == "mine"
-
-
 def test_checking_a_folder_leaves_nothing(tmp_path: Path) -> None:
     writing.check_writable(tmp_path / "a" / "b")
     assert not list(tmp_path.iterdir())

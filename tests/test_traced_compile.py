@@ -79,21 +79,6 @@ def test_singular_samples_are_counted(scene, solver):
     assert solver(y, yd, ydd).by_array == {"badly conditioned": 1}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(100, 2\)"),
-        (lambda y, yd, ydd: (y, yd[:-1], ydd), r"yd: its shape is \(99, 2\)"),
-        (lambda y, yd, ydd: (y, yd, np.where(np.arange(100)[:, None] == 7, np.nan, ydd)), "ydd: row 7 is not finite"),
-        (lambda y, yd, ydd: (y, yd, ydd.astype(np.float32)), "ydd: it is of float32"),
-        (lambda y, yd, ydd: (y.tolist(), yd, ydd), "y: it is of list"),
-    ],
-)
-def test_bad_samples_are_refused(scene, solver, arguments, message):
-    with pytest.raises(screwgauge.ScrewgaugeError, match=message):
-        solver(*arguments(*motion(scene)))
-
-
 @pytest.mark.parametrize("which", ["t", "load"])
 def test_what_is_no_number_is_refused_by_its_row(scene, solver, which):
     y, yd, ydd = motion(scene)
