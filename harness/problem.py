@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -30,6 +30,11 @@ Report = Callable[[str, float], None]
 def spread(n: int, most: int) -> Rows:
     """Rows of `n` samples: at most `most`, evenly spread, both ends among them."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
+
+
+def given_columns(k: int, idle: Collection[int]) -> list[int]:
+    """Numbers of the independent coordinates whose motion is given: those below k that are not idle."""
+    return [i for i in range(k) if i not in idle]
 
 
 def quiet(share: float) -> None:

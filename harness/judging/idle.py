@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.judging import residuals
 from screwgauge.judging.answer import Answer
 from screwgauge.judging.residual import Residuals
-from screwgauge.problem import GivenMotion
+from screwgauge.problem import GivenMotion, given_columns
 from screwgauge.quantities import BODY_MOTION, FORCE, G0, arm
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.grid import GridMotion
@@ -37,7 +37,7 @@ _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
     """Motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
     B = admissible.partial[:, answer.mechanism.actuated_columns]
-    given = [k for k in range(B.shape[2]) if k not in idle]
+    given = given_columns(B.shape[2], idle)
     N = np.zeros((len(B), B.shape[2], len(idle)))
     N[:, [*idle]] = np.eye(len(idle))
     N[:, given] = -np.linalg.pinv(B[..., given], rcond=1e-9) @ B[..., [*idle]]

@@ -12,6 +12,7 @@ from screwgauge.judging.allowance import MOST
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
+from screwgauge.problem import given_columns
 from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, described, pairs
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.resistance import LOSSES, resistances
@@ -209,7 +210,7 @@ def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]
     moved = [v[:, i] + np.cross(w[:, i], arm[..., None], axis=1) for (i, _), arm in zip(spots, arms, strict=True)]
     twists = [x for i in range(len(mechanism.bodies)) for x in (w[:, i], moved[i])]
     rates = np.concatenate([*twists, *moved[len(mechanism.bodies) :]], axis=1)
-    driven = [k for k in range(rates.shape[2]) if k not in idle]
+    driven = given_columns(rates.shape[2], idle)
     B = admissible.partial[:, mechanism.actuated_columns][..., driven]
     right = (rates[..., driven] @ np.linalg.pinv(B)).reshape(len(B), -1)
     (names, units), reported = described(mechanism, points)["jacobian"], answer.values["jacobian"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
+from screwgauge.problem import given_columns
 from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.reference.resistance import REST
 from screwgauge.truth.exact import Vector, cross, difference, dot, drive, normalized, solve, unit_vector
@@ -135,7 +136,7 @@ def idle_accelerations(
     Raises:
         NotCertified: They may have no inertia, or the actuators may not move all others.
     """
-    given, m = [j for j in range(len(Q)) if j not in idle], len(idle)
+    given, m = given_columns(len(Q), idle), len(idle)
     N = arb_mat(len(Q), m, [int(j == i) for j in range(len(Q)) for i in idle])
     driving, freely = columns_of(B, given), columns_of(B, idle)
     try:
@@ -159,7 +160,7 @@ def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]],
         idle: Coordinates that no actuator drives; they rest.
     """
     rows, origin = linkage.mechanism.actuated_columns, [arb(0)] * 3
-    driven = [j for j in range(now.partial.ncols()) if j not in idle]
+    driven = given_columns(now.partial.ncols(), idle)
     B = arb_mat([[now.partial[row, j] for j in driven] for row in rows])
     unit = ([arb(int(i == j)) for i in driven] for j in driven)
     back = arb_mat([min_norm(B, one).entries() for one in unit])

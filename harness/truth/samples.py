@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from screwgauge.problem import GivenMotion, Problem
+from screwgauge.problem import GivenMotion, Problem, given_columns
 from screwgauge.quantities import BODY_MOTION, OF_JOINTS, QUANTITIES
 from screwgauge.reference.applied import Load
 from screwgauge.reference.courses import Course, Samples
@@ -154,7 +154,7 @@ class Sampler:
             check_closed(self.linkage, q, bodies)
 
     def _forces(self, now: State, t: float, idle: Sequence[int]) -> Balls:
-        linkage, given = self.linkage, [j for j in range(now.partial.ncols()) if j not in idle]
+        linkage, given = self.linkage, given_columns(now.partial.ncols(), idle)
         loads = self._loads(now, t)
         with self.clock.stage("forces by virtual power"):
             Q = generalized_force(linkage, now, self.gravity, loads)

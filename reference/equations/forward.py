@@ -45,11 +45,15 @@ class Forward(Dynamics):
         )
 
     @cached_property
+    def _partial_momenta(self) -> tuple[Array, Array]:
+        """Linear and angular momenta of `partial_motion`. Shape (..., k, b - 1, 3)."""
+        v, w = self.partial_motion
+        return self.mechanism.masses[:, None] * v, times(self.mechanism.inertias, w)
+
+    @cached_property
     def inertia_matrix(self) -> Array:
         """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
-        (v, w), mechanism = self.partial_motion, self.mechanism
-        mv = mechanism.masses[:, None] * v
-        Jw = times(mechanism.inertias, w)
+        (v, w), (mv, Jw), mechanism = self.partial_motion, self._partial_momenta, self.mechanism
         k = v.shape[-3]
         M = zeros(self.K[..., 0], k, k)
         for i in range(k):
@@ -134,8 +138,7 @@ class Forward(Dynamics):
     @cached_property
     def momenta(self) -> list[tuple[Array, Array]]:
         """Velocities per rate of each y, with their linear, angular and rotor momenta. Shape (..., k, n) each."""
-        (v, w), mechanism = self.partial_motion, self.mechanism
-        pairs = [(v, mechanism.masses[:, None] * v), (w, times(mechanism.inertias, w))]
+        mechanism, pairs = self.mechanism, zip(self.partial_motion, self._partial_momenta, strict=True)
         flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
         if (turning := np.flatnonzero(mechanism.rotors)).size:
             rows = transpose(self.joint_map[..., turning, :])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from screwgauge.problem import given_columns
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
@@ -21,7 +22,7 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
     Returns:
         Shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
     """
-    given = others(B.shape[2], idle)
+    given = given_columns(B.shape[2], idle)
     back, condition = linear.inverted(B[..., given])
     return (Q[:, None, given] @ back)[:, 0], condition
 
@@ -40,7 +41,7 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
     Returns:
         Shape (n, m), and the condition number of these equations, (n,).
     """
-    given, m = others(B.shape[2], idle), len(idle)
+    given, m = given_columns(B.shape[2], idle), len(idle)
     N = np.zeros((*B.shape[:1], B.shape[2], m))
     N[:, idle] = np.eye(m)
     N[:, given] = -linear.inverted(B[..., given])[0] @ B[..., idle]
@@ -50,11 +51,6 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
     inverse, condition = linear.inverted(A / (size[:, :, None] * size[:, None, :]))
     forces = (back @ Q[..., None]) / size[..., None]
     return -(inverse @ forces)[..., 0] / size, condition
-
-
-def others(k: int, idle: Sequence[int]) -> list[int]:
-    """Numbers below k that `idle` lacks."""
-    return [i for i in range(k) if i not in idle]
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:

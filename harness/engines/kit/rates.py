@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from screwgauge.engines.kit.projection import others
+from screwgauge.problem import given_columns
 from screwgauge.reference import linear
 from screwgauge.reference.points import Point
 from screwgauge.reference.rotations import Array, cross, times
@@ -31,7 +31,7 @@ def per_actuator(
     Returns:
         Shape (n, (6 n_body + 3 n_point) n_actuator), and shape (n,).
     """
-    driven = others(B.shape[2], idle)
+    driven = given_columns(B.shape[2], idle)
     twists, B, (n, k) = twists[..., driven], B[..., driven], (len(B), len(driven))
     rows = [twists[:, 1:].reshape(n, -1, k)]
     for one in points:

@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
 from screwgauge.engines.error_estimate import Part, Trust, amplification, examined
-from screwgauge.engines.screw.programs import left_to_forces
+from screwgauge.engines.screw.programs import undriven_columns
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import ACTUATED, OF_MOTION, QUANTITIES, Names, component_names, stages
@@ -67,7 +67,7 @@ class Work:
         self.loops = self.mode.system
         self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
-        self.idle, self.resting = left_to_forces(lay, problem)
+        self.idle, self.resting = undriven_columns(lay, problem)
 
     def predict(self, motion: GivenMotion) -> Poses:
         """Predict the samples that follow."""

@@ -24,7 +24,7 @@ from screwgauge.engines.error_estimate import (
     by_powers,
     summand,
 )
-from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.problem import GivenMotion, Problem, Rows, given_columns
 from screwgauge.quantities import ACTUATED, arm
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import driven_at_home
@@ -66,7 +66,7 @@ class Bounds:
 
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
         self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
-        self.idle = bool(left_to_forces(lay, problem)[0])
+        self.idle = bool(undriven_columns(lay, problem)[0])
         self.stretch = extent(lay).stretch
         # all weights and loads [N]
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + _largest(problem, length)
@@ -310,15 +310,15 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
     return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 
-def left_to_forces(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Independent coordinates that no actuator drives: idle ones, and resting ones of a motion."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)
-    others = [i for i in range(k) if i not in idle]
-    driven = driven_at_home(lay, others)
+    given = given_columns(k, idle)
+    driven = driven_at_home(lay, given)
     # too few actuators for a motion that leaves nothing to the forces come as near as they can
-    rest = [i for i in others if i not in driven] if idle or len(lay.mechanism.actuator_names) > len(driven) else []
+    rest = [i for i in given if i not in driven] if idle or len(lay.mechanism.actuator_names) > len(driven) else []
     return idle, tuple(rest)
 
 
@@ -328,7 +328,7 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
     Raises:
         NotTraceableError: With the reason.
     """
-    mechanism, undriven = lay.mechanism, sum(map(len, left_to_forces(lay, problem)))
+    mechanism, undriven = lay.mechanism, sum(map(len, undriven_columns(lay, problem)))
     if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent) - undriven:
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
