@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support import questions
 from support.engines import solve
 from support.errors import ClosureError, SingularPoseError
 from support.geometry import within_half_turn
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar, moving
-from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
+from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings
 from support.scene import check_scene
 from support.solve import Anchors, AssemblyMode, Curve, bent, closed_form_positions, continuation, layout, straight
 from support.stress import CASES, OK, SILENT
@@ -27,7 +28,7 @@ ALIKE = 1e-7
 
 
 def scene_at(y):
-    return still(screwgauge.load_scene(SCENE), np.asarray(y, dtype=float))
+    return questions.scene_at(screwgauge.load_scene(SCENE), np.asarray(y, dtype=float))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import screwgauge
 from support.engines import solve
 from support.geometry import within_half_turn
 from support.near import BASE, UPU
-from support.questions import SCENE, still
+from support.questions import SCENE, scene_at
 from support.scene import check_scene
 from support.solve import closed_form_positions, layout
 
@@ -38,7 +38,7 @@ def walk(n, seed):
 
 @pytest.mark.slow
 def test_random_steps_about_locks_change_no_assembly_and_are_not_refused():
-    scene = still(screwgauge.load_scene(SCENE), walk(150, seed=1))
+    scene = scene_at(screwgauge.load_scene(SCENE), walk(150, seed=1))
     check_scene(scene)
     right = closed_form_positions(layout(scene.mechanism), scene.motion.y)
     answers, failures = solve(scene, ("screw", "pinocchio", "mujoco"), ("joint_position",))
