@@ -9,7 +9,11 @@ from screwgauge.contract import test_mechanisms
 from screwgauge.contract.fixtures import *  # noqa: F403
 from screwgauge.contract.test_answers import *  # noqa: F403
 from screwgauge.contract.test_mechanisms import *  # noqa: F403
-from screwgauge.contract.test_mechanisms import test_a_random_mechanism_agrees
+from screwgauge.contract.test_mechanisms import (
+    test_a_quantity_is_that_of_the_solver,
+    test_a_random_mechanism_agrees,
+    test_the_judge_faults_nothing,
+)
 from screwgauge.contract.test_refusals import *  # noqa: F403
 from screwgauge.contract.test_tasks import *  # noqa: F403
 from screwgauge.families.draw import families
@@ -69,7 +73,15 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
                 *[pytest.mark.sampled(4)] * (metafunc.function is test_a_random_mechanism_agrees),
             ]
             there = [name for name in names if name in FURTHER or get_engine(name).installed]
-            names = [pytest.param(name, marks=marks) for name in there if name not in COMPARED]
+            # of the engine that stays as it is: features and random mechanisms, all built-in ones in thorough runs
+            late = [pytest.mark.thorough] * (
+                metafunc.function in (test_a_quantity_is_that_of_the_solver, test_the_judge_faults_nothing)
+            )
+            names = [
+                pytest.param(name, marks=[*marks, *(late if name == "frozen" else [])])
+                for name in there
+                if name not in COMPARED
+            ]
         metafunc.parametrize("engine_name", names, scope="session")
 
 
