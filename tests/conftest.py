@@ -44,7 +44,6 @@ IN_PROCESSES = isolation.isolated
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """What campaigns take."""
     group = parser.getgroup("campaigns", "campaigns (-m campaign)")
     group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
     group.addoption("--models", type=Path, action="append", default=[], metavar="DIR", help="further public models")
@@ -54,7 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Campaigns take hours, all cases of every claim minutes: they run where ``-m`` names them, and nowhere else."""
+    """Run campaigns and thorough cases only where ``-m`` names them."""
     _thin_out(items)
     expression = config.getoption("markexpr")
     late = [name for name in ("campaign", "thorough") if name not in expression]
@@ -64,7 +63,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _thin_out(items: list[pytest.Item]) -> None:
-    """Of the cases of a test that is ``sampled(n)`` every n-th runs each time, the others are ``thorough``."""
+    """Mark all but every n-th case of a ``sampled(n)`` test as ``thorough``."""
     seen = Counter[str]()
     for item in items:
         marker = item.get_closest_marker("sampled")
@@ -76,20 +75,19 @@ def _thin_out(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is there by now stays: the garbage collector need not go through it again and again."""
+    """Keep the garbage collector off what stays until the end."""
     gc.freeze()
     gc.set_threshold(20_000, 20, 50)
 
 
 @pytest.fixture(scope="session")
 def paper() -> Mechanism:
-    """The 3-UPS-UPU-S of the paper."""
     return load_mechanism("3ups-upu-s")
 
 
 @pytest.fixture(scope="session")
 def paper_models(paper: Mechanism) -> dict[str, str]:
-    """Its model files: name -> text."""
+    """Model files: name -> text."""
     from support.models import model_texts  # whatever reads and imports models comes along, which takes a moment
 
     return model_texts(paper)
@@ -97,7 +95,7 @@ def paper_models(paper: Mechanism) -> dict[str, str]:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory):
-    """Truths are not kept in the user's own folder, but in one that all workers of a run share."""
+    """Keep truths in a folder that all workers share."""
     folder = tmp_path_factory.getbasetemp()
     folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
     with pytest.MonkeyPatch.context() as patch:
@@ -107,7 +105,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.fixture(scope="session", autouse=True)
 def here():
-    """The command line, too, runs engines in this process, where tests put others in their place."""
+    """Run engines in this process, where tests replace them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(isolation, "isolated", unwatched)
         yield
@@ -115,20 +113,20 @@ def here():
 
 @pytest.fixture
 def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Engines run in processes of their own, as the command line does it and other tests do not."""
+    """Run engines in processes, as users do."""
     monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
 
 
 @pytest.fixture
 def cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache that is empty when the test begins."""
+    """An empty cache."""
     monkeypatch.setenv("SCREWGAUGE_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
 @pytest.fixture
 def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
-    """Writes two texts as model files, ``a`` and ``b``, and diagnoses them."""
+    """Diagnose two texts as model files."""
 
     def of(a: str, b: str, ending: str = "xml", **options: Any) -> Diagnosis:
         files = [tmp_path / f"{side}.{ending}" for side in "ab"]
@@ -140,7 +138,7 @@ def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
 
 
 def first_times(calls, protocol, record, known, first) -> None:
-    """In the place of `timing.measure`: the call that gave the answer is the only one, as nobody looks at its time."""
+    """Replace `timing.measure` by first times."""
     for key in calls:
         if not known.get(key):
             record(key, first[key])
@@ -148,7 +146,7 @@ def first_times(calls, protocol, record, known, first) -> None:
 
 @pytest.fixture(scope="session")
 def bench_of_all() -> Bench:
-    """All contestants on five samples of the paper's scene; several files look at it, as it takes long."""
+    """All contestants on five samples, shared by several files."""
     chosen = dict.fromkeys(c.name for c in contestants(quick=True) if c.name != LEAVING_OUT)
     plan = Plan(samples=5, rounds=1, budget=1e9, quick=True)
     with pytest.MonkeyPatch.context() as patch:
@@ -158,19 +156,19 @@ def bench_of_all() -> Bench:
 
 @pytest.fixture
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long work says nothing of its progress, however slow the machine is."""
+    """Print no progress, however slow the machine."""
     monkeypatch.setattr("screwgauge.report.console.QUIET", float("inf"))
 
 
 @pytest.fixture(scope="session")
 def their_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository of somebody's, see `support.repository.repository`; tests work on a copy of it."""
+    """The repository that `theirs` copies."""
     return repository(tmp_path_factory.mktemp("theirs"))
 
 
 @pytest.fixture
 def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of somebody's repository, and the working folder."""
+    """A user's repository as working folder."""
     folder = tmp_path / "theirs"
     shutil.copytree(their_repository, folder)
     monkeypatch.chdir(folder)
@@ -179,14 +177,14 @@ def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.fixture
 def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The test's own folder, and the working folder."""
+    """The test's folder as working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def write(tmp_path: Path):
-    """Writes a text file into the test's own folder and returns its path."""
+    """Write a text file and return its path."""
 
     def write_text(name: str, text: str) -> Path:
         path = tmp_path / name
@@ -198,7 +196,7 @@ def write(tmp_path: Path):
 
 @pytest.fixture
 def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None):
-    """Runs the command line, which has to refuse: one sentence, exit 2, nothing written. Returns the sentence."""
+    """Run a command that must refuse: one sentence, exit 2, nothing written."""
 
     def check(*arguments: str | Path, out: Path | None = None) -> str:
         before = {path: path.read_bytes() if path.is_file() else b"" for path in tmp_path.rglob("*")}
@@ -219,7 +217,7 @@ def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None
 
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]):
-    """Runs the command line, which has to exit with a status; returns what was printed since the last time."""
+    """Run a command, check its status, return its output."""
 
     def run(*arguments: object, status: int = 0) -> pytest.CaptureResult[str]:
         assert main([*map(str, arguments)]) == status
@@ -230,7 +228,7 @@ def command(capfd: pytest.CaptureFixture[str]):
 
 @pytest.fixture
 def paper_scene(write):
-    """A scene with the paper's mechanism; entries replace its own. Returns the path."""
+    """Write a scene of the paper's mechanism."""
 
     def make(**entries: str) -> Path:
         usual = {
@@ -245,13 +243,13 @@ def paper_scene(write):
 
 @pytest.fixture
 def scene(paper_scene) -> screwgauge.Scene:
-    """Two samples of the paper's mechanism, where a file of tests has no scene of its own."""
+    """Two samples of the paper's mechanism."""
     return load_scene(paper_scene())
 
 
 @pytest.fixture
 def changed_scene(write, paper_scene):
-    """A scene whose mechanism is the paper's with changes (TOML). Returns the path."""
+    """Write a scene of the changed paper's mechanism."""
 
     def make(changes: str, **entries: str) -> Path:
         write("changed.toml", f'extends = "3ups-upu-s"\nname = "changed"\n{changes}\n')
@@ -262,7 +260,7 @@ def changed_scene(write, paper_scene):
 
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch):
-    """Puts functions, which take a problem and answer it, in the place of engines: ``stand_in(mujoco=function)``."""
+    """Replace engines by functions of a problem: ``stand_in(mujoco=function)``."""
 
     def put(**functions: Callable[[Problem], object]) -> None:
         for name, function in functions.items():
@@ -276,7 +274,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch):
 
 
 class Answer(NamedTuple):
-    """A forward scene integrated by the solver, and its observables, shape (n, n_observable)."""
+    """A simulation by the solver, and its observables. Shape (n, n_observable)."""
 
     lay: Layout
     trajectory: Trajectory
@@ -285,7 +283,7 @@ class Answer(NamedTuple):
 
 @pytest.fixture(scope="session")
 def answer():
-    """An established problem integrated at some times of its reference, by programs, and the rows of that."""
+    """Integrate an established problem; return its reference, too."""
 
     def solve(name: str, until: float = float("inf"), every: int = 10, tolerance: float | None = None):
         known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]

@@ -56,7 +56,7 @@ CHANGED = 0.05  # of what golden numbers may be off by
 
 
 class Mutant(NamedTuple):
-    """A place of the source, byte offsets, and what is to stand there."""
+    """A byte range of a file, and its replacement."""
 
     file: Path
     line: int
@@ -74,7 +74,7 @@ class Mutant(NamedTuple):
 
 
 def mutants(file: Path) -> Iterator[Mutant]:
-    """All that can be made of a file."""
+    """Yield all mutants of a file."""
     code = (ROOT / file).read_bytes()
     starts = [0]
     for line in code.splitlines(keepends=True):
@@ -99,7 +99,7 @@ def mutants(file: Path) -> Iterator[Mutant]:
 
 
 def _swapped(node: ast.AST) -> tuple[ast.expr, tuple[str, str], ast.expr] | None:
-    """Left and right side of an operator that becomes another, and how both are written."""
+    """Return both sides of an operator and its replacement."""
     match node:
         case ast.BinOp(ast.Constant() | ast.JoinedStr()):
             return None
@@ -109,7 +109,7 @@ def _swapped(node: ast.AST) -> tuple[ast.expr, tuple[str, str], ast.expr] | None
 
 
 def _rewritten(node: ast.expr) -> str | None:
-    """What an expression becomes."""
+    """Return the replacement of an expression."""
     match node:
         case ast.UnaryOp(ast.USub() | ast.Not(), operand):
             return ast.unparse(operand)
@@ -125,7 +125,7 @@ def _rewritten(node: ast.expr) -> str | None:
 
 
 def _another(value: object) -> str | None:
-    """Another constant of the same type."""
+    """Return another constant of the same type."""
     match value:
         case bool():
             return str(not value)
@@ -137,7 +137,7 @@ def _another(value: object) -> str | None:
 
 
 def drawn(count: int, seed: int) -> list[Mutant]:
-    """Draw mutants of all rooms, from each as many as it has of all lines of code."""
+    """Draw mutants, stratified by lines of code."""
     files = {room: [path.relative_to(ROOT) for path in sorted((ROOT / room).rglob("*.py"))] for room in ROOMS}
     lines = {room: sum(map(_code_lines, every)) for room, every in files.items()}
     shares = {room: count * each / sum(lines.values()) for room, each in lines.items()}
@@ -159,7 +159,7 @@ def _code_lines(file: Path) -> int:
 
 
 def listed(mutant: Mutant) -> dict[str, str]:
-    """Describe a mutant by lines that stand once in its file, which a later reader finds wherever they move."""
+    """Describe a mutant by lines that stand once in its file."""
     code = (ROOT / mutant.file).read_bytes()
     start, end = code.rfind(b"\n", 0, mutant.start) + 1, code.find(b"\n", mutant.end)
     while code.count(code[start:end].strip()) > 1:
@@ -171,7 +171,7 @@ def listed(mutant: Mutant) -> dict[str, str]:
 
 
 def package(folder: Path) -> Path:
-    """A copy of the package as it is installed."""
+    """Copy the package as it is installed."""
     shutil.copytree(ROOT / "harness", folder / "screwgauge", ignore=shutil.ignore_patterns("__pycache__"))
     for room in ("reference", "models"):
         shutil.copytree(ROOT / room, folder / "screwgauge" / room, ignore=shutil.ignore_patterns("__pycache__"))
@@ -179,12 +179,12 @@ def package(folder: Path) -> Path:
 
 
 def installed(folder: Path, file: Path) -> Path:
-    """Where a file of the checkout is in the copy."""
+    """Find a file of the checkout in the copy."""
     return folder / "screwgauge" / (file.relative_to("harness") if file.parts[0] == "harness" else file)
 
 
 def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | None:
-    """Python in the copy; None if it took too long."""
+    """Run Python in the copy; None after `HUNG` seconds."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         return subprocess.run(
@@ -227,7 +227,7 @@ def covering(folder: Path, *which: str) -> Callable[[Mutant], list[tuple[float, 
 
 
 def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
-    """The test that notices, or ``survived``."""
+    """Return the test that fails, or ``survived``."""
     if not tests:
         return "survived: no test executes it"
     listed = folder / "listed"
@@ -242,7 +242,7 @@ def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
 
 
 def looked_at() -> Iterator[tuple[str, str]]:
-    """Parts of the golden numbers, and cases that they have not."""
+    """Yield parts of golden numbers, and further cases."""
     yield from (("random", str(seed)) for seed in range(1000, 1040, 5))
     yield from (("random", str(seed)) for seed in range(1001, 1025, 2))
     yield from (("diagnoses", f"edit {number}") for number in range(200, 233, 3))
@@ -256,7 +256,7 @@ def looked_at() -> Iterator[tuple[str, str]]:
 
 
 def witness(out: Path) -> None:
-    """Facts of cases that golden numbers have not, and what breaks."""
+    """Write facts of cases beyond the golden numbers."""
     sys.path.insert(0, str(ROOT / "tests"))
     from golden.kept import PARTS
 
@@ -271,7 +271,7 @@ def witness(out: Path) -> None:
 
 
 def witnessed(folder: Path) -> Any:
-    """What `witness` gives in the copy; None if it breaks or hangs."""
+    """Run `witness` in the copy; None on failure."""
     file = folder / "witness.pickle"
     file.unlink(missing_ok=True)
     done = execute(folder, __file__, "witness", "--out", str(file))
@@ -279,7 +279,7 @@ def witnessed(folder: Path) -> Any:
 
 
 def change(answer: Any, right: Any) -> str:
-    """The first thing that differs; empty if nothing does."""
+    """Name the first difference; empty if none."""
     if answer is None:
         return "it breaks"
     for which, known in right.items():
@@ -297,7 +297,7 @@ def change(answer: Any, right: Any) -> str:
 
 
 def overlooked(folder: Path, right: Any) -> str:
-    """What golden numbers did not notice, in words."""
+    """Describe what golden numbers missed."""
     changed = change(witnessed(folder), right)
     return f"MISSED: {changed}" if changed else "nothing changes"
 

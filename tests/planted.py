@@ -53,14 +53,14 @@ class Mistake:
 
 
 def mistakes(file: Path = LIST) -> list[Mistake]:
-    """Read all that a file lists."""
+    """Read a list."""
     tables = tomllib.loads(file.read_text(encoding="utf-8"))["mistakes"]
     return [Mistake(**{**table, "file": Path(table["file"])}) for table in tables]
 
 
 @contextmanager
 def planted(folder: Path, mistake: Mistake) -> Iterator[None]:
-    """The mistake in a copy of the package."""
+    """Plant a mistake in a copy of the package."""
     target = installed(folder, mistake.file)
     right = target.read_bytes()
     target.write_bytes(mistake.mutant.source())
@@ -91,7 +91,7 @@ for item in sorted([*items([]), known_item()], key=lambda one: one.name not in f
 
 
 def smoke(folder: Path) -> str:
-    """What the first row of `check --smoke` says that fails in a copy of the package; empty if none does."""
+    """Return the first failing row of `check --smoke`."""
     done = execute(folder, "-c", ROWS)
     if done is None:
         return "hangs"
@@ -99,14 +99,14 @@ def smoke(folder: Path) -> str:
 
 
 def by_test(folder: Path, name: str) -> str:
-    """What the test says that sees a mistake; empty where it passes."""
+    """Return the test if it fails."""
     done = execute(folder, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "", name)
     failed = done is not None and done.returncode == 1
     return f"seen by {name}" if failed else ""
 
 
 def seen(some: Sequence[Mistake], *, tests: bool = False) -> Iterator[tuple[Mistake, str]]:
-    """Each mistake, and who sees it; empty where nobody does."""
+    """Yield each mistake, and who sees it."""
     with tempfile.TemporaryDirectory() as name:
         folder = package(Path(name))
         os.environ["SCREWGAUGE_CACHE"] = str(folder / "cache")

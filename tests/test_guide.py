@@ -37,7 +37,7 @@ def squeezed(text: str) -> str:
 
 
 def block_with(beginning: str) -> str:
-    """The block of a guide page that begins so."""
+    """Return the guide block with this beginning."""
     found = {block.text for text in TEXTS.values() for block in blocks(text) if block.text.startswith(beginning)}
     return max(found, key=len)
 
@@ -93,7 +93,7 @@ def test_every_dash_in_the_table_of_engines_has_a_reason() -> None:
 
 @pytest.fixture
 def engines_of_pages(inside, monkeypatch):
-    """The engines that a page shows are installed, as far as the program can tell."""
+    """Install the engines that a page shows."""
     monkeypatch.setattr(sys, "path", [*sys.path, str(inside)])
     with further_engines({"absolute": "my_engine:ENGINE", "mytree": "tree_engine:ENGINE"}):
         yield inside
@@ -102,7 +102,7 @@ def engines_of_pages(inside, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
 def test_commands_and_code_of_a_page_do_what_it_shows(page, engines_of_pages, no_progress) -> None:
-    """Each ends with the status that is said, and prints the verdicts, names and numbers that are shown."""
+    """Compare status, verdicts, names and numbers."""
     for each in guide.carried_out(TEXTS[page], engines_of_pages):
         assert not guide.missing(each.shown, each.printed), each.printed
 
@@ -130,7 +130,7 @@ def test_the_notebook_runs(inside) -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize("page", RUN)
 def test_wording_of_a_page_is_what_commands_print(page, engines_of_pages, no_progress) -> None:
-    """Word by word, which a change of wording elsewhere need not wait for."""
+    """Compare word by word."""
     shown = guide.carried_out(TEXTS[page], engines_of_pages)
     assert not [piece for each in shown for piece in guide.other_wording(each.shown, each.printed)]
 
@@ -143,7 +143,7 @@ def test_readme_shows_what_pages_show() -> None:
 
 
 def test_commands_that_are_shown_are_understood(capsys) -> None:
-    """Those that are not run: their options are known, and so are commands in the text."""
+    """Parse commands that are not run."""
     for page, text in TEXTS.items():
         lines = [line for block in blocks(text) if not block.language for line in block.text.splitlines()]
         lines += re.findall(r"`(screwgauge [^`]*)`", FENCE.sub("", text))
@@ -179,13 +179,12 @@ def test_an_option_has_one_name_and_takes_one_thing() -> None:
 
 @pytest.mark.slow
 def test_help_is_quick_to_load() -> None:
-    """Nothing heavy is imported before a command is chosen."""
     code = "import sys\nfrom screwgauge.cli import _parser\n_parser()\nprint(*sys.modules)"
     assert not {"numpy", "pandas", "scipy", "mujoco", "pinocchio"} & {*printed_by(code).split()}
 
 
 def test_the_panda_differs_as_its_report_says() -> None:
-    """What the README quotes, ``...`` for what it leaves out, is in the committed report of the same command."""
+    """Find quotes of the README in the report."""
     report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
     said, table = block_with("✗ DIFFER: panda").split("share  class     cause")
     rounding = re.compile(r"\de-1\d")  # another processor leaves another one
@@ -201,7 +200,6 @@ def test_the_panda_differs_as_its_report_says() -> None:
 
 
 def test_the_panda_is_told_as_its_report_says() -> None:
-    """The numbers of the text, and the command: its files are those of the report."""
     report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
     text = squeezed(TEXTS["harness/guide/compare-two-files.md"])
     for side in "AB":
@@ -218,7 +216,7 @@ def test_the_panda_is_told_as_its_report_says() -> None:
 
 
 def test_reports_begin_with_what_was_found() -> None:
-    """Every number that is quoted with a link is one of the verdict of the report; no verdict is left out."""
+    """Find linked numbers in verdicts; miss no verdict."""
     first = TEXTS["reports/README.md"].partition("\n## ")[0]
     quoted = re.findall(r"\[([^]]*)\]\(([\w/-]+)/report\.md\)", first)
     reports = (ROOT / "reports").rglob("report.md")
@@ -282,7 +280,7 @@ UNKNOWN = "unknown_one = 1"
 
 
 def undocumented(call, path: Path, text: str) -> list[str]:
-    """Keys that the error about an unknown one offers and the text has not in code font."""
+    """Return known keys that a text does not name."""
     with pytest.raises(screwgauge.ScrewgaugeError) as error:
         call(path)
     assert "unknown key 'unknown_one'" in str(error.value)

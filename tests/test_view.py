@@ -140,6 +140,7 @@ def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
         try:
             assert address.startswith("http://127.0.0.1:")
             with urllib.request.urlopen(address) as answer:
+                assert answer.status == 200
                 assert b"screwgaugeStage" in answer.read()
             for other in (
                 urllib.request.Request(f"{address}etc/passwd"),
