@@ -136,7 +136,7 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
     yield whole
     posed = replace(problem, wanted=frozenset(QUANTITIES[:1]))
     for label, (steps, cause) in SCHEMES.items():
-        scheme = VariantMethod("paper", {"scene": scene, "method": steps}, label, paper_steps)
+        scheme = VariantMethod("paper", {"scene": scene, "method": steps}, label, function=paper_steps)
         yield replace(whole, problem=posed, methods=(scheme,), quantities=QUANTITIES[:1], cause=cause)
 
 

@@ -70,7 +70,9 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
     yield question
     if question.known:
         labels = {"screw whole system": False, "screw whole system refined": True}
-        methods = tuple(VariantMethod("screw", {"refined": x}, name, whole_system) for name, x in labels.items())
+        methods = tuple(
+            VariantMethod("screw", {"refined": x}, name, function=whole_system) for name, x in labels.items()
+        )
         problem = replace(question.problem, wanted=frozenset((_FORCE,)))
         yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
 

@@ -7,7 +7,7 @@ forces are those of minimum norm, and they estimate no errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -66,7 +66,7 @@ class VariantMethod(Method):
         function: See `Variant`. A function of a module.
     """
 
-    function: Callable[..., Arrays | Solution] = dict
+    function: Callable[..., Arrays | Solution] = field(kw_only=True)
 
     def load(self, files: ModelFiles) -> Variant:
         """Load a description for the variant."""
