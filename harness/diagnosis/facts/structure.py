@@ -294,13 +294,16 @@ def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
     return groups
 
 
+def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float | str]]:
+    """Yield label and both values of each entry of two items."""
+    for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False):
+        yield f"coefficient of {name}", x, y
+    for (key, one), (_, other) in zip(a.values or (), b.values or (), strict=False):
+        yield key, one, other
+
+
 def _differences(a: Content, b: Content) -> list[tuple[str, float | str, float | str]]:
-    """List label and both values of entries that differ in two items."""
-    entries = [
-        (f"coefficient of {name}", x, y) for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False)
-    ]
-    entries += [(key, x, y) for (key, x), (_, y) in zip(a.values or (), b.values or (), strict=False)]
-    return [(key, x, y) for key, x, y in entries if _size(x, y)]
+    return [(key, x, y) for key, x, y in _entries(a, b) if _size(x, y)]
 
 
 def _size(x: float | str, y: float | str) -> float:
