@@ -46,7 +46,7 @@ ROOTS = 2
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Facts of two machines.
+    """An account of two machines by facts.
 
     Attributes:
         pair: The pair that the facts describe; B is moved and scaled where a whole is among them.

@@ -181,7 +181,7 @@ _Dynamics = Callable[[ReadingTree, TreeStates], Array]
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """The libraries' own torques of both models, as loaded: they contain also what no reading holds.
+    """The libraries' own torques of both models, as loaded, with forces that no reading holds.
 
     Attributes:
         row: Largest difference, projected on the motions that loops leave.

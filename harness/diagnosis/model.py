@@ -88,19 +88,19 @@ class Model:
 
     @property
     def text(self) -> str:
-        """Text of a URDF or MJCF, of which parts can be changed; empty of anything else."""
+        """Text of a URDF or MJCF, which can be changed; empty for other formats."""
         return read_file(self.file) if self.file is not None and self.reading.form in ("urdf", "mjcf") else ""
 
     @property
     def longest(self) -> int:
-        """Digits of the longest number in its file; 0 of a description."""
+        """Digits of the longest number in its file; 0 for a description."""
         if self.reading.form == "usd":
             return SINGLE
         return 0 if self.described or self.file is None else longest_number(read_file(self.file))
 
     @cached_property
     def home(self) -> dict[str, float]:
-        """Coordinates of home in the file of its loops, which a URDF cannot hold [rad or m]."""
+        """Home of a URDF, from the file of its loops [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
         home = read_loops(self.loops).home if own and self.loops else {}
         return {name: q for name, q in home.items() if name in self.reading.joints}
@@ -112,13 +112,13 @@ class Model:
 
     @cached_property
     def posed(self) -> Reading:
-        """The reading at its home, which a URDF cannot say."""
+        """The reading at its home, which a URDF cannot state."""
         return rehome(self.reading, self.home)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A side of a diagnosis, and a copy of it with mass and inertia of meshes.
+    """A side of a diagnosis, with a copy that has mass and inertia from meshes.
 
     Attributes:
         given: Name as the user gave it.

@@ -145,7 +145,7 @@ class Speaker:
         return f"{self.name(facts)} differ{'s' * one}{example}"
 
     def _counted(self, facts: Sequence[Fact], n: int) -> str:
-        """``all 4 joints``, ``3 bodies``."""
+        """Count the owners of facts: ``all 4 joints``, ``3 bodies``."""
         owners = {PROPERTIES[fact.what].owner for fact in facts if fact.what in PROPERTIES}
         owner = owners.pop() if len(owners) == 1 else ""
         every = len(getattr(self.a.reading, ROOMS.get(owner, ""), ())) == n

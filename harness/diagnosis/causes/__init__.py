@@ -1,1 +1,1 @@
-"""Causes: differences that one edit would make, each group with its share of the torque difference, and their proof."""
+"""Causes of facts, their shares of the torque difference, and likely slips behind them."""

@@ -345,7 +345,7 @@ def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array
 def _inertials(
     files: tuple[Written, Written], names: tuple[str, str]
 ) -> tuple[dict[str, Array], list[tuple[Slip, Array]]]:
-    """Orientations in which the files write a tensor, and what turns A's tensor if these mean something else."""
+    """Return the axes in which the files write a tensor, and turns of A's tensor if these are in another convention."""
     frames, turns = {}, list[tuple[Slip, Array]]()
     for side, file, name in zip("AB", files, names, strict=True):
         if (link := file.link(name)) is None:

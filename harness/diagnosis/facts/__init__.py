@@ -1,1 +1,1 @@
-"""Facts: what two machines differ in, without a word of text; a row knows what to change in A to have B's value."""
+"""Facts: differences of two machines as data, with the changes that give A the value of B."""

@@ -1,4 +1,4 @@
-"""A difference of two machines as data, the pair of machines that differ, and differences that printed digits make."""
+"""A difference of two machines as data, the pair of machines, and the rounding of printed digits."""
 
 from __future__ import annotations
 

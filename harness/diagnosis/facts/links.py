@@ -1,4 +1,4 @@
-"""Facts of links: kind, place, axis, zero and sense of joints, and what joints exert and how far they go.
+"""Facts of links: kind, place, axis, zero and sense of joints, their passive forces and limits.
 
 Where a body lies on its partner, the displacement between two neighbours is what their joint does and what is left:
 the first is a zero, the rest a placement; the axis is where the joint lies on either body.

@@ -1,1 +1,1 @@
-"""Machines as rigid bodies and the links between them, whatever files say of cuts, order, names and frames."""
+"""Machines as rigid bodies and links, independent of the cuts, order, names and frames of files."""
