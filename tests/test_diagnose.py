@@ -116,7 +116,6 @@ def test_a_joint_that_follows_a_fixed_one_is_held(library, write):
 
 @pytest.fixture
 def robot(tmp_path):
-    """A URDF, and the file of its loops in another folder."""
     write_models(load_mechanism(NAME), tmp_path)
     loops = shutil.move(tmp_path / f"{NAME}.loops.toml", tmp_path / "elsewhere.loops.toml")
     return tmp_path / f"{NAME}.urdf", loops

@@ -25,14 +25,12 @@ KEYS |= {"notes", "kinds", "says", "silent"}
 
 
 def text_of(name: str) -> str:
-    """Text of a model of the table, with others in it, or of a file."""
     if name not in TABLE["models"]:
         return next(folder / name for folder in FOLDERS if (folder / name).is_file()).read_text(encoding="utf-8")
     return TABLE["models"][name]
 
 
 def made(text: str, edits: Sequence[Sequence[str]]) -> str:
-    """Make edits of a text, with parts of the table in all of them."""
     parts = TABLE["parts"]
     edits = [(filled(old, parts), filled(new, parts)) for old, new in edits]
     return filled(replaced(filled(text, parts), edits), parts)
@@ -43,7 +41,7 @@ def numbers(values: Any) -> str:
 
 
 def mounted(text: str, axis: Sequence[float], degrees: float, pos: Sequence[float] = (0, 0, 0)) -> str:
-    """An MJCF on a mount that is turned and shifted [m]."""
+    """Put an MJCF on a mount."""
     half, unit = np.radians(degrees) / 2.0, np.array(axis, float) / np.linalg.norm(axis)
     quat = numbers([np.cos(half), *(np.sin(half) * unit)])
     opened = f'<worldbody><body name="mount" pos="{numbers(pos)}" quat="{quat}">'
@@ -51,7 +49,7 @@ def mounted(text: str, axis: Sequence[float], degrees: float, pos: Sequence[floa
 
 
 def converted(text: str, length: float = 1.0, mass: float = 1.0, mirror: float = 1.0) -> str:
-    """A URDF without turned frames, in other units, or mirrored in y where `mirror` is -1."""
+    """Convert a URDF without turned frames; -1 mirrors it in y."""
     root = ElementTree.fromstring(text)
     sign = np.array([1.0, mirror, 1.0])
     for element in root.iter():
@@ -65,14 +63,14 @@ def converted(text: str, length: float = 1.0, mass: float = 1.0, mirror: float =
 
 
 def renamed(text: str) -> str:
-    """All names but that of the ground are others."""
+    """Rename all parts but the ground."""
     found = dict.fromkeys(re.findall(r'name="(\w+)"', text))
     names = {name: f"part{i}" for i, name in enumerate(found) if name != "world"}
     return re.sub(r'"(\w+)"', lambda match: f'"{names.get(match[1], match[1])}"', text)
 
 
 def sides_of(row: Mapping[str, Any], folder: Path) -> list[str]:
-    """Write both sides of a row, and say which library reads each."""
+    """Write both sides of a row."""
     changes = [key for key in ("mounted", "units", "mirrored", "renamed") if row.get(key)]
     first = written(folder, "a", made(text_of(row["a"]), row.get("edits_a", ())), row.get("beside_a"))
     same = "libraries" in row and not {"b", "edits"} & row.keys()
@@ -104,7 +102,6 @@ def written(folder: Path, name: str, text: str, beside: str | None, edits: Seque
 
 
 def verdict(diagnosis: Any) -> str:
-    """What is answered, in a word or two."""
     if diagnosis.same:
         return "same"
     if not diagnosis.found.alike:

@@ -48,7 +48,6 @@ def turn(quaternion):
 
 
 def reframed(reading, seed=0):
-    """The same machine, its bodies with other frames."""
     random = np.random.default_rng(seed)
     X = {name: matrix(random.normal(size=3), turn(random.normal(size=4))) for name in reading.bodies}
 

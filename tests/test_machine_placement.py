@@ -32,7 +32,7 @@ PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0
 
 
 def elsewhere(reading):
-    """A reading in closed poses that are not its home."""
+    """Yield the reading in closed poses."""
     tree = tree_of(reading)
     for q in closed(tree, draw(reading, 8))[0].q:
         values = {name: q[at] if at.stop - at.start > 1 else q[at][0] for name, at in tree.places.items()}

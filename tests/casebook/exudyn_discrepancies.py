@@ -15,7 +15,7 @@ from casebook.toy_models import ARM, INERTIA, MASS, MOMENT, WEIGHT, Evidence, Fo
 
 @contextmanager
 def _system() -> Iterator[Any]:
-    """An empty system that prints nothing."""
+    """Make a silent, empty system."""
     told, exudyn.config.printToConsole = exudyn.config.printToConsole, False
     container = exudyn.SystemContainer()
     try:

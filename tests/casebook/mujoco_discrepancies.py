@@ -19,7 +19,6 @@ from screwgauge.reference.rotations import Array
 
 
 def load(text: str, **options: Any) -> mujoco.MjModel:
-    """Loads an MJCF or a URDF, with options set."""
     model = mujoco.MjModel.from_xml_string(text)
     for name, value in options.items():
         setattr(model.opt, name, value)
@@ -27,7 +26,7 @@ def load(text: str, **options: Any) -> mujoco.MjModel:
 
 
 def state(model: mujoco.MjModel, q: Any = None, v: Any = 0.0) -> mujoco.MjData:
-    """Data with coordinates, at home by default, and velocities."""
+    """Data at coordinates and velocities."""
     data = mujoco.MjData(model)
     data.qvel[:] = v
     if q is not None:
@@ -58,13 +57,13 @@ def measured(text: str, measure: Callable[[mujoco.MjModel], float]) -> tuple[flo
 
 
 def moment(model: mujoco.MjModel) -> float:
-    """Moment of inertia that the first coordinate moves [kg m^2]."""
+    """Inertia of the first coordinate [kg m^2]."""
     a = np.eye(model.nv)[0]
     return float(inverse(model, a=a)[0] - inverse(model)[0])
 
 
 def mass(model: mujoco.MjModel) -> float:
-    """Mass of all that moves [kg]."""
+    """Moving mass [kg]."""
     return float(model.body_mass[1:].sum())
 
 

@@ -40,7 +40,7 @@ def load_mjcf(text: str, files: Mapping[str, str] | None = None) -> pin.Model:
 
 
 def load_closed(text: str) -> tuple[pin.Model, Any]:
-    """Loads an MJCF with what Pinocchio makes of its closures."""
+    """Load an MJCF with its closures."""
     with tempfile.TemporaryDirectory() as folder:
         model, constraints, *_ = pin.buildModelAndConstraintsFromMJCF(_written(Path(folder), text, {}))
         return model, constraints
@@ -82,7 +82,7 @@ def inverse(model: pin.Model, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Arra
 
 
 def mass(model: pin.Model) -> float:
-    """Total mass that Pinocchio computes [kg]."""
+    """Total mass [kg]."""
     return float(pin.computeTotalMass(model))
 
 

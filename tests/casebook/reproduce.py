@@ -62,7 +62,7 @@ class Result:
 
     @property
     def works(self) -> bool:
-        """True if the remedy brings the expected number."""
+        """True if the remedy works."""
         return self.evidence is not None and abs(self.evidence.mended - self.evidence.expected) <= self.how.within
 
     @property
