@@ -71,7 +71,7 @@ def _command(arguments: Sequence[str] | None) -> int:
         if not given:
             _parser().print_help()
             return 2
-        options = _parsed(given)
+        options = _parse(given)
     finally:
         say("", end="")  # a command that cannot print is not begun
     fix_threads()
@@ -85,7 +85,7 @@ def _command(arguments: Sequence[str] | None) -> int:
             raise RuntimeError(f"a library ended the program, status {error.code}") from error
 
 
-def _parsed(given: Sequence[str]) -> argparse.Namespace:
+def _parse(given: Sequence[str]) -> argparse.Namespace:
     """Parse a command; names what an unknown command or option resembles.
 
     Raises:
@@ -103,7 +103,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def _whole(least: int) -> Callable[[str], int]:
+def _whole_number(least: int) -> Callable[[str], int]:
     def number(text: str) -> int:
         if (value := int(text)) < least:
             raise argparse.ArgumentTypeError(f"{value} is less than {least}")
@@ -112,7 +112,7 @@ def _whole(least: int) -> Callable[[str], int]:
     return number
 
 
-def _named(text: str) -> str:
+def _nonempty(text: str) -> str:
     """Reject an empty path, which an unset variable of a shell leaves: it would be the current folder."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
@@ -120,12 +120,12 @@ def _named(text: str) -> str:
 
 
 def _path(text: str) -> Path:
-    return Path(_named(text))
+    return Path(_nonempty(text))
 
 
 def _sides(text: str) -> str | list[str]:
     """``FILE``, or ``A,B``, of which one may be empty."""
-    return text.split(",") if "," in text and not Path(text).exists() else _named(text)
+    return text.split(",") if "," in text and not Path(text).exists() else _nonempty(text)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -211,7 +211,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--engines", metavar="A,B", help="default: those of the scene; screw@float32 computes in float32")
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
-    add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
+    add("--seed", type=_whole_number(0), metavar="N", help="of the exciting motion (0)")
     values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of each in a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
     add("--allow", metavar="A,B", help=f"of a model file: {tensors}")
@@ -224,7 +224,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(commands.review, "what is wrong with a table of numbers, column by column", epilog=REVIEW_STATUS)
     add("numbers", type=_path, metavar="NUMBERS", help="CSV or Parquet: t and components, named as in a run")
-    add("scene", type=_named, metavar="SCENE", help=f"what they are of: {NAMED}")
+    add("scene", type=_nonempty, metavar="SCENE", help=f"what they are of: {NAMED}")
     add("--quantities", metavar="A,B", help="what the table gives, where names of columns leave that open")
     add("--json", action="store_true", help="print the review as JSON")
 
@@ -264,8 +264,8 @@ def _parser() -> argparse.ArgumentParser:
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
     which = "URDF, MJCF, SDF, USD or description (name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    add("a", type=_named, metavar="A", help=which)
-    add("b", type=_named, metavar="B", help="the same")
+    add("a", type=_nonempty, metavar="A", help=which)
+    add("b", type=_nonempty, metavar="B", help="the same")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add(
         "--loops",
@@ -275,7 +275,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--meshes", action="store_true", help=meshes)
     add("--only", default="", metavar="rigid", help="compare geometry, masses and inertias alone")
-    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
+    add("--seed", type=_whole_number(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--all", action="store_true", help="print each difference, too, not by cause alone")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
@@ -285,7 +285,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "id",
         nargs="?",
-        type=_named,
+        type=_nonempty,
         metavar="ID",
         help="text, cause, remedy of this one, and the versions that show it",
     )
@@ -296,7 +296,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "what",
         nargs="*",
-        type=_named,
+        type=_nonempty,
         metavar="SCENE|FOLDER|MODEL",
         help="default: all built-in scenes; two model files are a pair",
     )

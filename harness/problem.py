@@ -82,12 +82,12 @@ class GivenMotion(_ReadOnly):
 
     def ordered(self, columns: list[int]) -> GivenMotion:
         """The motion with its independent coordinates in another order."""
-        drive = None if self.drive is None else partial(_reordered, self.drive, columns)
+        drive = None if self.drive is None else partial(_reorder, self.drive, columns)
         idle = tuple(columns.index(i) for i in self.idle)
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive, idle)
 
 
-def _reordered(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
+def _reorder(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
     """A motion whose independent coordinates come in another order, at times [s]."""
     return drive(t).ordered(columns)
 

@@ -12,7 +12,7 @@ import screwgauge
 from screwgauge import Scene
 from screwgauge.judging.allowance import MOST, WITHIN, Left
 from screwgauge.judging.trust import integrated
-from screwgauge.study.simulations import loosened, observed
+from screwgauge.study.simulations import add_observables, loosen
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compared
@@ -105,7 +105,7 @@ def test_where_engines_agree_nobody_integrates_again(monkeypatch):
     def unwanted(scene):
         raise AssertionError(scene.name)
 
-    monkeypatch.setattr("screwgauge.study.run.loosened", unwanted)
+    monkeypatch.setattr("screwgauge.study.run.loosen", unwanted)
     assert screwgauge.run(screwgauge.load_scene("cart-pole").at([0.0, 0.2]), engines=["screw", "mujoco"]).ok
 
 
@@ -143,8 +143,8 @@ def test_a_model_that_is_a_thousandth_off_still_differs(name, right, wrong, tmp_
 def several(scene: Scene, engine: str) -> tuple[Solution, list[Solution]]:
     files = model_files(scene.mechanism.name, engine)
     wanted = ("joint_position", "joint_velocity", "observable") if scene.observables else ("joint_position",)
-    found = {str(k): ask(engine, files, x.problem(MOTION)) for k, x in enumerate([scene, *loosened(scene)])}
-    first, *looser = observed(replace(scene, known=None), layout(scene.mechanism), found, wanted).values()
+    found = {str(k): ask(engine, files, x.problem(MOTION)) for k, x in enumerate([scene, *loosen(scene)])}
+    first, *looser = add_observables(replace(scene, known=None), layout(scene.mechanism), found, wanted).values()
     return first, looser
 
 
@@ -231,7 +231,7 @@ def test_the_estimate_grows_with_a_chaotic_motion(write):
     steps = replace(scene.start.integration, rtol=1e-13, atol=1e-13)
     best = replace(scene, task=replace(scene.start, integration=steps))
     files = model_files(str(DATA / "pendulum.toml"), "screw")
-    right, true, *looser = [ask("screw", files, x.problem(MOTION)) for x in (scene, best, *loosened(scene))]
+    right, true, *looser = [ask("screw", files, x.problem(MOTION)) for x in (scene, best, *loosen(scene))]
     estimate = integrated(right, looser)["joint_position"]["rad"]
     q = right.values["joint_position"].array - true.values["joint_position"].array
     error = np.maximum.accumulate(np.abs(within_half_turn(q)).max(axis=1))

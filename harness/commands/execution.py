@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from screwgauge.report.console import Progress
 
 
+Files = tuple[Iterable[Path], Mapping[str, Path]]
+"""Files that a command reads, and option -> file that it writes."""
+
 _ON = "run the same command again: it goes on from the rows that are there"
 
 
@@ -25,8 +28,7 @@ def carry_out(
     *,
     tell: Callable[[Any], str] | None = None,
     again: bool = False,
-    inputs: Iterable[Path] = (),
-    outputs: Mapping[str, Path] | None = None,
+    files: Files = ((), {}),
     force: bool = False,
     **writing: Any,
 ) -> Any:
@@ -36,8 +38,7 @@ def carry_out(
         work: Takes the progress.
         tell: Text to print for the results; by default the page's text for a terminal.
         again: The same command goes on from the rows that are there.
-        inputs: Files that the command reads; it writes none of them.
-        outputs: Option -> file that the command writes beside its report; no two may be the same file.
+        files: Files that the command reads, and writes beside its report; none is overwritten, no two are the same.
         force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
 
@@ -50,7 +51,7 @@ def carry_out(
     names = [*page.DATA, *([SAMPLES] if writing.get("samples") else [])]
     with locked(out):
         written = {f"the report's {name}": out / name for name in (*names, *PAGES, MANIFEST)}
-        check_apart(written | dict(outputs or {}), () if force else inputs)
+        check_apart({**written, **files[1]}, () if force else files[0])
         check_writable(out, names, force=force)
         with Progress(sys.stderr) as progress:
             try:

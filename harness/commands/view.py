@@ -40,7 +40,7 @@ def view(options: argparse.Namespace) -> int:
         check_free(file, inputs, force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
-    unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
+    unsigned = _unnamed_joints(options.what, mechanism) | (_unnamed_joints(options.other, other) if other else set())
     if picture:
         check_ending(picture, [f".{chosen[0]}"], f"view --{chosen[0]}")
         against = differences(mechanism, other, unsigned) if other else ()
@@ -83,7 +83,7 @@ def _load(name: str) -> Scene | Mechanism:
         return still
 
 
-def _unsigned(name: str, mechanism: Mechanism) -> set[str]:
+def _unnamed_joints(name: str, mechanism: Mechanism) -> set[str]:
     """Joints that a model file does not name: they stand for points at which loops close, axes without a sense."""
     from screwgauge.models.importing import is_model
 
@@ -102,14 +102,14 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
     mechanism = what.mechanism if isinstance(what, Scene) else what
     moving = isinstance(what, Scene) and other is None  # two are compared at home
     if isinstance(what, Scene) and moving:
-        picture = stage(*_solved(what))
+        picture = stage(*_solve(what))
     else:
         picture = stage(mechanism, other=other, unsigned=unsigned)
     about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
     return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *remarks(picture)])
 
 
-def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
+def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     """A few samples of a scene and their solution; none where the solver fails, with a warning."""
     from screwgauge.problem import spread
     from screwgauge.report.stage.motion import FRAMES

@@ -70,7 +70,7 @@ def examine(
     first = _first(mode, y, nearest)
     if first is None:
         return [NOT_REACHED] * len(y), (sides[0][:0], sides[1][:0]), int(nearest[0])
-    known, (z, K, matrix), passed = _flooded(mode.system, y / mode.unit, first, sides)
+    known, (z, K, matrix), passed = _flood(mode.system, y / mode.unit, first, sides)
     reasons, rows = [NOT_REACHED] * len(y), np.flatnonzero(known)
     q = mode.system.coordinates(z[rows], np.tile(mechanism.home, (len(rows), 1)))
     for row, why in zip(rows.tolist(), _doubts(lay, q, matrix[rows], undriven), strict=True):
@@ -78,7 +78,7 @@ def examine(
     known[rows] = linear.inverted_along(matrix[rows])[1] <= SINGULAR
     ways = np.flatnonzero(known[sides[0]] & known[sides[1]])
     a, b = (side[ways] for side in sides)
-    near = _linked(z[b] - z[a], [K[a], K[b]], (y[b] - y[a]) / mode.unit)
+    near = _is_linked(z[b] - z[a], [K[a], K[b]], (y[b] - y[a]) / mode.unit)
     passed = np.sort(passed[:, known[passed].all(axis=0)], axis=0)
     begin, end = np.unique(np.concatenate([np.stack([a[near], b[near]]), passed], axis=1), axis=1)
     return reasons, (begin, end), first[0]
@@ -96,7 +96,7 @@ def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | N
     return None
 
 
-def _flooded(
+def _flood(
     system: LoopEquations, y: Array, first: tuple[int, Array], sides: tuple[Rows, Rows]
 ) -> tuple[NDArray[np.bool_], Closed, Rows]:
     """Goes from cell to cell, from all that were reached last to those beside them, until no more are reached.
@@ -109,7 +109,7 @@ def _flooded(
     Returns:
         Which cells were reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
     """
-    start, n = _closed(system, first[1][None], y[first[0]][None])[0], len(y)
+    start, n = _close(system, first[1][None], y[first[0]][None])[0], len(y)
     all_cells = tuple(np.full((n, *part.shape[1:]), np.nan) for part in start)
     known, wave, passed = np.zeros(n, dtype=bool), np.array([first[0]]), [np.zeros((2, 0), dtype=np.intp)]
     _keep(all_cells, wave, start)
@@ -122,7 +122,7 @@ def _flooded(
         for pieces in (FINEST,) if last else PIECES:
             out = out[~known[ends[1][out]]]
             a, b = ends[0][out], ends[1][out]
-            found, good = _advanced(system, _rows(all_cells, a), (y[a], y[b]), pieces)
+            found, good = _advance(system, _rows(all_cells, a), (y[a], y[b]), pieces)
             reached, at = np.unique(b[good], return_index=True)
             some = np.flatnonzero(good)[at]
             _keep(all_cells, reached, _rows(found, some))
@@ -144,7 +144,7 @@ def _rows(cells: Closed, rows: Rows) -> Closed:
     return tuple(part[rows] for part in cells)
 
 
-def _closed(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
+def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
     """Closes poses near predictions, and whether they close. Shapes (n, n_z), (n, k)."""
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
@@ -152,7 +152,7 @@ def _closed(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[
     return (z, K, more[0] if more else J), (error < OPEN) & np.isfinite(K).all(axis=(1, 2))
 
 
-def _advanced(
+def _advance(
     system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
 ) -> tuple[Closed, NDArray[np.bool_]]:
     """Goes straight from cells to others, piece by piece, and whether each way leads there. Shape (n, k) each."""
@@ -163,13 +163,13 @@ def _advanced(
             break
         z, K, _ = _rows(at, rows)
         ahead = z + (K @ step[rows][..., None])[..., 0]
-        found, closes = _closed(system, ahead, way[0][rows] + i * step[rows])
-        good[rows] = closes & _linked(found[0] - z, [K, found[1]], step[rows])
+        found, closes = _close(system, ahead, way[0][rows] + i * step[rows])
+        good[rows] = closes & _is_linked(found[0] - z, [K, found[1]], step[rows])
         _keep(at, rows, found)
     return at, good
 
 
-def _linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
+def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
     """True for steps that are short and follow the tangents at both ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
     size = np.abs(step).max(axis=1, initial=0.0)
     good = size <= LONGEST

@@ -138,14 +138,14 @@ def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path(
     if not {"force", "torque"} & table.keys():
         raise DescriptionError("the load exerts nothing", where, "give a force or a torque")
     at = None if point == "com" else vector(point, f"{where}.point")
-    if not any(isinstance(x, dict) for key in ("force", "torque") for x in _listed(table.get(key))):
+    if not any(isinstance(x, dict) for key in ("force", "torque") for x in _as_list(table.get(key))):
         force, torque = (sign * read_vector(table, key, where) for key in ("force", "torque"))
         return Load(body, at, force, torque, given["axes"])
     courses = [one.times(sign) for key in ("force", "torque") for one in _components(table, key, where, folder)]
     return Load.over_time(body, at, tuple(courses), given["axes"])
 
 
-def _listed(value: Any) -> list[Any]:
+def _as_list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []
 
 
@@ -208,7 +208,7 @@ _ACTING: dict[str, tuple[Callable[..., Any], Any]] = {
 }
 
 
-def _acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entry: Any, where: str) -> Any:
+def _read_acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entry: Any, where: str) -> Any:
     return entry if isinstance(entry, kind) else read(mechanism, entry, where)
 
 
@@ -224,7 +224,7 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder:
     acting: dict[str, tuple[Callable[..., Any], Any]] = {"loads": (partial(read_load, folder=folder), Load), **_ACTING}
     for key, (read, kind) in acting.items():
         if key in data:
-            given[key] = read_items(data, key, where, partial(_acting, mechanism, read, kind))
+            given[key] = read_items(data, key, where, partial(_read_acting, mechanism, read, kind))
     return given
 
 

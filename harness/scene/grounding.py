@@ -58,7 +58,7 @@ class _Named:
     t: Array | None = None
 
 
-def grounded(
+def hold_to_ground(
     file: Path, mechanism: Mechanism, data: dict[str, Any], path: Path, times: Times
 ) -> tuple[Path, Mechanism, dict[str, Any]]:
     """Hold a mechanism to the ground in a scene by contacts, or by a given motion of a base that floats.
@@ -86,7 +86,7 @@ def grounded(
         what = "a grid knows no contacts and no base that floats"
         raise DescriptionError(what, f"{path}, motion", "describe what holds the mechanism by joints")
     contacts = read_contacts(mechanism, data, str(path))
-    named, said = _named(mechanism, [contact.name for contact in contacts], data, path, times), list[str]()
+    named, said = _read_names(mechanism, [contact.name for contact in contacts], data, path, times), list[str]()
     at = mechanism
     if contacts:
         at, said, data = _in_contact(mechanism, contacts, named, data, path)
@@ -110,14 +110,14 @@ def _in_contact(
     independent, surplus = independent_of(touching, mechanism, named.labels, where)
     touching = replace(touching, independent=independent)
     said = [
-        _assumed(contacts),
-        *_ruled(touching, data),
+        _assumption(contacts),
+        *_rule_note(touching, data),
         *_follow(mechanism, touching, named, surplus, contacts, str(path)),
     ]
-    return touching, said, _without(data, surplus)
+    return touching, said, _drop_motion(data, surplus)
 
 
-def _without(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
+def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
     """Tables without a motion, or a start, of some labels; a CSV file may have them."""
     if "forward" in data:
         start = {label: value for label, value in data["forward"].get("start", {}).items() if label not in labels}
@@ -154,7 +154,9 @@ def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
     return root(group, GROUND) == root(group, base.child)
 
 
-def _named(mechanism: Mechanism, contacts: Sequence[str], data: dict[str, Any], path: Path, times: Times) -> _Named:
+def _read_names(
+    mechanism: Mechanism, contacts: Sequence[str], data: dict[str, Any], path: Path, times: Times
+) -> _Named:
     """Read the coordinates that the scene names.
 
     Raises:
@@ -197,13 +199,13 @@ def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Arra
     return q
 
 
-def _assumed(contacts: Sequence[Contact]) -> str:
+def _assumption(contacts: Sequence[Contact]) -> str:
     """The sentence on what a contact is taken to be."""
     held = first_few([f"'{contact.name}' ({contact.kind} of {contact.body})" for contact in contacts], SHOWN)
     return f"contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
 
 
-def _ruled(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
+def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
     """A sentence on the rule by which actuators share what they could exert against each other through contacts."""
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (

@@ -153,7 +153,7 @@ class Followed:
         labels = [*self.mechanism.independent]
         return [labels.index(label) for label in self.labels]
 
-    def _given(self, t: Array) -> State:
+    def _given_motion(self, t: Array) -> State:
         """Motion of the given coordinates, others at their start. Shape (n, k) each."""
         some = self.given.between(t) if isinstance(self.given, Sampled) else self.given(t)
         home = self.mechanism.home[self.mechanism.independent_columns]
@@ -171,12 +171,12 @@ class Followed:
         labels = [*self.mechanism.independent]
         every = [k for k in range(len(labels)) if k not in self._places]
         idle = self._inert(every)
-        y, yd, _ = self._given(np.array([self.since]))
+        y, yd, _ = self._given_motion(np.array([self.since]))
         rates = {labels.index(label): rate for label, one in self.stated.items() if (rate := one["rate"]) is not None}
         chosen = [k for k in idle if k in rates]
         for k in chosen:
             yd[0, k] = rates[k]
-        yd[0] = self._unmoved(y, yd, idle, [k for k in idle if k not in chosen])
+        yd[0] = self._rates_without_momentum(y, yd, idle, [k for k in idle if k not in chosen])
         for k in every:
             if k not in idle and rates.get(k):
                 what = f"'{labels[k]}' has no inertia, so that it has no rate of its own"
@@ -192,7 +192,7 @@ class Followed:
         return IdleMotion(
             mechanism=self.mechanism,
             applied=self.applied,
-            given=self._given,
+            given=self._given_motion,
             idle=tuple(one.number for one in idle),
             resting=tuple(one.number for one in self.freedoms if one.rests),
             since=self.since,
@@ -218,7 +218,7 @@ class Followed:
             left = left - np.outer(left[:, j], left[j]) / left[j, j]
         return sorted(undriven[j] for j in kept)
 
-    def _unmoved(self, y: Array, yd: Array, idle: list[int], free: list[int]) -> Array:
+    def _rates_without_momentum(self, y: Array, yd: Array, idle: list[int], free: list[int]) -> Array:
         """Rates at the start, some of which are such that there is no momentum along these coordinates. (k,)."""
         if not free:
             return np.asarray(yd[0])

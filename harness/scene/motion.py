@@ -234,7 +234,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         DescriptionError: It cannot be read.
     """
     if isinstance(table, dict) and "csv" in table:
-        return _sampled(named_file(folder, read_keys("samples", table, where)["csv"]), labels)
+        return _read_samples(named_file(folder, read_keys("samples", table, where)["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_course(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
@@ -277,7 +277,7 @@ def read_column(path: Path, column: str) -> Samples:
     return Samples(columns["t"], columns[column], str(path))
 
 
-def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
+def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):

@@ -303,7 +303,7 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
     return Recorded(t, columns, {} if error is None else error, path, time.text)
 
 
-def merged(t: Array, tables: Iterable[Recorded]) -> Array:
+def merge_times(t: Array, tables: Iterable[Recorded]) -> Array:
     """Times of a scene with those of its tables, in order if these bring further ones. Shape (n,).
 
     Raises:

@@ -42,7 +42,7 @@ def check_scene(scene: Scene) -> Mobility:
     """
     check_rest(scene)
     try:
-        return _walked(scene.mechanism, scene.motion)
+        return _walk(scene.mechanism, scene.motion)
     except (ClosureError, JointLimitError, SingularPoseError) as error:
         remedy = "; ".join([error.remedy, *far_from_home(scene)])
         raise type(error)(error.what, error.where, remedy) from None
@@ -60,7 +60,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1)  # of the same two objects, which nothing changes: a smoke test runs a scene several times
-def _walked(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
+def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
     lay = check_home(mechanism)
     _check_jumps(mechanism, whole)
     walk, looked_at = SampleWalk(lay), list[Array]()
@@ -185,7 +185,7 @@ class SampleWalk:
         except PathEnd as end:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
-            raise self._passed(end, motion) from None
+            raise self._passage(end, motion) from None
         matrix = more[0] if more else matrix
         regular = (linear.inverted_along(matrix)[1] <= linear.SINGULAR).all()
         q = self.system.tree(z, self.mode.joints(poses))
@@ -196,7 +196,7 @@ class SampleWalk:
         self.before = float(motion.t[-1])
         return q
 
-    def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
+    def _passage(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """Warning: a motion passes a singular pose."""
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
@@ -260,7 +260,7 @@ REST = 1e-6
 
 def doubts(scene: Scene) -> tuple[str, ...]:
     """Sentences on bodies, joints and motion."""
-    return (*implausible(scene.mechanism), *(_started(scene) if scene.simulated else _moved(scene)))
+    return (*implausible(scene.mechanism), *(_start_doubts(scene) if scene.simulated else _motion_doubts(scene)))
 
 
 def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
@@ -272,7 +272,7 @@ def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
             yield k, label, column
 
 
-def _started(scene: Scene) -> Iterator[str]:
+def _start_doubts(scene: Scene) -> Iterator[str]:
     """Sentences on angles that start more than a turn from home."""
     for k, label, column in _angles(scene):
         value = float(scene.start.start[k])
@@ -280,7 +280,7 @@ def _started(scene: Scene) -> Iterator[str]:
             yield f"the start {label} = {value:g} rad is more than a turn from home ({WRITTEN})"
 
 
-def _moved(scene: Scene) -> Iterator[str]:
+def _motion_doubts(scene: Scene) -> Iterator[str]:
     """Sentences on angles that begin over a turn from home, or go several turns to and fro or from rest to rest.
 
     What runs round, as a crank does, may turn as much as it likes.

@@ -25,7 +25,7 @@ from screwgauge.reference.tables import check_keys, positive, read_items, read_t
 from screwgauge.scene.default import scene_file
 from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models, read_points
 from screwgauge.scene.grid import GridMotion, check_contours, check_timeless, is_grid, read_grid_motion
-from screwgauge.scene.grounding import grounded
+from screwgauge.scene.grounding import hold_to_ground
 from screwgauge.scene.idle import Followed, read_given, read_undriven
 from screwgauge.scene.keys import TABLES, read_keys
 from screwgauge.scene.motion import Analytic, Sampled
@@ -70,7 +70,7 @@ def _read(path: Path) -> Scene:
     files = [entry for entry in allow if entry == MESHES or "/" in entry]
     tensors = [entry for entry in allow if entry.endswith(f".{TRIANGLE}")]
     file = mechanism_path(given["mechanism"], path.parent, where, [*files, *tensors], floating=given["floating"])
-    file, mechanism, data = grounded(file, load_mechanism(file), data, path, _times)
+    file, mechanism, data = hold_to_ground(file, load_mechanism(file), data, path, _times)
     read = _read_simulated if "forward" in data else _read_given
     check_keys(tolerances, QUANTITIES, f"{where}, tolerances")
     name = path.stem.removesuffix(".scene")
@@ -109,7 +109,7 @@ def _check_kind(data: dict[str, Any], where: str) -> None:
 _built_in = cache(_read)  # what comes with the package does not change
 
 
-def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
+def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
     return Applied(**read_applied(mechanism, {"gravity": _GRAVITY, **data}, where, Path(where).parent))
 
 
@@ -128,7 +128,7 @@ def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, pa
     if "time" in data or sampled is not None:
         return read_grid(data.get("time"), sampled, f"{path}, time")
     tables = read_tables(data.get("tables", {}), path.parent, f"{path}, tables")
-    loads = _applied({"loads": data.get("loads", [])}, mechanism, str(path))
+    loads = _read_forces({"loads": data.get("loads", [])}, mechanism, str(path))
     return _grid(data, sampled, tables, loads, str(path))
 
 
@@ -144,7 +144,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
     else:
         given, sampled, labels = read_given(motion, mechanism, path.parent, f"{where}, motion")
     tables = read_tables(data.get("tables", {}), path.parent, f"{where}, tables")
-    applied = _applied(data, mechanism, where)
+    applied = _read_forces(data, mechanism, where)
     if isinstance(given, GridMotion):
         check_timeless(data, applied, where)
     rule = data.get("rule", RULES[0])
@@ -180,7 +180,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     t = read_grid(data.get("time"), None if known is None else known.t, f"{where}, time")
     task = _read_start(data["forward"], mechanism, t, f"{where}, forward")
     check_order(t, task.since)
-    applied = _applied(data, mechanism, where)
+    applied = _read_forces(data, mechanism, where)
     if any(load.sampled for load in applied.loads):
         what = "a column of a CSV says nothing between its times, where a simulation asks"
         raise DescriptionError(what, f"{where}, loads", "give polynomial and harmonics")

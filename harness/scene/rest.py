@@ -37,7 +37,7 @@ def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDAr
     return {one: rests for one in friction if (rests := np.abs(rates[:, one.column]) <= REST).any()}
 
 
-def unique(scene: Scene) -> NDArray[np.bool_]:
+def unique_samples(scene: Scene) -> NDArray[np.bool_]:
     """Samples at which dry friction leaves no force open; all of them, where it does at each. Shape (n,)."""
     rests = np.any([np.zeros(len(scene.t), dtype=bool), *at_rest(scene).values()], axis=0)
     return np.asarray(~rests | rests.all())

@@ -28,7 +28,7 @@ from screwgauge.scene.grid import GridMotion
 from screwgauge.scene.idle import Followed, Freedom
 from screwgauge.scene.keys import TABLES, among
 from screwgauge.scene.motion import Drive, read_drive
-from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
+from screwgauge.scene.observables import Known, Observable, Published, Recorded, merge_times
 
 RULES = among("scene", "rule")
 LINE = 85  #: Signs of a longer list, which is counted where a scene shows itself.
@@ -192,7 +192,7 @@ class Scene:
             DescriptionError: A motion from samples has none at one of them, they lie outside the scene, or it is
                 integrated.
         """
-        times = merged(self.motion.t, [*tables.values()])
+        times = merge_times(self.motion.t, [*tables.values()])
         engines = dict.fromkeys([*self.engines, *tables])
         return replace(self, task=self.moved(times), tables={**self.tables, **tables}, engines=tuple(engines))
 

@@ -1,6 +1,6 @@
 """Answers of engines made plain: numbers and texts, nothing else.
 
-Engines of other packages return what they like. What gets past `sound` is plain data that can be compared, judged and
+Engines of other packages return what they like. `plain_answer` lets plain data through, which is compared, judged and
 shown without another look, so that a bad answer costs its own row only.
 """
 
@@ -20,7 +20,7 @@ TRACE = 20_000  # characters of a traceback that are kept, the last ones
 LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, timings
 
 
-def sound(answer: object, n: int) -> Solution:
+def plain_answer(answer: object, n: int) -> Solution:
     """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
 
     Raises:
@@ -49,7 +49,7 @@ def sound(answer: object, n: int) -> Solution:
     )
 
 
-def sound_failure(failed: Failure) -> Failure:
+def plain_failure(failed: Failure) -> Failure:
     """A failure, made of texts that are not longer than those that are made here."""
     limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
     return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})

@@ -62,9 +62,9 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
         if os.WIFSTOPPED(status):
             os.waitpid(child, 0)
         try:
-            return _outcome(folder, status), _printed(folder)
+            return _outcome(folder, status), _read_output(folder)
         except Exception as error:
-            error.add_note(_printed(folder))
+            error.add_note(_read_output(folder))
             raise
 
 
@@ -78,7 +78,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
             os.dup2(here, there)
         sys.stdout = sys.stderr = io.TextIOWrapper(io.FileIO(2, "w", closefd=False), line_buffering=True)
         faulthandler.enable(2)
-        answer = pickle.dumps(_called(call))
+        answer = pickle.dumps(_call(call))
         place = folder / f"{_ANSWER}.{os.getpid()}"
         place.write_bytes(answer)
         place.rename(folder / _ANSWER)
@@ -89,7 +89,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
         os._exit(0)
 
 
-def _called(call: Callable[[], object]) -> tuple[str, Any]:
+def _call(call: Callable[[], object]) -> tuple[str, Any]:
     """Call a function; return how that ended, and with what."""
     try:
         return _RETURNED, call()
@@ -136,7 +136,7 @@ def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
     return error
 
 
-def _printed(folder: Path) -> str:
+def _read_output(folder: Path) -> str:
     with suppress(OSError), (folder / _SAID).open("rb") as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - PRINTED))
         return f"It printed:\n{file.read().decode(errors='replace')}"

@@ -20,25 +20,25 @@ def without_fixed(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> di
     if len(mechanism.moving) == len(mechanism.coordinates):
         return {**solutions}
     held = {*mechanism.coordinates} - {*mechanism.moving}
-    return {name: replace(one, values=_without(one.values, held)) for name, one in solutions.items()}
+    return {name: replace(one, values=_drop(one.values, held)) for name, one in solutions.items()}
 
 
-def _without(values: Mapping[str, Values], held: set[str]) -> dict[str, Values]:
+def _drop(values: Mapping[str, Values], held: set[str]) -> dict[str, Values]:
     along = {name for name in values if QUANTITIES[name].of in ALONG}
-    return {name: has.pick(_kept(has, held)) if name in along else has for name, has in values.items()}
+    return {name: has.pick(_moving_components(has, held)) if name in along else has for name, has in values.items()}
 
 
-def _kept(values: Values, held: set[str]) -> tuple[str, ...]:
+def _moving_components(values: Values, held: set[str]) -> tuple[str, ...]:
     return tuple(name for name in values.components if name not in held)
 
 
 def with_fixed(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, Values]:
     """Values with the coordinates of fixed joints, which are zero, where an engine or a table leaves them out."""
     held = [name for name in mechanism.coordinates if name not in mechanism.moving]
-    return {name: _filled(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
+    return {name: _fill(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
 
 
-def _filled(quantity: str, values: Values, held: Sequence[str], coordinates: Sequence[str]) -> Values:
+def _fill(quantity: str, values: Values, held: Sequence[str], coordinates: Sequence[str]) -> Values:
     """Values of one quantity with zeros for the coordinates that are held, in the order of all coordinates."""
     lost, what = [name for name in held if name not in values.components], QUANTITIES[quantity]
     if what.of not in ("joint", "axis") or not lost:

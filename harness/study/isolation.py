@@ -152,7 +152,9 @@ class _Jobs(Generic[T]):
             name = self.waiting.popleft()
             process = self.free.pop() if self.lanes else name
             alarm = min(self.limits.seconds + GRACE, LONGEST)
-            work = partial(_limited, name, self.works[name], self.limits, alarm, _file(self.folder, name), os.getcwd())
+            work = partial(
+                _run_within, name, self.works[name], self.limits, alarm, _file(self.folder, name), os.getcwd()
+            )
             self.running[_submit(process, work)] = name, process, monotonic()
 
     def collect(self) -> None:
@@ -177,7 +179,7 @@ class _Jobs(Generic[T]):
             if monotonic() - begin > self.limits.seconds:
                 del self.running[future]
                 _stop(process)
-                self._done(name, process, _stopped(name, self.limits, f", {shares[name]:.0%} of the way"))
+                self._done(name, process, _limit_failure(name, self.limits, f", {shares[name]:.0%} of the way"))
 
     def stop(self) -> None:
         """Stops all that run."""
@@ -201,10 +203,10 @@ class _Jobs(Generic[T]):
 
 def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
     """Run a job in the process of a name and return its result; see `isolated`."""
-    return isolated({name: partial(_unwatched, work)}, limits, silent)[name]
+    return isolated({name: partial(_run_silently, work)}, limits, silent)[name]
 
 
-def _unwatched(work: Callable[[], T], progress: Progress) -> T:
+def _run_silently(work: Callable[[], T], progress: Progress) -> T:
     """Runs a job that reports no progress."""
     return work()
 
@@ -231,7 +233,7 @@ def _begin(line: Connection, environment: Mapping[str, str]) -> None:
         os.dup2(2, 1)
 
 
-def _limited(
+def _run_within(
     name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path, home: str
 ) -> T | Failure:
     """Runs a job within its limits. Its process ignores the keyboard's interrupt, which is for its parent.
@@ -303,7 +305,7 @@ def _stop_all() -> None:
         _stop(name)
 
 
-def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:
+def _limit_failure(name: str, limits: Limits, how_far: str = "") -> Failure:
     return Failure(name, f"stopped after {limits.seconds:g} s{how_far}, the limit; --limit sets another")
 
 
@@ -316,7 +318,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
         raise error
     if isinstance(error, BrokenProcessPool):
         if signal.SIGALRM.name in str(error):
-            return _stopped(name, limits)
+            return _limit_failure(name, limits)
         return Failure(name, f"crashed: {_ending(str(error))}", str(error))
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 

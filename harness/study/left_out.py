@@ -66,7 +66,7 @@ def without_left_out(
     own = {name: one.left_out for name, one in solved.items() if one.left_out}
     if not (scene.mechanism.left_out or own):
         return every, LeftOutForces()
-    base = next((one for one in solved.values() if _moves(scene, one)), None) or _followed(scene)
+    base = next((one for one in solved.values() if _moves(scene, one)), None) or _follow(scene)
     if base is None:
         return every, LeftOutForces()
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
@@ -74,9 +74,12 @@ def without_left_out(
     of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
     # springs of the scene act in an engine besides those of its file
     forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
-    rigid, contained = _rigid(one for name, one in solved.items() if name not in own), dict[str, tuple[str, ...]]()
+    rigid, contained = (
+        _forces_of(one for name, one in solved.items() if name not in own),
+        dict[str, tuple[str, ...]](),
+    )
     for name in (*(name for name in answers if name in scene.tables), *own):
-        every[name], kinds = _without(every[name], rigid, forces.get(name, of_scene), rows)
+        every[name], kinds = _take_off(every[name], rigid, forces.get(name, of_scene), rows)
         contained |= {name: kinds} if kinds else {}
     terms = [*of_scene.terms()]
     for name, entries in own.items():
@@ -86,7 +89,7 @@ def without_left_out(
     return every, LeftOutForces(tuple(terms), contained)
 
 
-def _followed(scene: Scene) -> Solution | None:
+def _follow(scene: Scene) -> Solution | None:
     """The poses of a given motion, where no engine gives any; None where they cannot be followed."""
     if scene.simulated:
         return None
@@ -98,7 +101,7 @@ def _followed(scene: Scene) -> Solution | None:
     return Solution("", "", {}, empty(len(motion)), assembly=q)
 
 
-def _rigid(answers: Iterable[Solution]) -> dict[str, Values]:
+def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
     """Forces of the first engine that has them."""
     rigid: dict[str, Values] = {}
     for answer in answers:
@@ -120,7 +123,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
         yield answer_in_motion(mechanism, problem, base, rows[first : first + at_once])
 
 
-def _without(
+def _take_off(
     answer: Solution, rigid: Mapping[str, Values], forces: MeasuredForces, rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
     """An answer without those kinds of force that bring it nearest to that of the rigid machine."""

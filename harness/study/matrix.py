@@ -109,7 +109,7 @@ def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
 
 def _row(pin: str, mujoco: str, make: Maker, scenes: Sequence[str], progress: Progress) -> list[dict[str, Any]]:
     with TemporaryDirectory(prefix="screwgauge-") as folder:
-        return [_checked_in(Path(folder), pin, mujoco, make, scenes)]
+        return [_check_in(Path(folder), pin, mujoco, make, scenes)]
 
 
 def _result(pin: str, mujoco: str, **result: Any) -> dict[str, Any]:
@@ -117,14 +117,14 @@ def _result(pin: str, mujoco: str, **result: Any) -> dict[str, Any]:
     return {"pin": pin, "mujoco": mujoco, **RESULT, **result}
 
 
-def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence[str]) -> dict[str, Any]:
+def _check_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence[str]) -> dict[str, Any]:
     try:
         python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
     except CannotError as error:
         return _result(pin, mujoco, status="not installed", reason=str(error))
     lay_out(folder / "package")
     try:
-        return _result(pin, mujoco, **_checked(python, folder, scenes))
+        return _result(pin, mujoco, **_check(python, folder, scenes))
     except CannotError as error:
         return _result(pin, mujoco, status="failed", reason=str(error))
 
@@ -189,7 +189,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     return str(done.stdout)
 
 
-def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
+def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
     """The result of `screwgauge check --smoke` as fields of a row."""
     command = ["screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
     text = _run([str(python), "-P", "-m", *command], folder, (0, 1, 3))
@@ -205,7 +205,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         if error["ok"] and error["b"] != JUDGE and error["error"] is not None
     ]
     fewest, worst = min(pairs, default=(float("nan"), ""))
-    out = Counter(name for row in bad for name in dict.fromkeys(_beyond(row["errors"])))
+    out = Counter(name for row in bad for name in dict.fromkeys(_exceeding_quantities(row["errors"])))
     failed = any(row["status"] in ("failed", "refused") for row in bad)
     first: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
     return {
@@ -219,6 +219,6 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
     }
 
 
-def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+def _exceeding_quantities(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
     """Quantities in which two engines are out of tolerance."""
     return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)

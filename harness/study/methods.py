@@ -22,7 +22,7 @@ from screwgauge.reference.errors import (
     remedy_of_import,
 )
 from screwgauge.solution import ROUNDING, Failure, Solution
-from screwgauge.study.answers import LONG, TRACE, declared, shortened, sound, sound_failure
+from screwgauge.study.answers import LONG, TRACE, declared, plain_answer, plain_failure, shortened
 from screwgauge.study.apart import CrashedError, apart
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class EngineTask:
         with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
             model = self.engine.load(self.files, **self.settings)
             lacks = declared(model, self.engine)  # before it has met the problem
-            answer = sound(model.solve(self._ordered(model), progress), len(self.problem.task))
+            answer = plain_answer(model.solve(self._ordered(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
@@ -145,11 +145,11 @@ class EngineTask:
         except CrashedError as error:
             return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
-            answer = sound(answer, len(self.problem.task))
+            answer = plain_answer(answer, len(self.problem.task))
             # what is derived, or proved, is so by engines that run here alone
             errors = {name: replace(one, source=ROUNDING, radius=None) for name, one in answer.errors.items()}
             return replace(answer, errors=errors)
-        return sound_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
+        return plain_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with notes on differences between the user's model file and the description."""
@@ -196,7 +196,7 @@ def without(quantities: Iterable[str]) -> str:
     return f"gives no {', '.join(quantities)}, though asked for"
 
 
-def excepted(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
+def notes_on_lacks(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
     """Notes on requested quantities that an engine has excepted."""
     return (f"gives no {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 

@@ -118,15 +118,13 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
     """
     engine, mechanism = get_engine(name), scene.mechanism
     if engine.reads == ".toml":
-        return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
+        return tuple(_deviations(files.model, _of_description(mechanism, files.model)))
     if engine.reads not in FORMATS:
         return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
     reader = reader_of(engine)
     sentences = [
-        *_beyond(mechanism, engine, files.model, known=name in ENGINES),
-        *_other_than_described(
-            files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
-        ),
+        *_extra_contents(mechanism, engine, files.model, known=name in ENGINES),
+        *_deviations(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
     ]
     ignored, other = of_loops(scene, name, files)
     return (*sentences, *ignored, *other)
@@ -154,7 +152,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
         if isinstance(one, Resistance):
             along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
             reached = {body for body, _ in one.path} <= mechanism.body_index.keys()
-            more = _more(replace(one, along=along), known_amounts)
+            more = _excess(replace(one, along=along), known_amounts)
             acts = more.armature or more.damping or more.friction or more.stiffness
             found += [more] if acts and (along or (one.path and reached)) else []
         elif not isinstance(one, TurnResistance) and one.body in mechanism.body_index:
@@ -162,7 +160,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     return tuple(found)
 
 
-def _more(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
+def _excess(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
     """Reduce a resistance to what exceeds the description; the amounts in `known` are used up."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
@@ -187,8 +185,8 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
         return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
     unread = unread_rows(name.partition("-")[0])
-    ignored = _other_than_described(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
-    return [*ignored], [*_other_than_described(files.loops, (row for row in rows if row.what not in unread))]
+    ignored = _deviations(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
+    return [*ignored], [*_deviations(files.loops, (row for row in rows if row.what not in unread))]
 
 
 def reader_of(engine: Engine) -> str:
@@ -198,7 +196,7 @@ def reader_of(engine: Engine) -> str:
     return own if own in fitting else fitting[0]
 
 
-def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
+def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
     by_fate: dict[str, dict[str, list[str]]] = {}
     try:
         beyond = extras(model, FORMATS[engine.reads], mechanism)
@@ -210,7 +208,7 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
         by_fate.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
     for fate in sorted(by_fate, key=[*_FATE.values(), _NOT_KNOWN].index):
         things = (f"{what}{first_few(whose, 1)}" for what, whose in by_fate[fate].items())
-        yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
+        yield f"{fate.format(engine.name, model.name)}: {_list(things)}"
 
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
@@ -222,15 +220,15 @@ def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     return out.rows
 
 
-def _other_than_described(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
+def _deviations(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
     bad = [row for row in rows if not row.ok]
     if bad and bad[0].what == "file":
         yield f"{path.name} cannot be compared with the description: {bad[0].found}"
     elif bad:
-        things = _listed(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
+        things = _list(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
         yield f"{fate}{path.name}, other than described: {things}"
 
 
-def _listed(things: Iterable[str]) -> str:
+def _list(things: Iterable[str]) -> str:
     named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
     return first_few(named, _NAMED)

@@ -44,7 +44,7 @@ from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
 from screwgauge.study.review import STANDIN, TableReview, reviews
 from screwgauge.study.rounding import with_rounding
-from screwgauge.study.simulations import MOTION, doubtful, ends, loosened, observed
+from screwgauge.study.simulations import MOTION, add_observables, ends, engines_in_doubt, loosen
 from screwgauge.study.solving import ask_engines, description_file, generated, model_files
 from screwgauge.study.tables import check_tables, judge_table
 
@@ -126,7 +126,7 @@ def run(
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
     check_scene_type(scene, "run")
-    names, wanted = _requested(scene, engines, quantities)
+    names, wanted = _check_names(scene, engines, quantities)
     progress("preflight", 0.0)
     asked = _check(scene, wanted)
     check_leave(scene)
@@ -139,8 +139,8 @@ def run(
         told = ask(scene, names, folder)
         record = provenance(scene, _files(scene, names, folder), description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
-    answered = _answered(asked, told)
-    solutions, errors, pairs, judged = _compared(asked, answered, ask)
+    answered = _prepare(asked, told)
+    solutions, errors, pairs, judged = _compare_all(asked, answered, ask)
     stale = idle_entries(scene, solutions, answered.left_out, unread)
     return Comparison(
         scene=scene,
@@ -169,7 +169,7 @@ def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = Non
     return run(alone.at(table.t), (STANDIN, name), quantities).reviews[name]
 
 
-def _requested(
+def _check_names(
     scene: Scene, engines: Iterable[str] | None, quantities: Iterable[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Check the names of engines, tables last, and of quantities."""
@@ -232,7 +232,7 @@ def _files(scene: Scene, names: Iterable[str], folder: Path) -> dict[str, Path]:
     return models | {name: file for name, file in tables.items() if file}
 
 
-def _answered(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
+def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
     """Prepare answers for comparison: estimate rounding, note what they lack, take off forces that no engine has."""
     scene, problem = asked.scene, asked.problem
     failures = {name: one for name, one in told.items() if isinstance(one, Failure)}
@@ -240,20 +240,20 @@ def _answered(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answere
     solved = {name: one for name, one in told.items() if isinstance(one, Solution)}
     answers = with_rounding(scene.mechanism, posed, solved)
     refused = [one for answer in answers.values() for one in refusals(scene.mechanism, problem, answer)]
-    lacking = [*refused, *_missing(asked, answers), *_short(asked, answers)]
-    noted = {name: _noted(scene, answer, lacking) for name, answer in answers.items()}
+    lacking = [*refused, *_missing_quantities(asked, answers), *_missing_samples(asked, answers)]
+    noted = {name: _note_lacks(scene, answer, lacking) for name, answer in answers.items()}
     rigid, forces = without_left_out(scene, problem, noted)
     return _Answered(rigid, failures, refused, lacking, forces)
 
 
-def _missing(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
+def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
     """Requested quantities that engines give at no sample."""
     for name, answer in answers.items():
         if lost := left_out(asked.requested, answer):
             yield Refusal(name, lost, np.arange(len(asked.scene.t)), without(lost), without(lost))
 
 
-def _short(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
+def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
     """Samples that engines do not answer, though they do not say beforehand that they answer fewer."""
     t = asked.scene.t
     for name, answer in answers.items():
@@ -268,7 +268,7 @@ def _short(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
             yield Refusal(name, asked.wanted, rows, what, f"{what}{why}")
 
 
-def _noted(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> Solution:
+def _note_lacks(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> Solution:
     """An answer with notes on what it lacks."""
     notes = [one.sentence for one in lacking if one.engine == answer.engine]
     if not (scene.simulated or answer.engine in scene.tables) and assembly_of(scene.mechanism, answer) is None:
@@ -280,7 +280,7 @@ Looser = Mapping[str, Sequence[Solution]]
 """Engine -> its answers with looser tolerances."""
 
 
-def _compared(
+def _compare_all(
     asked: _Asked, answered: _Answered, ask: Ask
 ) -> tuple[dict[str, Solution], pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Compare all pairs and judge each answer; simulations out of tolerance are run again to estimate their errors.
@@ -289,19 +289,19 @@ def _compared(
         Solutions, rows of component pairs, of pairs with those of what is missing, and of the judge.
     """
     scene, answers = asked.scene, answered.answers
-    judged = {name: _judged(asked, answered, name) for name in answers}
-    solutions = _charted(asked, answers)
+    judged = {name: _judge_answer(asked, answered, name) for name in answers}
+    solutions = _solutions_of(asked, answers)
     errors, pairs = _errors(asked, answered, solutions, {})
-    if asked.lay is not None and (unsure := sorted(doubtful(pairs, judged.values()) & {*answers})):
+    if asked.lay is not None and (unsure := sorted(engines_in_doubt(pairs, judged.values()) & {*answers})):
         with generated(scene) as folder:
-            runs = [ask(each, unsure, folder) for each in loosened(scene)]
+            runs = [ask(each, unsure, folder) for each in loosen(scene)]
         looser = {name: [one for told in runs if isinstance(one := told[name], Solution)] for name in unsure}
-        judged |= {name: _judged(asked, answered, name, again) for name, again in looser.items()}
+        judged |= {name: _judge_answer(asked, answered, name, again) for name, again in looser.items()}
         integration = dict[str, Integrated]()
         for name, again in looser.items():
-            solutions[name], integration[name] = _integrated(asked, asked.lay, solutions[name], again)
+            solutions[name], integration[name] = _estimate_integration(asked, asked.lay, solutions[name], again)
         errors, pairs = _errors(asked, answered, solutions, integration)
-    if lost := [*_lost(asked, answered, solutions)]:
+    if lost := [*_missing_rows(asked, answered, solutions)]:
         pairs = pd.concat([pairs, frame(lost, PAIR_COLUMNS)], ignore_index=True)
     return (
         solutions,
@@ -311,7 +311,7 @@ def _compared(
     )
 
 
-def _judged(asked: _Asked, answered: _Answered, name: str, again: Sequence[Solution] = ()) -> pd.DataFrame:
+def _judge_answer(asked: _Asked, answered: _Answered, name: str, again: Sequence[Solution] = ()) -> pd.DataFrame:
     """Judge an answer. `again`: of the same engine with looser tolerances."""
     scene, problem, answer = asked.scene, asked.problem, answered.answers[name]
     if name in scene.tables:
@@ -320,10 +320,10 @@ def _judged(asked: _Asked, answered: _Answered, name: str, again: Sequence[Solut
     return judge(scene.mechanism, problem, answer, refused=refused, again=again, tolerance_of=tolerance_of)
 
 
-def _charted(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, Solution]:
+def _solutions_of(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, Solution]:
     """Prepare solutions: answers in one chart of joint angles; of a simulation, with its observables."""
     scene = asked.scene
-    given = answers if asked.lay is None else observed(scene, asked.lay, answers, asked.wanted)
+    given = answers if asked.lay is None else add_observables(scene, asked.lay, answers, asked.wanted)
     return without_fixed(scene.mechanism, in_one_chart(scene.mechanism, given))
 
 
@@ -344,11 +344,11 @@ def _errors(
     return compare(scene.mechanism, asked.problem, solutions, failed, asked.mobility, allowance, answered.refused)
 
 
-def _integrated(
+def _estimate_integration(
     asked: _Asked, lay: Layout, solution: Solution, again: Sequence[Solution]
 ) -> tuple[Solution, Integrated]:
     """A solution with a note on the error of its integration, and that error, from runs with looser tolerances."""
-    seen = observed(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
+    seen = add_observables(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism
     first, *others = without_fixed(mechanism, in_one_chart(mechanism, {"": solution, **runs})).values()
@@ -356,12 +356,12 @@ def _integrated(
     return replace(first, notes=(*first.notes, integration_note(estimate))), estimate
 
 
-def _lost(asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution]) -> Iterator[SizedResidual]:
+def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution]) -> Iterator[SizedResidual]:
     """Rows without numbers: pairs of engines that have a quantity with one that has not, or not all of it."""
     scene, answers = asked.scene, answered.answers
     reasons = [
         (quantity, one.engine, f"{one.engine} {one.sentence}")
-        for one in _missing(asked, answers)
+        for one in _missing_quantities(asked, answers)
         for quantity in one.quantities
     ]
     if asked.lay is not None:

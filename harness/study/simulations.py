@@ -21,10 +21,12 @@ MOTION = SIMULATED[:3]
 COARSEST = 0.1
 
 
-def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:
+def add_observables(
+    scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]
+) -> dict[str, Solution]:
     """Simulated motions with what is compared of them, and the reference of the scene, if it has one."""
     solutions = {
-        name: _observed(scene, lay, answer, wanted)
+        name: _add_observables(scene, lay, answer, wanted)
         for name, answer in answers.items()
         if "joint_position" in answer.values
     }
@@ -33,21 +35,21 @@ def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted:
     return solutions
 
 
-def loosened(scene: Scene) -> list[Scene]:
+def loosen(scene: Scene) -> list[Scene]:
     """The scene with the looser tolerances of the runs that estimate the error of integration."""
     steps = scene.start.integration
     looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
     return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
 
 
-def doubtful(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
+def engines_in_doubt(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
     """Engines with a number out of tolerance: the error of their integration has to be known."""
     bad = pairs[~pairs["ok"].astype(bool) & np.isfinite(pairs["max_scaled"].astype(float))]
     energy = [one[(one["residual"] == "energy_balance") & ~one["ok"].astype(bool)] for one in judged if len(one)]
     return {*bad["a"], *bad["b"], *(name for one in energy for name in one["engine"])}
 
 
-def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
+def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
     """A simulated motion with its observables, and the conditions and error estimates of its poses."""
     n, m = len(scene.t), answer.n_solved
     values = {name: answer.values[name] for name in MOTION if name in wanted and name in answer.values}

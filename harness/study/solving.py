@@ -23,16 +23,16 @@ from screwgauge.quantities import Names
 from screwgauge.reference.files import is_file
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.answers import declared, sound
+from screwgauge.study.answers import declared, plain_answer
 from screwgauge.study.fixed import with_fixed
 from screwgauge.study.methods import (
     EngineTask,
     Method,
     check_components,
     check_whole,
-    excepted,
     failure,
     left_out,
+    notes_on_lacks,
     without,
 )
 from screwgauge.study.tables import answer_of_table
@@ -123,10 +123,10 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
         if entry is None or not entry.apart:
             model = method.load(files)
             lacks = declared(model, entry)
-            answer = sound(model.solve(problem, progress), len(problem.task))
+            answer = plain_answer(model.solve(problem, progress), len(problem.task))
             return check_whole(problem, replace(answer, lacks=lacks))
         task = EngineTask(entry, files, problem, files.model.parent, (), settings=method.settings)
-        (told,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
+        (told,) = _ask_all({method.name: task}, None, lambda step, share: progress(share)).values()
         return told if isinstance(told, Failure) else check_whole(problem, told)
     except TooLongError:
         raise
@@ -169,7 +169,7 @@ def ask_engines(
             files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
             of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
             questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
-    for name, answer in _asked(questions, limits, progress).items():
+    for name, answer in _ask_all(questions, limits, progress).items():
         answers[name] = answer
         if isinstance(answer, Solution):
             try:
@@ -188,7 +188,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
     mechanism = scene.mechanism
     answer = replace(answer, values=with_fixed(mechanism, answer.values))
     check_components(answer, len(scene.t), expected, len(mechanism.coordinates))
-    answer = replace(answer, notes=(*answer.notes, *excepted(answer, wanted)))
+    answer = replace(answer, notes=(*answer.notes, *notes_on_lacks(answer, wanted)))
     orders = {quantity: components for quantity, (components, _) in expected.items()}
     for quantity, values in answer.values.items():
         if quantity.startswith("tree_force") and {*values.components} <= {*mechanism.coordinates}:
@@ -196,7 +196,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
     return answer.arranged(orders)
 
 
-def _asked(
+def _ask_all(
     questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
 ) -> dict[str, Solution | Failure]:
     """Answers of engines, in their order; those that run apart are asked by workers alone."""

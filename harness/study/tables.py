@@ -19,7 +19,7 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError, chec
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import Header, Recorded, read_header
-from screwgauge.scene.rest import unique
+from screwgauge.scene.rest import unique_samples
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
 from screwgauge.study.fixed import with_fixed
@@ -58,7 +58,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
     (rows, at), columns = same_times(scene.t, table.t), _columns(table, names, wanted)
     skipped = len(table.t) - len(np.unique(at))
     if any(QUANTITIES[quantity].needs == "f" for quantity in columns):
-        told = unique(scene)
+        told = unique_samples(scene)
         rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
     if not rows.size:
         raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
@@ -73,8 +73,8 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
     values, assembly = with_fixed(scene.mechanism, values), _assembly(scene, rows)
     if "joint_position" in values:
-        values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
-    short, long = _left_out(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
+        values["joint_position"] = _unwind(values["joint_position"], scene.mechanism.coordinates, assembly)
+    short, long = _lacks(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped:
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
@@ -85,7 +85,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         values=values,
         condition=empty(len(scene.t)),
         notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
-        assembly=None if _whole(values, names, "joint_position") else assembly,
+        assembly=None if _is_whole(values, names, "joint_position") else assembly,
         rows=None if len(rows) == len(scene.t) else rows,
         warnings=short,
         lacks=dict.fromkeys({*wanted} - {*values}, "the table has no column of it"),
@@ -128,7 +128,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
     return compared[0]
 
 
-def _left_out(
+def _lacks(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
     """Say what a table lacks of the wanted quantities: in one sentence, and in notes by component."""
@@ -142,7 +142,7 @@ def _left_out(
     return (f"{name} gives {'; '.join(short)}",) if short else (), long
 
 
-def _whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool:
+def _is_whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool:
     return quantity in values and values[quantity].components == names[quantity][0]
 
 
@@ -154,7 +154,7 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
     return q
 
 
-def _unwound(values: Values, coordinates: Sequence[str], q: Array) -> Values:
+def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
     """Recorded angles with whole turns added where these and little else are missing: an encoder counts within one.
 
     Args:
@@ -171,7 +171,7 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
 
     What a table states as its error it may leave over; positions that it does not give are not judged.
     """
-    values = {name: one for name, one in answer.values.items() if _whole(answer.values, names, name)}
+    values = {name: one for name, one in answer.values.items() if _is_whole(answer.values, names, name)}
 
     def tolerance_of(quantity: str) -> float:
         usual, stated = scene.tolerance(quantity), scene.tables[answer.engine].error.get(quantity)

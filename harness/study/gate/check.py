@@ -137,11 +137,11 @@ class Check:
             if row.admitted:
                 marks["warning"] = f"{row.scene}: {ADMITTED.lower()}: {', '.join(row.admitted)}"
             for kind, text in marks.items():
-                place = _escaped(row.file, "%\r\n:,")
-                yield f"::{kind} file={place},line={max(row.line, 1)}::{_escaped(printable(text), '%')}"
+                place = _escape(row.file, "%\r\n:,")
+                yield f"::{kind} file={place},line={max(row.line, 1)}::{_escape(printable(text), '%')}"
 
 
-def _escaped(text: str, signs: str) -> str:
+def _escape(text: str, signs: str) -> str:
     """A text with codes for the signs that mean something to GitHub."""
     return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 

@@ -40,11 +40,11 @@ def known_item() -> Item:
 def known_row(item: Item, settings: GateSettings) -> GateRow:
     """The pair has to be the same, planted differences seen, and what is imported what was read."""
     row = compared_pair(item, settings)
-    wrong = next(_wrong(), "") if row.ok else ""
+    wrong = next(_failures(), "") if row.ok else ""
     return replace(row, status="failed", sentence=wrong) if wrong else row
 
 
-def _wrong() -> Iterator[str]:
+def _failures() -> Iterator[str]:
     """Yield a sentence for each check of a file that fails."""
     urdf, text = PAIR[0], read_file(Path(PAIR[1]))
     with tempfile.TemporaryDirectory() as name:
@@ -52,12 +52,12 @@ def _wrong() -> Iterator[str]:
         for what, (item, here, there) in PLANTED.items():
             file = folder / f"{what}.xml"
             file.write_text(text.replace(here, there), encoding="utf-8")
-            yield from _unseen(what, item, diagnose(urdf, file), diagnose(file, urdf))
+            yield from _misses(what, item, diagnose(urdf, file), diagnose(file, urdf))
         for built_in in IMPORTED:
-            yield from _imported(folder, built_in)
+            yield from _import_deviations(folder, built_in)
 
 
-def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
+def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
     """Yield what a diagnosis, in either order of the files, misses or missizes of a planted difference."""
     planted = f"{what} of {item} that differs by {SIZE:.0%}"
     for each in (found, back):
@@ -72,7 +72,7 @@ def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator
         yield f"torques that differ by a planted difference, {planted}, do so by {one:.3g} or {other:.3g}"
 
 
-def _imported(folder: Path, name: str) -> Iterator[str]:
+def _import_deviations(folder: Path, name: str) -> Iterator[str]:
     """Yield differences between the description made of MuJoCo's reading and what Pinocchio reads."""
     texts = model_texts(load_mechanism(name))
     for ending in (".urdf", ".loops.toml", ".xml"):

@@ -156,7 +156,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     reason = f"from {given[quantity]}" if quantity in given else usual
     solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        reason = f"{reason}, {_admitted(scene, quantity, solutions)}"
+        reason = f"{reason}, {_reason_to_widen(scene, quantity, solutions)}"
     if quantity not in QUANTITIES and row["ok"] and row["reason"]:
         reason = str(row["reason"])
     if quantity in given or row["max_scaled"] <= tolerance:
@@ -170,7 +170,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     return tolerance, reason
 
 
-def _admitted(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
+def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
     """Name what makes the tolerance of a quantity wider than that of the scene."""
     if scene.simulated:
         return "what integration leaves"

@@ -45,7 +45,7 @@ def check_items(
     for item in items:
         files = files_in(item, meshes=settings.meshes) if place else []
         key = address(item.name, item.files, files=files) if place else ""
-        tasks.append(Task(item.name, partial(_timed, item, settings), key, files))
+        tasks.append(Task(item.name, partial(_time, item, settings), key, files))
 
     def keep(key: str, row: GateRow) -> None:
         with suppress(OutputError):  # the report meets the full disk again
@@ -63,7 +63,7 @@ def check_items(
     return rows
 
 
-def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
+def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     begin = perf_counter()
     row = measured(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)
