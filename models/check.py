@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.models.files.loops import LoopsFile, closure_readings, loops_of, read_loops
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_scale
-from screwgauge.models.poses import matrix, screw
+from screwgauge.models.poses import exponential, matrix, screw
 from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
@@ -32,7 +32,7 @@ from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
 #: Share of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
@@ -364,9 +364,7 @@ def _matrix(frame: Frame) -> Array:
 
 
 def _step(value: float, turns: bool, axis: Array) -> Array:
-    if turns:
-        return matrix(np.zeros(3), rotation(axis, np.array(value)))
-    return matrix(value * axis, np.eye(3))
+    return exponential("hinge" if turns else "slide", axis, np.zeros(3), value)
 
 
 def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:

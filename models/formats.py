@@ -15,7 +15,7 @@ from screwgauge.reference.couplings import Fixing, PolynomialSum
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
-from screwgauge.reference.rotations import Array, skew
+from screwgauge.reference.rotations import Array, rotation, skew
 
 #: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
 #: two coordinates (cosine and sine) for the angle.
@@ -59,6 +59,12 @@ def rpy(R: Array) -> Array:
     pitch = math.atan2(-R[2, 0], c * R[0, 0] + s * R[1, 0])
     roll = math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1])
     return np.array([roll, pitch, yaw])
+
+
+def of_rpy(angles: Array) -> Array:
+    """Return ``Rz(yaw) Ry(pitch) Rx(roll)``, see `rpy`. Shape (3,) -> (3, 3)."""
+    x, y, z = (rotation(axis, angle) for axis, angle in zip(np.eye(3), angles, strict=True))
+    return z @ y @ x
 
 
 def quaternion(R: Array) -> Array:

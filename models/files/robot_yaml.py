@@ -7,7 +7,7 @@ import re
 import reprlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,32 +30,8 @@ _KINDS = {"3d": "point", "6d": "weld"}
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 
 
-@dataclass(frozen=True, slots=True)
-class LoopsYaml:
-    """The content of a ``robot.yaml``.
-
-    Attributes:
-        pairs: Names of two links, or of joints for the links that they carry, that coincide.
-        kinds: Of the closures, as `ClosureReading` has them.
-        motors: Joints that are driven; or a part of their names, where the file has one text for all.
-        types: Joint -> its type in place of that of the URDF, in capitals.
-        unread: Further entries of the file.
-    """
-
-    pairs: tuple[tuple[str, str], ...]
-    kinds: tuple[str, ...]
-    motors: tuple[str, ...] | str
-    types: Mapping[str, str]
-    unread: tuple[str, ...]
-
-
-def read_loops_yaml(path: Path) -> LoopsYaml:
-    """Reads a ``robot.yaml``.
-
-    Raises:
-        ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
-    """
-    where, data = str(path), read_yaml(path, _KEYS[:3])
+def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ...]]]:
+    """Return kind, as `ClosureReading` has it, and two names of links or joints of each closed loop."""
     loops = data.get("closed_loop") or []
     if not isinstance(loops, list):
         raise ModelFileError(
@@ -69,6 +45,11 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
     for kind in types:
         if kind.lower() not in _KINDS:
             raise UnknownNameError("type of a closed loop", kind, _KINDS, f"{where}, type")
+    return [(_KINDS[kind.lower()], pair) for kind, pair in zip(types, pairs, strict=True)]
+
+
+def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
+    """Return joint -> its type in place of that of the URDF, in capitals."""
     joints = _texts(data.get("joint_name"), f"{where}, joint_name")
     turned = _texts(data.get("joint_type"), f"{where}, joint_type")
     if len(joints) != len(turned):
@@ -76,14 +57,7 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
         raise ModelFileError(what, where, "write a type for each joint")
     if twice := [name for name, count in Counter(joints).items() if count > 1]:
         raise ModelFileError(f"names joint '{twice[0]}' twice", f"{where}, joint_name", "name it once")
-    motors = data.get("name_mot")
-    return LoopsYaml(
-        tuple((first, second) for first, second in pairs),
-        tuple(_KINDS[kind.lower()] for kind in types),
-        motors if isinstance(motors, str) else _texts(motors, f"{where}, name_mot"),
-        {name: kind.upper() for name, kind in zip(joints, turned, strict=True)},
-        tuple(f"entry {key} of {path.name}" for key in data if key not in _KEYS),
-    )
+    return {name: kind.upper() for name, kind in zip(joints, turned, strict=True)}
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
@@ -96,16 +70,22 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
 
 
 def with_robot_yaml(reading: Reading, path: Path) -> Reading:
-    """Return a reading with the closures, motors and spherical joints of a ``robot.yaml``."""
-    file = read_loops_yaml(path)
-    reading = retype(reading, file.types, str(path))
-    closures = {}
-    for i, (kind, pair) in enumerate(zip(file.kinds, file.pairs, strict=True)):
+    """Add the closures, motors and spherical joints of a ``robot.yaml`` to a reading.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
+    """
+    where, data = str(path), read_yaml(path, _KEYS[:3])
+    loops, types, driven = _loops(data, where), _types(data, where), data.get("name_mot")
+    names = _texts(driven, f"{where}, name_mot") if not isinstance(driven, str) else ()
+    reading, closures = retype(reading, types, where), dict[str, ClosureReading]()
+    for i, (kind, pair) in enumerate(loops, 1):
         (first, T1), (second, T2) = (_frame(reading, name, path) for name in pair)
-        closures[f"loop{i + 1}"] = ClosureReading(kind, first, T1, second, T2)
-    names = [n for n in reading.joints if file.motors in n] if isinstance(file.motors, str) else file.motors
+        closures[f"loop{i}"] = ClosureReading(kind, first, T1, second, T2)
+    if isinstance(driven, str):  # a part of the names of all
+        names = tuple(name for name in reading.joints if driven in name)
     actuators = motors(reading, {name: name for name in names}, path)
-    left = (Content("entries of loops files", text) for text in file.unread)
+    left = (Content("entries of loops files", f"entry {key} of {path.name}") for key in data if key not in _KEYS)
     return replace(reading, closures=closures, actuators=actuators, content=(*reading.content, *left))
 
 

@@ -13,12 +13,12 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import inside
 from screwgauge.models.files.xml import parse
-from screwgauge.models.formats import floats
+from screwgauge.models.formats import floats, of_rpy
 from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.graph import WORLD
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, is_file
-from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
+from screwgauge.reference.rotations import Array, quaternion_rotation
 
 #: Versions that are read; those in which a joint may have the name of a link.
 _VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
@@ -220,9 +220,8 @@ class Frames:
             x = self.vector(element, "pose", "0 0 0 0 0 0 1", 7)
             return matrix(x[:3], quaternion_rotation(x[[6, 3, 4, 5]] / (float(np.linalg.norm(x[3:])) or 1.0)))
         x = self.vector(element, "pose", "0 0 0 0 0 0", 6)
-        roll, pitch, yaw = np.radians(x[3:]) if pose is not None and is_true(pose.get("degrees")) else x[3:]
-        X, Y, Z = np.eye(3)
-        return matrix(x[:3], rotation(Z, yaw) @ rotation(Y, pitch) @ rotation(X, roll))
+        degrees = pose is not None and is_true(pose.get("degrees"))
+        return matrix(x[:3], of_rpy(np.radians(x[3:]) if degrees else x[3:]))
 
 
 def _links_of(model: ET.Element) -> Iterator[str]:

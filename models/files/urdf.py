@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.models.content import Content
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, number, numbers
-from screwgauge.models.formats import TENSOR, WIDE, number_text, rpy, tensor, vector_text
+from screwgauge.models.formats import TENSOR, WIDE, number_text, of_rpy, rpy, tensor, vector_text
 from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import matrix
@@ -24,7 +24,7 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError, Unknow
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rigid import inverse
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array
 
 #: Part of model files that brings it, see `screwgauge.models.generate`.
 PART = "yaml"
@@ -93,11 +93,13 @@ def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame:
     _ends(joint, near, far)
     ET.SubElement(joint, "axis", xyz=vector_text(freedom.axis))
     low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
-    bounds = {"lower": low, "upper": high, "effort": STRONG, "velocity": STRONG}
-    ET.SubElement(joint, "limit", {key: number_text(value) for key, value in bounds.items()})
+    _add_numbers(joint, "limit", lower=low, upper=high, effort=STRONG, velocity=STRONG)
     if freedom.damping or freedom.friction:
-        both = {"damping": freedom.damping, "friction": freedom.friction}
-        ET.SubElement(joint, "dynamics", {key: number_text(value) for key, value in both.items()})
+        _add_numbers(joint, "dynamics", damping=freedom.damping, friction=freedom.friction)
+
+
+def _add_numbers(joint: ET.Element, tag: str, **numbers: float) -> None:
+    ET.SubElement(joint, tag, {key: number_text(value) for key, value in numbers.items()})
 
 
 def _ends(joint: ET.Element, near: str, far: str) -> None:
@@ -212,8 +214,7 @@ def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
             raise ModelFileError(what, where, "write the models again, and start from these")
         element.set("type", "revolute")
         ET.SubElement(element, "axis", xyz=vector_text(sign * (frame.R[:, 2] if not mounted else np.eye(3)[2])))
-        bounds = {"lower": -WIDE, "upper": WIDE, "effort": STRONG, "velocity": STRONG}
-        ET.SubElement(element, "limit", {key: number_text(value) for key, value in bounds.items()})
+        _add_numbers(element, "limit", lower=-WIDE, upper=WIDE, effort=STRONG, velocity=STRONG)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -281,10 +282,7 @@ def origin(element: Element) -> Array:
     place = element.find("origin")
     if place is None:
         return np.eye(4)
-    roll, pitch, yaw = numbers(place.get("rpy"))
-    x, y, z = np.eye(3)
-    R = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-    return matrix(numbers(place.get("xyz")), R)
+    return matrix(numbers(place.get("xyz")), of_rpy(numbers(place.get("rpy"))))
 
 
 def _matter(link: Element) -> tuple[Matter, Array]:

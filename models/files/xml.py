@@ -12,6 +12,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from screwgauge.models.formats import floats
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.files import check_count, read_xml
@@ -79,10 +80,7 @@ def number(element: ET.Element, attribute: str, default: float, where: str) -> f
         ModelFileError: It is something else.
     """
     value = element.get(attribute)
-    try:
-        return default if value is None else float(value)
-    except ValueError:
-        raise ModelFileError(f"{_label(element, attribute)} is no number ({value})", where, "write one") from None
+    return default if value is None else float(floats((value,), 1, _label(element, attribute), where)[0])
 
 
 def _label(element: ET.Element, attribute: str) -> str:

@@ -163,11 +163,15 @@ def _of_joints(model: Any, kind: Kind) -> Iterator[Content]:
             yield Content(kind.name, kind.name, f" of joint {name}", (("joints", name, 1.0),), values)
 
 
+def _wraps(model: Any, tendon: int) -> range:
+    return range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+
+
 def shares(model: Any, tendon: int) -> dict[int, float] | None:
     """Return joint -> coefficient of a fixed tendon, none without a tendon; None for another kind of tendon."""
     import mujoco
 
-    at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon]) if tendon >= 0 else ()
+    at = _wraps(model, tendon) if tendon >= 0 else ()
     if any(model.wrap_type[k] != int(mujoco.mjtWrap.mjWRAP_JOINT) for k in at):
         return None
     return {int(model.wrap_objid[k]): float(model.wrap_prm[k]) for k in at}
@@ -177,7 +181,7 @@ def sites_along(model: Any, tendon: int) -> list[int] | None:
     """Return the sites that a tendon passes; None if it also passes geoms or pulleys."""
     import mujoco
 
-    at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    at = _wraps(model, tendon)
     over_sites = all(model.wrap_type[k] == int(mujoco.mjtWrap.mjWRAP_SITE) for k in at)
     return [int(model.wrap_objid[k]) for k in at] if over_sites else None
 

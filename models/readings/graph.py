@@ -10,7 +10,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -71,28 +71,20 @@ class GraphJoint:
         return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
 
-class Mimic(NamedTuple):
-    """A coordinate that depends linearly on another one.
+Mimic = tuple[str, str, str, float, float]
+"""A coordinate, the joint that it follows, which of that joint's coordinates if it has several, constant and slope."""
 
-    Attributes:
-        leader: Joint that it follows.
-        nth: What distinguishes the coordinate among those of the leader, if that has several.
-    """
 
-    coordinate: str
-    leader: str
-    nth: str
-    constant: float
-    slope: float
-
-    def coupling(self, joints: Mapping[str, GraphJoint], where: str) -> CouplingReading:
-        """Return it as a coupling; what follows a fixed joint, which stays at 0, is held."""
-        freedoms = {name for joint in joints.values() for name in joint.freedoms} - {self.coordinate}
-        name = next((each for each in (f"{self.leader}.{self.nth}", self.leader) if each in freedoms), "")
-        if not name and (self.leader not in joints or joints[self.leader].freedoms):
-            raise UnknownNameError("joint", self.leader, freedoms, f"{where}, mimic of {self.coordinate}")
-        law = PolynomialSum.of({name: np.array([self.constant, self.slope])})
-        return CouplingReading(self.coordinate, law)
+def _couplings(
+    mimics: Iterable[Mimic], joints: Mapping[str, GraphJoint], where: str
+) -> Iterator[tuple[str, CouplingReading]]:
+    """Yield mimics as couplings by coordinate; one that follows a fixed joint, which stays at 0, is held."""
+    every = {name for joint in joints.values() for name in joint.freedoms}
+    for coordinate, leader, nth, *law in mimics:
+        name = next((each for each in (f"{leader}.{nth}", leader) if each in every - {coordinate}), "")
+        if not name and (leader not in joints or joints[leader].freedoms):
+            raise UnknownNameError("joint", leader, every - {coordinate}, f"{where}, mimic of {coordinate}")
+        yield coordinate, CouplingReading(coordinate, PolynomialSum.of({name: np.array(law)}))
 
 
 def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[str, GraphJoint], list[str]]:
@@ -179,7 +171,7 @@ def read_graph(
         joints=_align(moving, rounding),
         fixed=assembly.fixed,
         closures={name: _weld(assembly, *ends) for name, ends in welds.items()},
-        couplings={mimic.coordinate: mimic.coupling(joints, where) for mimic in mimics},
+        couplings=dict(_couplings(mimics, joints, where)),
         frames={n: joint.child for n, joint in joints.items() if not (joint.freedoms or n in links)},
         **rest,
     )

@@ -224,11 +224,9 @@ def _hinges(reading: Reading) -> Iterator[Hinge]:
 
 def _read_here(source: Source) -> Reading:
     """Reads an SDF or USD."""
-    return (
-        read_usd(source.path, source.name)
-        if source.form == "usd"
-        else read_sdf(source.root, source.name, str(source.path))
-    )
+    if source.form == "usd":
+        return read_usd(source.path, source.name)
+    return read_sdf(source.root, source.name, str(source.path))
 
 
 #: Library -> the formats that it reads, its own first, and how.

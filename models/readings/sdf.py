@@ -233,19 +233,19 @@ class _Joint:
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
             (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
-            yield Mimic(two, one, "", 0.0, -number(e, "gearbox_ratio", 1.0) * s * t)
+            yield two, one, "", 0.0, -number(e, "gearbox_ratio", 1.0) * s * t
         if self.kind == "screw":
             old = e.find("screw_thread_pitch") is None and e.find("thread_pitch") is not None
             pitch = number(e, "thread_pitch" if old else "screw_thread_pitch", 1.0)
             if not pitch:
                 raise ModelFileError(f"pitch of screw {self.name} is 0", self.frames.where, "give it a pitch")
             pitch = -math.tau / pitch if old else pitch
-            yield Mimic(self.coordinates[1], self.name, "1", 0.0, pitch / math.tau)
+            yield self.coordinates[1], self.name, "1", 0.0, pitch / math.tau
         for i, name in enumerate(self.coordinates[: 1 if self.kind == "screw" else None]):
             if (mimic := self.axis(i).find("mimic")) is not None:
                 leader, nth = self.frame.named(mimic.get("joint")), mimic.get("axis", "").removeprefix("axis") or "1"
                 slope, zero = number(mimic, "multiplier", 1.0), number(mimic, "reference", 0.0)
-                yield Mimic(name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope)
+                yield name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope
 
     def _geared(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
         """Return the hinge between a link and a gearbox's reference body, and the sign of its axis."""

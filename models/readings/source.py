@@ -131,9 +131,10 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         what = f"is no model: its root element is <{root.tag}>"
         raise ModelFileError(what, str(path), "give a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
     form = FORMATS[root.tag]
-    source = (
-        _mjcf(root, path, meshes) if form == "mjcf" else {"urdf": _urdf, "sdf": _sdf, "usd": _usd}[form](root, path)
-    )
+    if form == "mjcf":
+        source = _mjcf(root, path, meshes)
+    else:
+        source = {"urdf": _urdf, "sdf": _sdf}[form](root, path) if form != "usd" else Source(path, form, root)
     if floating and form != "urdf":
         what = f"is {form.upper()}, which says itself what floats"
         raise ModelFileError(what, str(path), "do not ask for a floating base")
@@ -258,10 +259,6 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(ET.tostring(part.root, encoding="unicode"), encoding="utf-8")
     return folder / path.name if names else None
-
-
-def _usd(root: ET.Element, path: Path) -> Source:
-    return Source(path, "usd", root)
 
 
 def _key_models(part: Part, keys: Mapping[Path, str]) -> None:

@@ -391,4 +391,4 @@ class _Joint:
             pairs = ((token, self), (axis, leader))
             own, leads = (t if t in one.coordinates else next(iter(one.coordinates)) for t, one in pairs)
             ratio = scaled(own, 1.0) / scaled(leads, 1.0) if degrees else 1.0
-            yield Mimic(self.coordinates[own], leader.name, leads, scaled(own, constant), ratio * slope)
+            yield self.coordinates[own], leader.name, leads, scaled(own, constant), ratio * slope

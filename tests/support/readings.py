@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.models.files.robot_yaml import read_loops_yaml
+from screwgauge.models.files.robot_yaml import read_yaml
 from screwgauge.models.kinematics import draw, residual_at_home, tree_of
 from screwgauge.models.readings.compiled import collect_warnings
 from screwgauge.models.readings.loops import with_loops
