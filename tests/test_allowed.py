@@ -54,7 +54,6 @@ EDITS = {
 
 
 def gate(folder: Path, text: str, allow: tuple[str, ...] = (), engines: str = '"screw", "mujoco"') -> Path:
-    """A scene of the four-bar and its MJCF."""
     head = f'{HEAD.format(engines=engines)}allow = {json.dumps(allow)}\nmodels.mujoco = "four-bar.xml"\n'
     (folder / "gate.toml").write_text(head + text, encoding="utf-8")
     return folder / "gate.toml"

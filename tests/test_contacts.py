@@ -1,4 +1,4 @@
-"""Contacts of a scene and floating bases: forces, refusals, and what is said of what was assumed."""
+"""Contacts and floating bases: forces, refusals, stated assumptions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ TIME = "time = { duration = 1, step = 0.1 }\n"
 
 @pytest.fixture
 def stand(tmp_path):
-    """Scene of a biped from its lines."""
 
     def stood(text: str, legs: int = 1, more: str = "") -> screwgauge.Scene:
         (tmp_path / "biped.toml").write_text(biped(legs) + more)

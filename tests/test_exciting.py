@@ -1,4 +1,4 @@
-"""Exciting motions: of every mechanism, from home, within limits, with inertia as large as weight, exactly readable."""
+"""Exciting motions start at home, keep limits, and load inertia like weight."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def test_samples_of_a_file_are_replaced(write):
 
 
 def test_a_simulation_and_a_seed_for_nothing_are_refused(refused):
-    said = "an exciting motion replaces a given one, and that of this scene is integrated; run it as it is"
-    assert refused("run", "a01-pendulum", "--exciting") == f"screwgauge: a01-pendulum: {said}.\n"
-    assert "--seed is that of an exciting motion" in refused("run", "bennett", "--seed", "1")
+    said = refused("run", "a01-pendulum", "--exciting")
+    assert all(fact in said for fact in ("a01-pendulum: ", "integrated", "run it as it is"))
+    assert "--seed is that" in refused("run", "bennett", "--seed", "1")
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("isolated")
 
 @pytest.fixture(scope="module")
 def ended():
-    """What became of works of all kinds, done at once."""
+    """Results of works of all kinds at once."""
     names = ("fine", "segfault", "abort", "leave", "odd", "hog")
     works = {name: getattr(bad_works, name) for name in names}
     return isolated(works, Limits(memory=0.5), silent)
@@ -87,7 +87,7 @@ def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
 def test_what_never_ends_is_stopped_and_the_next_one_is_not():
     (found,) = isolated({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
     assert found.reason.startswith("stopped after 0.3 s, ")
-    assert found.reason.endswith("of the way, the limit; --limit sets another")
+    assert found.reason.endswith("--limit sets another")
     (pid,) = isolated({"fine": bad_works.fine}, Limits(), silent).values()
     assert not isinstance(pid, Failure)
 
@@ -146,9 +146,7 @@ def test_a_script_that_runs_a_scene_is_not_run_again_by_processes(tmp_path):
 
 
 def test_bad_input_is_raised_as_it_is():
-    with pytest.raises(
-        UnknownNameError, match=r"own.xml: unknown leg 'leg5'; did you mean 'leg4'\? Known: leg4\.$"
-    ) as caught:
+    with pytest.raises(UnknownNameError, match=r"own.xml: .*'leg5'; .*'leg4'\? .* leg4\.$") as caught:
         isolated({"fine": bad_works.refuse}, Limits(), silent)
     assert caught.value.where == "own.xml"
 
@@ -181,7 +179,7 @@ def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, 
     options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
     printed = command("run", str(paper_scene()), *options, status=3)
     assert printed.err == ""
-    assert "FAILED: An engine failed: mujoco: crashed: its process got SIGABRT." in " ".join(printed.out.split())
+    assert "mujoco: crashed: its process got SIGABRT" in " ".join(printed.out.split())
 
 
 @pytest.mark.slow
@@ -217,7 +215,7 @@ def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
 
 
 def test_a_number_in_the_place_of_limits_is_refused():
-    with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 is no Limits; give screwgauge\.Limits"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 .*; give screwgauge\.Limits"):
         screwgauge.run(screwgauge.load_scene("slider-crank"), limits=60)
 
 

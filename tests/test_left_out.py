@@ -23,17 +23,15 @@ ROTOR = 0.005
 
 
 def described(path) -> str:
-    """The description that a model file becomes."""
     return description(import_model(path).mechanism)
 
 
 def text_of(name: str, *arguments: str) -> str:
-    """A text of the table, with arguments."""
     return TABLE["texts"][name].format(*arguments)
 
 
 def chain(**parts: str | list[str]) -> str:
-    """Three joints in a row, with parts of a file put in."""
+    """Three joints in a row, with parts put in."""
     names = ("option", "a", "ja", "jb", "c", "jc", "d", "world", "end", "ma", "motors")
     given = {name: part if isinstance(part, str) else text_of(*part) for name, part in parts.items()}
     return TABLE["texts"]["chain"].format(**{**dict.fromkeys(names, ""), **given})
@@ -173,7 +171,6 @@ def gait(write):
 
 
 def logged(scene, torques):
-    """The scene with a table of torques. Shape (n, 2)."""
     table = screwgauge.Recorded(
         scene.t, dict(zip(("m1", "m2"), torques.T, strict=True)), error={"actuator_force": 1e-9}
     )

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("inside", "no_progress")
 
 @pytest.fixture
 def bars() -> None:
-    """A description and its models; the crank of one of them is heavier."""
+    """A description and models, one with a heavier crank."""
     repository(Path())
     for path in Path().glob("four-bar*.*"):
         if path.name != "four-bar.toml":
@@ -36,7 +36,7 @@ def bars() -> None:
 
 
 def refused(*arguments: str) -> str:
-    """Runs a command that has to refuse and to change no file; returns its words."""
+    """Runs a command that has to change no file."""
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     assert main([*arguments]) == 2
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
@@ -125,7 +125,6 @@ READ = ("scene.toml", "four-bar.toml", "four-bar.xml", "motion.csv", "tolerances
 
 @pytest.mark.parametrize("name", [*READ, "f", "out/report.md"])
 def test_the_summary_of_a_job_is_added_to_no_file_of_the_command(name, bars, monkeypatch, capsys):
-    """Of a scene that is a mechanism, a motion, models and what these include."""
     Path("more.xml").write_text("<mujocoinclude/>", encoding="utf-8")
     Path("four-bar.xml").write_text(
         Path("four-bar.xml").read_text(encoding="utf-8").replace("</mujoco>", '<include file="more.xml"/></mujoco>')
@@ -154,7 +153,7 @@ def test_what_was_written_here_is_written_again_and_what_was_changed_since_is_no
         text = Path(name).read_text(encoding="utf-8")
         Path(name).write_text(text.replace("crank", "handle", 1), encoding="utf-8")
         refused(*command)
-        assert f"{name}: is there, and nothing in it proves" in capsys.readouterr().err
+        assert f"{name}: is there, and nothing" in capsys.readouterr().err
         Path(name).unlink()
         assert main(command) == 0
 
@@ -247,7 +246,7 @@ def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
     text = (Path(screwgauge.__file__).parent / "scenes" / "slider-crank.toml").read_text(encoding="utf-8")
     Path("mine.toml").write_text(f'tables.mine = "out/samples.parquet"\n{text}', encoding="utf-8")
     refused("run", "mine.toml", *asked)
-    assert "what the command reads, and what the report's samples.parquet writes" in capsys.readouterr().err
+    assert "the report's samples.parquet writes" in capsys.readouterr().err
 
 
 @pytest.mark.slow

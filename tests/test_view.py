@@ -1,4 +1,4 @@
-"""The command ``view``: a page, a picture; and what it says where it cannot."""
+"""The command ``view``: pages, pictures, refusals."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_page_is_written(tmp_path: Path) -> None:
     assert main(["view", "a01-pendulum", "--out", str(file)]) == 0
     text = file.read_text(encoding="utf-8")
     assert "screwgaugeStage" in text
-    assert "Remaining freedoms of bob: one rotation about z through pivot." in text
+    assert "freedoms of bob: one rotation about z" in text
 
 
 @pytest.mark.slow
@@ -97,22 +97,22 @@ def test_nothing_is_elsewhere_in_a_model_of_the_same_machine(name: str, kind: st
 def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:
     file = write("stuck.toml", STUCK)
     page = tmp_path / "page.html"
-    assert "shown at home, as no motion can be given" in command("view", file, "--out", page).err
+    assert "shown at home, " in command("view", file, "--out", page).err
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["3ups-upu"], "unknown scene, mechanism or model '3ups-upu'; did you mean '3ups-upu-s'?"),
+        (["3ups-upu"], "'3ups-upu'; did you mean '3ups-upu-s'?"),
         (["missing.toml"], "missing.toml"),
         (["text.urdf"], "text.urdf"),
-        (["a01-pendulum", "nothing"], "unknown scene, mechanism or model 'nothing'"),
-        (["a01-pendulum", "--out", "text.urdf/page.html"], "text.urdf/page.html: cannot be written ("),
+        (["a01-pendulum", "nothing"], "mechanism or model 'nothing'"),
+        (["a01-pendulum", "--out", "text.urdf/page.html"], "text.urdf/page.html: cannot be written"),
         (["a01-pendulum", "--out", "."], ".: is a folder; name a file"),
-        (["a01-pendulum", "--png", "a.jpg"], "cannot write a.jpg; name a file that ends with .png"),
+        (["a01-pendulum", "--png", "a.jpg"], "cannot write a.jpg; "),
         (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png at once"),
-        (["a01-pendulum", "--pdf", "a.svg"], "cannot write a.svg; name a file that ends with .pdf"),
-        (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served at"),
+        (["a01-pendulum", "--pdf", "a.svg"], "cannot write a.svg; "),
+        (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served"),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, command) -> None:
@@ -128,7 +128,7 @@ def test_a_port_that_is_taken_is_said(capsys) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         assert main(["view", "a01-pendulum", "--port", str(taken.getsockname()[1])]) == 2
-    assert "cannot be served at (address already in use); leave --port out" in capsys.readouterr().err
+    assert "(address already in use); leave --port out" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -162,7 +162,7 @@ def test_an_interrupt_that_a_library_swallows_ends_it_too(monkeypatch) -> None:
 
 @pytest.fixture(scope="module")
 def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    """The page of a slider-crank in a real browser."""
+    """A page in a real browser."""
     file = tmp_path_factory.mktemp("view") / "page.html"
     assert main(["view", "slider-crank", "--out", str(file)]) == 0
     with open_page(file, 600, 500) as shown:
