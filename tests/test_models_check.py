@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -31,13 +30,6 @@ def asymmetric() -> Mechanism:
 
 def wrong(rows: list[CheckRow]) -> dict[tuple[str, str], CheckRow]:
     return {(row.what, row.item): row for row in rows if not row.ok}
-
-
-def edited(path: Path, text: str, change: Callable[[ET.Element], None]) -> Path:
-    root = ET.fromstring(text)
-    change(root)
-    path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
-    return path
 
 
 def element(root: ET.Element, path: str) -> ET.Element:
@@ -87,87 +79,41 @@ def test_fullinertia_has_mujocos_order(asymmetric: Mechanism) -> None:
     }
 
 
-@pytest.mark.parametrize("swap", [(0, 1), (3, 4), (4, 5)])
-def test_swapped_inertia_entries_are_named(asymmetric: Mechanism, tmp_path: Path, swap: tuple[int, int]) -> None:
-    def change(root: ET.Element) -> None:
-        inertial = element(root, ".//body[@name='leg2.upper']/inertial")
-        entries = inertial.get("fullinertia", "").split()
-        i, j = swap
-        entries[i], entries[j] = entries[j], entries[i]
-        inertial.set("fullinertia", " ".join(entries))
-
-    path = edited(tmp_path / "edited.xml", write_mjcf(asymmetric, "minimal"), change)
-    rows = wrong(check_file(asymmetric, "minimal", path, "mujoco"))
-    assert list(rows) == [("inertia tensor", "leg2.upper")]
-    assert "mujoco: inertia tensor of leg2.upper" in check_table(list(rows.values()))
-
-
-@pytest.mark.parametrize("reader", READERS[1:3])
-def test_a_flipped_axis_is_named(paper: Mechanism, tmp_path: Path, reader: str) -> None:
-    def change(root: ET.Element) -> None:
-        element(root, ".//joint[@name='leg3.q1']/axis").set("xyz", "-1 0 0")
-
-    path = edited(tmp_path / "edited.urdf", write_urdf(paper, "minimal"), change)
-    rows = wrong(check_file(paper, "minimal", path, reader))
-    assert list(rows) == [("joint axis at home", "leg3.q1")]  # at home q1 = 0: no pose shows it
-
-
-def _gravity(root: ET.Element) -> None:
-    element(root, "option").set("gravity", "0 0 0")
+PAPER, ASYMMETRIC, URDF = "3ups-upu-s.xml", "3ups-upu-s-asymmetric.xml", "3ups-upu-s.urdf"
+TENSOR = "0.0099 0.0094 0.00097 0.00019 -0.00028 0.00033"
+AXIS = '<child link="leg3.base.cross1" />\n    <axis xyz="1 0 0" />'
+HINGES = ['<joint name="leg1.q1" type="hinge" axis="1 0 0" />', '<joint name="leg1.q2" type="hinge" axis="0 1 0" />']
+FIRST, SECOND = ("\n        ".join(some) for some in (HINGES, HINGES[::-1]))
+#: File as written, reader, old and new text, the only property and item that differ; or one of them.
+ONE = [
+    (ASYMMETRIC, "mujoco", TENSOR, "0.0094 0.0099 0.00097 0.00019 -0.00028 0.00033", "inertia tensor", "leg2.upper"),
+    (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 -0.00028 0.00019 0.00033", "inertia tensor", "leg2.upper"),
+    (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 0.00019 0.00033 -0.00028", "inertia tensor", "leg2.upper"),
+    # at home q1 = 0: no pose shows it
+    *((URDF, reader, AXIS, AXIS.replace('"1', '"-1'), "joint axis at home", "leg3.q1") for reader in ("pinocchio", "yourdfpy")),
+    ("3ups-upu-s.loops.toml", "loops", "child_points = [[0, 0.5,", "child_points = [[0, 0.51,",
+     "closure points and frames", "leg2.wrist"),
+]  # fmt: skip
+AMONG = [
+    (PAPER, "mujoco", "0 0 -9.81", "0 0 0", "gravity", ""),
+    (PAPER, "mujoco", 'joint="leg2.q3"', 'joint="leg3.q3"', "actuators", ""),
+    (PAPER, "mujoco", "0 0.5 0.5196152422706632", "0 0.5 0.52", "closure frames", "leg2.wrist"),
+    (PAPER, "mujoco", 'mass="1.42"', 'mass="1.4200001"', "mass", "leg1.lower"),
+    (PAPER, "mujoco", 'pos="0 0 0.15"', 'pos="0 1e-9 0.15"', "centre of mass", "leg1.lower"),
+    (PAPER, "mujoco", 'body name="platform"', 'body name="plate"', "body names", ""),
+    (PAPER, "mujoco", FIRST, SECOND, "parent and joints", "leg1.lower"),
+]
 
 
-def _motor(root: ET.Element) -> None:
-    element(root, "actuator/motor[@name='leg2']").set("joint", "leg3.q3")
-
-
-def _site(root: ET.Element) -> None:
-    element(root, ".//site[@name='leg2.wrist@child']").set("pos", "0 0.5 0.52")
-
-
-def _mass(root: ET.Element) -> None:
-    element(root, ".//body[@name='leg1.lower']/inertial").set("mass", "1.4200001")
-
-
-def _centre(root: ET.Element) -> None:
-    element(root, ".//body[@name='leg1.lower']/inertial").set("pos", "0 1e-9 0.15")
-
-
-def _rename(root: ET.Element) -> None:
-    element(root, ".//body[@name='platform']").set("name", "plate")
-
-
-def _order(root: ET.Element) -> None:
-    body = element(root, ".//body[@name='leg1.lower']")
-    first, second = body.findall("joint")
-    i, j = list(body).index(first), list(body).index(second)
-    body[i], body[j] = second, first
-
-
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        (_gravity, ("gravity", "")),
-        (_motor, ("actuators", "")),
-        (_site, ("closure frames", "leg2.wrist")),
-        (_mass, ("mass", "leg1.lower")),
-        (_centre, ("centre of mass", "leg1.lower")),
-        (_rename, ("body names", "")),
-        (_order, ("parent and joints", "leg1.lower")),
-    ],
-)
-def test_other_edits_are_named(
-    paper: Mechanism, tmp_path: Path, change: Callable[[ET.Element], None], what: tuple[str, str]
-) -> None:
-    path = edited(tmp_path / "edited.xml", write_mjcf(paper, "minimal"), change)
-    assert what in wrong(check_file(paper, "minimal", path, "mujoco"))
-
-
-def test_an_edited_loops_file_is_named(paper: Mechanism, tmp_path: Path) -> None:
-    write_models(paper, tmp_path)
-    path = tmp_path / "3ups-upu-s.loops.toml"
-    text = path.read_text(encoding="utf-8").replace("child_points = [[0, 0.5,", "child_points = [[0, 0.51,")
-    path.write_text(text, encoding="utf-8")
-    assert list(wrong(check_file(paper, "minimal", path, "loops"))) == [("closure points and frames", "leg2.wrist")]
+@pytest.mark.parametrize(("file", "reader", "old", "new", "what", "item"), [*ONE, *AMONG])
+def test_an_edit_is_named(file, reader, old, new, what, item, write):
+    name = file.partition(".")[0]
+    text = (FOLDER / name / file).read_text(encoding="utf-8")
+    assert old in text
+    rows = wrong(check_file(load_mechanism(name), "minimal", write(file, text.replace(old, new, 1)), reader))
+    assert (what, item) in rows
+    assert len(rows) == 1 or (file, reader, old, new, what, item) in AMONG
+    assert f"{reader}: {what} of {item or 'the model'}" in check_table([*rows.values()])
 
 
 def test_a_file_that_cannot_be_read_is_a_row(paper: Mechanism, write) -> None:
