@@ -82,6 +82,7 @@ def test_fullinertia_has_mujocos_order(asymmetric: Mechanism) -> None:
 PAPER, ASYMMETRIC, URDF = "3ups-upu-s.xml", "3ups-upu-s-asymmetric.xml", "3ups-upu-s.urdf"
 TENSOR = "0.0099 0.0094 0.00097 0.00019 -0.00028 0.00033"
 AXIS = '<child link="leg3.base.cross1" />\n    <axis xyz="1 0 0" />'
+TURNED = AXIS.replace('"1', '"-1')
 HINGES = ['<joint name="leg1.q1" type="hinge" axis="1 0 0" />', '<joint name="leg1.q2" type="hinge" axis="0 1 0" />']
 FIRST, SECOND = ("\n        ".join(some) for some in (HINGES, HINGES[::-1]))
 #: File as written, reader, old and new text, the only property and item that differ; or one of them.
@@ -90,7 +91,7 @@ ONE = [
     (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 -0.00028 0.00019 0.00033", "inertia tensor", "leg2.upper"),
     (ASYMMETRIC, "mujoco", TENSOR, "0.0099 0.0094 0.00097 0.00019 0.00033 -0.00028", "inertia tensor", "leg2.upper"),
     # at home q1 = 0: no pose shows it
-    *((URDF, reader, AXIS, AXIS.replace('"1', '"-1'), "joint axis at home", "leg3.q1") for reader in ("pinocchio", "yourdfpy")),
+    *((URDF, reader, AXIS, TURNED, "joint axis at home", "leg3.q1") for reader in ("pinocchio", "yourdfpy")),
     ("3ups-upu-s.loops.toml", "loops", "child_points = [[0, 0.5,", "child_points = [[0, 0.51,",
      "closure points and frames", "leg2.wrist"),
 ]  # fmt: skip
