@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, PointSpring
-from screwgauge.reference.closed.assembly_mode import Branch
+from screwgauge.reference.closed.assembly_mode import BranchPose
 from screwgauge.reference.closed.loops import home_equations, loop_equations
 from screwgauge.reference.equations.applied_forces import check_applied, distance
 from screwgauge.reference.equations.closure import Loops
@@ -159,7 +159,7 @@ def _rates_near_home(lay: Layout) -> Array:
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     most: Array = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
     if linear.rank(most) < min(most.shape):
-        branch, columns = Branch(lay, mechanism.home), mechanism.independent_columns
+        branch, columns = BranchPose(lay, mechanism.home), mechanism.independent_columns
         with suppress(ClosureError):
             branch.move(
                 mechanism.home[columns] + ASIDE * branch.system.sizes[columns] * np.cos(1.0 + 1.7 * np.arange(k))

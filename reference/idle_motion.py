@@ -17,7 +17,7 @@ import numpy as np
 from numpy.polynomial.legendre import legint, legroots, legvander
 
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, BranchPose
 from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed.newton import OPEN, newton
 from screwgauge.reference.closed_motion import ClosedMotion
@@ -303,7 +303,7 @@ class _Integration:
         """Joint coordinates of successive closed poses, from home, then from the end of the known motion."""
         if not self.started:
             return self.mode.motion(y, t, rates)
-        return read(self.loops.lay, Branch(self.loops.lay, self.start.q[0]).joints(y))
+        return read(self.loops.lay, BranchPose(self.loops.lay, self.start.q[0]).joints(y))
 
     def _close(self, y: Array, near: Array) -> Array:
         """Joint coordinates of the closed poses next to others. Shape (n, n_q)."""

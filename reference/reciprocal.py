@@ -48,7 +48,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Element:
+class ScrewElement:
     """A screw; a force or rotation has zero pitch, a couple or translation infinite pitch.
 
     Attributes:
@@ -74,8 +74,8 @@ class Held:
 
     body: str
     legs: tuple[Leg, ...]
-    wrenches: tuple[tuple[Element, ...], ...]
-    twists: tuple[Element, ...]
+    wrenches: tuple[tuple[ScrewElement, ...], ...]
+    twists: tuple[ScrewElement, ...]
     overconstraints: int
 
 
@@ -240,7 +240,7 @@ def idle_forces(lay: Layout, q: Array) -> Array:
     return linear.null_space(work) if work.size and np.isfinite(work).all() else np.zeros((work.shape[1], 0))
 
 
-def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ...]:
+def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElement, ...]:
     """Express a system of screws by lines and directions that span it: axes, then directions.
 
     Principal screws of the system (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
@@ -265,8 +265,8 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
     E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])
     E, points, h = _without_pitch(E, np.tile(_meeting(E, M @ D.T @ E, h, off), (len(h), 1)), h)
     E, couples = _fix_signs(E), _fix_signs(couples)
-    lines = [Element(e, (near + r) * unit, float(p) * unit) for e, r, p in zip(E.T, points, h, strict=True)]
-    return (*lines, *(Element(e, near * unit, np.inf) for e in couples.T))
+    lines = [ScrewElement(e, (near + r) * unit, float(p) * unit) for e, r, p in zip(E.T, points, h, strict=True)]
+    return (*lines, *(ScrewElement(e, near * unit, np.inf) for e in couples.T))
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:

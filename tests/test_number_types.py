@@ -12,7 +12,7 @@ from screwgauge.engines.rounding import operations, rounding_errors
 from screwgauge.engines.screw.model import ScrewModel, Settings
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.quantities import FLOAT32, GIVEN
-from screwgauge.reference.equations.recursion import MOVING, Accelerations
+from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations
 from screwgauge.reference.equations.screws import cross, times
 from screwgauge.reference.graph import layout
 from screwgauge.report.pages import bench as page
@@ -109,7 +109,7 @@ def test_a_mistake_of_a_hundredth_is_found(name, mistake, toy):
 
 
 def test_the_sign_of_gyroscopic_moments_is_found(toy, monkeypatch):
-    right = Accelerations.needs
+    right = BodyAccelerations.needs
 
     def wrong(self, g):
         needs, w = right(self, g), self.bodies.turning.w
@@ -120,7 +120,7 @@ def test_the_sign_of_gyroscopic_moments_is_found(toy, monkeypatch):
     class Planted(ScrewModel):
         def solve(self, problem, progress=None):
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(Accelerations, "needs", wrong)
+                patch.setattr(BodyAccelerations, "needs", wrong)
                 return super().solve(problem)
 
     toy()

@@ -9,7 +9,7 @@ import screwgauge
 from screwgauge.engines.kit import acting
 from screwgauge.engines.tree import applied_forces, closed_forces
 from screwgauge.reference.equations import kinematics
-from screwgauge.reference.equations.recursion import MOVING, Accelerations
+from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations
 from support.engines import ENGINES, get_engine
 
 #: Engines that share neither trees nor the solver's equations.
@@ -66,14 +66,14 @@ def test_loads_of_trees_that_are_larger_by_a_hundredth_are_seen(scene, witness, 
 
 
 def test_gyroscopic_moments_of_the_other_sign_are_seen(scene, witness, monkeypatch):
-    right = Accelerations.needs
+    right = BodyAccelerations.needs
 
     def reversed_moments(self, g):
         needs, w = right(self, g).copy(), self.bodies.turning.w
         needs[..., MOVING, 3:] -= 2.0 * np.cross(w, (self.pose.lay.mechanism.inertias @ w[..., None])[..., 0])
         return needs
 
-    monkeypatch.setattr(Accelerations, "needs", reversed_moments)
+    monkeypatch.setattr(BodyAccelerations, "needs", reversed_moments)
     assert differences(scene, "screw", witness).keys() == {"generalized_force", "actuator_force", "reaction"}
 
 

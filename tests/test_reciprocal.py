@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
+from screwgauge.reference.reciprocal import ScrewElement, body_twists, elements, end_body, held, idle_forces, legs
 from support.freedoms import reciprocal_screws
 from support.geometry import couple, force, linear, prismatic, revolute
 from support.mechanism import Frame, Mechanism, load_mechanism, mechanism_names
@@ -15,7 +15,7 @@ CLOSE = 1e-9  # of directions of unit length, and of points that lie within a fe
 X, Y, Z = np.eye(3)
 
 
-def screw(one: Element) -> np.ndarray:
+def screw(one: ScrewElement) -> np.ndarray:
     """``[direction; moment about O]``."""
     if np.isinf(one.pitch):
         return np.concatenate([np.zeros(3), one.direction])

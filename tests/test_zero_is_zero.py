@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.error_estimate import Part, Trust, error_of
+from screwgauge.engines.error_estimate import SolvedPart, Trust, error_of
 from support.engines import Solution, Values
 from support.freedoms import mobility_at_home
 from support.judging import Allowance, compare, compared, judge
@@ -63,7 +63,7 @@ def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, cr
 def test_an_error_is_measured_by_no_less_than_a_millionth_of_the_natural_scale():
     trust = Trust(np.full(2, 60.0), np.full(2, 20.0), np.ones(2), load=np.full(2, 1e-4))
     noise = np.array([[1e-19], [0.0]])
-    part = Part({"reaction": noise}, trust, np.zeros(0, dtype=np.intp), {"reaction": np.zeros((0, 1))})
+    part = SolvedPart({"reaction": noise}, trust, np.zeros(0, dtype=np.intp), {"reaction": np.zeros((0, 1))})
     error = error_of("reaction", [part], Values(("m",), ("N m",), noise), length=1.0, mass=1.0)
     assert error.largest < 1e-9
 

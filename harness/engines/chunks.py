@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import Part, error_of
+from screwgauge.engines.error_estimate import SolvedPart, error_of
 from screwgauge.problem import InitialValue, Progress
 from screwgauge.quantities import OF_JOINTS, RATE, Names, joint_units
 from screwgauge.reference.errors import ClosureError
@@ -21,7 +21,7 @@ PART = 2048  # samples worked on at a time: keeps memory constant and arrays in 
 def assemble(
     labels: tuple[str, str, str],
     n: int,
-    solve_part: Callable[[slice], Part],
+    solve_part: Callable[[slice], SolvedPart],
     names: Callable[[], Names],
     clock: Clock,
     progress: Progress,
@@ -38,7 +38,7 @@ def assemble(
         names: Called afterwards: components of each quantity.
         length, mass: Of the mechanism [m, kg].
     """
-    parts: list[Part] = []
+    parts: list[SolvedPart] = []
     for first in range(0, n, PART):
         parts.append(solve_part(slice(first, first + PART)))
         progress(min(1.0, (first + PART) / n))

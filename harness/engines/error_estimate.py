@@ -121,7 +121,7 @@ def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class SolvedPart:
     """Some samples of a solution with their error data: quantity -> (n, m).
 
     Attributes:
@@ -163,7 +163,7 @@ def examined(
     clock: Clock,
     units: Units,
     length: float,
-) -> Part:
+) -> SolvedPart:
     """Complete a part of a solution: solve doubtful samples again, and refuse singular ones.
 
     Args:
@@ -188,7 +188,7 @@ def examined(
             bad = ~(condition <= linear.SINGULAR)
             if bad.any():
                 values[name] = np.where(bad[:, None], np.nan, array)
-    return Part(values, trust, doubtful, moved)
+    return SolvedPart(values, trust, doubtful, moved)
 
 
 def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
@@ -230,7 +230,7 @@ def by_unit(
         yield unit, columns, size, most if unit in INERTIA else size + summands * arm(unit, length), most
 
 
-def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> Error:
+def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float, mass: float) -> Error:
     """Estimate the rounding error of a quantity.
 
     What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
@@ -269,7 +269,7 @@ def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass:
     return Error(scaled, rounding, np.concatenate([part.trust.of(name) for part in parts]))
 
 
-def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
+def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
     """Estimated error of the worst of some components, in their unit.
 
     Args:

@@ -16,7 +16,7 @@ from exudyn.utilities import Force, MarkerBodyRigid, ObjectJointGeneric, RigidBo
 import screwgauge.plugins as kit
 from screwgauge.plugins import Array
 
-#: Slides and turns along x, y and z that a joint locks between frames on both sides, see `System._join`.
+#: Slides and turns along x, y and z that a joint locks between frames on both sides, see `ExudynSystem._join`.
 LOCKED = {"R": "111110", "fixed": "111110", "C": "110110", "P": "110111", "E": "001110", "U": "111100", "S": "111000"}
 LOCKED |= {"F": "000000"}
 #: Weights of points along a line for the derivative: exact for polynomials of degree six, constraints have less.
@@ -45,14 +45,14 @@ class ExudynModel:
             raise kit.ModelFileError("takes given motions only", self.where, "name another engine")
         kit.check_fits(problem, self.mechanism, self.where)
         with kit.temporary(exu.config, printToConsole=False):
-            system, name = System(self.mechanism, problem.applied, self.integrator), ("exudyn", version("exudyn"))
+            system, name = ExudynSystem(self.mechanism, problem.applied, self.integrator), ("exudyn", version("exudyn"))
             if isinstance(problem.task, kit.GivenMotion):
                 return kit.solve_constrained((*name, "absolute coordinates"), system, problem, progress)
             labels = (*name, f"{self.integrator}, dt {self.dt:g} s")
             return kit.solve_stepwise(labels, system, problem, self.dt, progress)
 
 
-class System(kit.Stepped):
+class ExudynSystem(kit.Stepped):
     """An EXUDYN system that can be set to any state x: position and Euler parameters of each body.
 
     Attributes:

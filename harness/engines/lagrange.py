@@ -53,7 +53,7 @@ class Lagrange:
             branch = kit.Branch(self.mechanism, equations.closed, equations.angular, problem.points)
 
         def solve(q: kit.Array, motion: kit.GivenMotion, applied: kit.Applied) -> tuple[Answers, Answers]:
-            at, values = Motion(equations, branch, (q, motion, applied), problem.rule), Answers()
+            at, values = SolvedMotion(equations, branch, (q, motion, applied), problem.rule), Answers()
             at.points = problem.points
             for name in (name for name in QUANTITIES if name in problem.wanted):
                 with clock.stage(name):
@@ -72,7 +72,7 @@ def times(A: kit.Array, x: kit.Array) -> kit.Array:
     return np.asarray(np.matmul(A, x[..., None])[..., 0])
 
 
-class Motion:
+class SolvedMotion:
     """All quantities of samples that continue the previous ones.
 
     Attributes:
@@ -233,7 +233,7 @@ class Motion:
         return np.asarray(self.K.swapaxes(1, 2) @ np.stack(each, axis=2))
 
 
-QUANTITIES: Mapping[str, Callable[[Motion], kit.Array]] = {
+QUANTITIES: Mapping[str, Callable[[SolvedMotion], kit.Array]] = {
     "joint_position": lambda at: at.q,
     "joint_velocity": lambda at: at.v,
     "joint_acceleration": lambda at: at.a,

@@ -164,7 +164,7 @@ def coverage(
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
     try:
         with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
-            return _Parts(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
+            return _Composition(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
     except ScrewgaugeError as error:  # engines met it, too, and say so
         return Coverage(missing=f"Coverage is not known: {error}.")
 
@@ -173,7 +173,7 @@ _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
 """Names of terms or parameters, and their effect on every compared force: quantity, unit, shape (n, m, p)."""
 
 
-class _Parts:
+class _Composition:
     """Composition of forces and accelerations, in a motion and, at some of its poses, in any other motion."""
 
     def __init__(

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.models.home import check_home
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, BranchPose
 from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.closed_motion import driven_at_home, motion_at
 from screwgauge.reference.equations.screws import transpose
@@ -235,7 +235,7 @@ class Followed:
 
 def _about_home(lay: Layout) -> list[Array]:
     """Closed poses at and beside home, as far as there are any. Shape (n_q,) each."""
-    branch, columns = Branch(lay, lay.mechanism.home), lay.mechanism.independent_columns
+    branch, columns = BranchPose(lay, lay.mechanism.home), lay.mechanism.independent_columns
     unit, poses = branch.system.sizes[columns], [lay.mechanism.home]
     for i in range(2):
         try:

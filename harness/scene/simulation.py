@@ -7,7 +7,7 @@ import numpy as np
 from screwgauge.models.home import check_home
 from screwgauge.problem import InitialValue
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.assembly_mode import Branch, positions
+from screwgauge.reference.closed.assembly_mode import BranchPose, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
@@ -64,7 +64,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
     k, state = len(start), np.concatenate([start, yd])
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
     states = np.concatenate([state + np.diag(size), state - np.diag(size)])
-    branch = Branch(lay, lay.mechanism.home)
+    branch = BranchPose(lay, lay.mechanism.home)
     branch.move(start)
     at = motion_at(lay, branch.joints(states[:, :k]), states[:, k:], applied=applied, t=t)
     slopes = np.concatenate([states[:, k:], at.ydd], axis=1)

@@ -1,7 +1,7 @@
 """Closed poses on one assembly mode: along a motion, for samples in any order, or step by step along a branch.
 
 `AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order
-(`Region`); `Branch` goes on from the last closed pose, wherever it was; `positions` is the short form for one
+(`Region`); `BranchPose` goes on from the last closed pose, wherever it was; `positions` is the short form for one
 motion.
 """
 
@@ -153,7 +153,7 @@ BEND = 0.3
 MOST = 40
 
 
-class Branch:
+class BranchPose:
     """A pose that moves along its branch, predicted at each step by the velocity map dq/dy.
 
     A step may pass over a singular pose: the prediction goes straight on, where the branch that turns off there

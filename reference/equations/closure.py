@@ -28,7 +28,7 @@ from screwgauge.reference.equations.kinematics import (
     twists,
 )
 from screwgauge.reference.equations.ops import Block, Ops
-from screwgauge.reference.equations.recursion import MOVING, Accelerations, outward
+from screwgauge.reference.equations.recursion import MOVING, BodyAccelerations, outward
 from screwgauge.reference.equations.screws import (
     Array,
     cross,
@@ -240,7 +240,7 @@ class Motion(Closed):
         return np.stack([self.joint_rates(w, V) for w, V in zip(rates, self.partial, strict=True)], axis=-1)
 
     @cached_property
-    def bias(self) -> Accelerations:
+    def bias(self) -> BodyAccelerations:
         """Accelerations of the bodies at zero second derivatives, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
         return outward(self.pose, self.w, 0.0 * self.w)
 
@@ -264,7 +264,7 @@ class Motion(Closed):
         return self.accelerations(self.ydd)
 
     @cached_property
-    def moved(self) -> Accelerations:
+    def moved(self) -> BodyAccelerations:
         """Accelerations of the bodies, eq. (44)."""
         return outward(self.pose, self.w, self.beta)
 
@@ -312,7 +312,7 @@ class Motion(Closed):
         """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
         return self.accelerations_of_joints(self.beta, self.moved)
 
-    def accelerations_of_joints(self, beta: Array, moved: Accelerations) -> Array:
+    def accelerations_of_joints(self, beta: Array, moved: BodyAccelerations) -> Array:
         """Second derivatives of all coordinates, from those of the tree and the accelerations of bodies. (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 

@@ -19,7 +19,7 @@ from screwgauge.reference.equations.kinematics import (
     joint_screws,
 )
 from screwgauge.reference.equations.ops import Ops, absent
-from screwgauge.reference.equations.recursion import Accelerations
+from screwgauge.reference.equations.recursion import BodyAccelerations
 from screwgauge.reference.equations.screws import (
     Array,
     cross,
@@ -71,12 +71,12 @@ class CutJoint:
         """Rates of the cut joint, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
-    def _angular(self, V: Array, moved: Accelerations) -> Array:
+    def _angular(self, V: Array, moved: BodyAccelerations) -> Array:
         """Angular acceleration of child minus parent without the joint's own brackets, eq. (44). Shape (..., 3)."""
         turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
         return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
-    def _linear(self, V: Array, moved: Accelerations) -> Array:
+    def _linear(self, V: Array, moved: BodyAccelerations) -> Array:
         """Acceleration of child minus parent at the joint's point of the child, likewise. Shape (..., 3)."""
         joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
         linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
@@ -86,7 +86,7 @@ class CutJoint:
             linear = linear - cross(moved.angular(self.parent), arm) - cross(w, cross(w, arm)) - sliding
         return np.asarray(linear)
 
-    def bias(self, V: Array, moved: Accelerations) -> Array:
+    def bias(self, V: Array, moved: BodyAccelerations) -> Array:
         """Velocity-dependent acceleration along each constraint wrench. Shape (..., m).
 
         Args:
@@ -102,7 +102,7 @@ class CutJoint:
             bias[..., -1] = bias[..., -1] - kind.own(self.at, self.rates(V))
         return bias
 
-    def accelerations(self, V: Array, moved: Accelerations) -> Array:
+    def accelerations(self, V: Array, moved: BodyAccelerations) -> Array:
         """Second derivatives of its coordinates. Shape (..., f).
 
         Args:

@@ -18,7 +18,7 @@ from screwgauge.reference.equations.closure import Loops, Motion
 from screwgauge.reference.equations.joint_types import reaction_components, reaction_names
 from screwgauge.reference.equations.kinematics import Coordinates, zeros
 from screwgauge.reference.equations.ops import Ops, System, absent
-from screwgauge.reference.equations.recursion import Accelerations, at_origin, inward, on_child, wrench
+from screwgauge.reference.equations.recursion import BodyAccelerations, at_origin, inward, on_child, wrench
 from screwgauge.reference.equations.screws import (
     Array,
     join,
@@ -69,7 +69,7 @@ class Dynamics(Motion):
 
     @cached_property
     def required(self) -> Array:
-        """Wrenches that the motion requires of each body, see `Accelerations.needs`. Shape (..., b, 6)."""
+        """Wrenches that the motion requires of each body, see `BodyAccelerations.needs`. Shape (..., b, 6)."""
         return self.moved.needs(self.applied.g)
 
     @cached_property
@@ -96,7 +96,7 @@ class Dynamics(Motion):
         along = inward(self.pose, need - self.exerted.wrenches)[0]
         return along[..., self.loops.columns] - self.along_tree(acting)
 
-    def acting(self, beta: Array, moved: Accelerations) -> Array:
+    def acting(self, beta: Array, moved: BodyAccelerations) -> Array:
         """Forces along all coordinates besides actuators: exerted forces minus rotor inertia. (..., n_q).
 
         A rotor of inertia I, behind a gear or not, takes ``I qdd`` of the force along its coordinate.

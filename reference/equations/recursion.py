@@ -84,7 +84,7 @@ def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Arr
     return f, m if arm is None else m + cross(arm, f)
 
 
-def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
+def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
     """Accelerations of all bodies, eqs. (38)-(44), from rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
@@ -93,7 +93,7 @@ def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
         for crossing in chain(start if step.near else (), *parts):  # the ground rests
             motion = out(crossing, motion, w, beta)
         each[step.far] = motion
-    return Accelerations(pose, each)
+    return BodyAccelerations(pose, each)
 
 
 def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Array, Array]]]:
@@ -148,7 +148,7 @@ def on_child(pose: TreePose, way: Way) -> JointPose:
 
 
 @dataclass(frozen=True, eq=False)
-class Accelerations:
+class BodyAccelerations:
     """Motion of all bodies in their own axes.
 
     Attributes:

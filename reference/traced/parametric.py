@@ -149,7 +149,7 @@ def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sparse:
+class SparseMatrix:
     """A mostly zero matrix; a program computes the other entries.
 
     Attributes:
@@ -169,7 +169,7 @@ class Sparse:
         return out
 
 
-def residual_slopes(symbols: Symbols) -> Sparse:
+def residual_slopes(symbols: Symbols) -> SparseMatrix:
     """Derivative of the loops' rows by the numbers, at a closed pose (`Symbols` with no steps)."""
     residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
     places, entries = list[tuple[int, int]](), list[Scalar]()
@@ -178,7 +178,7 @@ def residual_slopes(symbols: Symbols) -> Sparse:
             if isinstance(slope, Node) or slope:
                 places.append((i, k))
                 entries.append(slope)
-    return Sparse(symbols.program(entries), tuple(places), (len(residual), len(numbers)))
+    return SparseMatrix(symbols.program(entries), tuple(places), (len(residual), len(numbers)))
 
 
 def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:

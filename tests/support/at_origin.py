@@ -14,7 +14,7 @@ from screwgauge.reference.equations.closure import Motion
 from screwgauge.reference.equations.cut_joint import CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import TreePose, twists, walk
-from screwgauge.reference.equations.recursion import Accelerations, FrameMotion, Turning
+from screwgauge.reference.equations.recursion import BodyAccelerations, FrameMotion, Turning
 from screwgauge.reference.equations.screws import (
     Array,
     couple,
@@ -67,18 +67,18 @@ def along_tree(at: Dynamics, wrenches: Array) -> Array:
 def replace_bracket(monkeypatch: pytest.MonkeyPatch, bracket: Bracket) -> None:
     """Lets all accelerations follow from eq. (44) under another bracket, those of cut joints included."""
 
-    def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
+    def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
         V, A = twists(pose, w), acceleration_screws(pose, w, beta, bracket)
         every = slice(None)
         vectors = (V[..., :3], A[..., :3], acceleration_at(V, A, pose.p))
         own = [np.moveaxis(pose.to_body(vector, every), -2, 0) for vector in vectors]
-        return Accelerations(pose, [FrameMotion(Turning(w, b), a) for w, b, a in zip(*own, strict=True)])
+        return BodyAccelerations(pose, [FrameMotion(Turning(w, b), a) for w, b, a in zip(*own, strict=True)])
 
-    def relative(self: CutJoint, V: Array, moved: Accelerations) -> Array:
+    def relative(self: CutJoint, V: Array, moved: BodyAccelerations) -> Array:
         parent, child = (_screw(V, moved, body) for body in (self.parent, self.child))
         return child - parent - bracket(V[..., self.parent, :], V[..., self.child, :])
 
-    def linear(self: CutJoint, V: Array, moved: Accelerations) -> Array:
+    def linear(self: CutJoint, V: Array, moved: BodyAccelerations) -> Array:
         return velocity_at(relative(self, V, moved), self.at.p_child)
 
     for module in (closure, forward):
@@ -88,7 +88,7 @@ def replace_bracket(monkeypatch: pytest.MonkeyPatch, bracket: Bracket) -> None:
     monkeypatch.setattr(kinematics, "lie_bracket", bracket)
 
 
-def _screw(V: Array, moved: Accelerations, body: int) -> Array:
+def _screw(V: Array, moved: BodyAccelerations, body: int) -> Array:
     """Acceleration screw of a body at O. Shape (..., 6)."""
     V, p, b = V[..., body, :], moved.pose.p[..., body, :], moved.angular(body)
     return join(b, moved.linear(body, np.zeros(3)) - cross(b, p) - cross(V[..., :3], velocity_at(V, p)))

@@ -19,7 +19,7 @@ from screwgauge.problem import InitialValue, Integration
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed import assembly_mode, continuation
 from screwgauge.reference.closed.anchors import Anchors
-from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch, closed_form_positions, positions
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, BranchPose, closed_form_positions, positions
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.loops import LoopEquations, home_equations, loop_equations, read
 from screwgauge.reference.closed.newton import Curve, bent, knots, predict_unknowns, straight

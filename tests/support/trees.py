@@ -12,7 +12,7 @@ from screwgauge.engines.pinocchio.model import PinocchioMover
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import project
-from screwgauge.engines.tree.closed_tree import Loops, close_tree, make_loops
+from screwgauge.engines.tree.closed_tree import TreeLoops, close_tree, make_loops
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.files.loops import read_loops

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import Part, error_of
+from screwgauge.engines.error_estimate import SolvedPart, error_of
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.closing import Accelerated, Balanced, ClosedMotion
 from screwgauge.engines.kit.poses import com_accelerations
@@ -51,7 +51,7 @@ class Answered:
     values: Mapping[str, Array]
     q: Array
     condition: Array
-    part: Part | None = None
+    part: SolvedPart | None = None
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:

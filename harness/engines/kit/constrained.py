@@ -94,11 +94,13 @@ def solve_constrained(
     clock = Clock()
     check_statement(engine, problem)
     closing = Closing(engine.mechanism, engine.place, engine.home, engine.units, engine.gap_units)
-    return answer(labels, engine.mechanism, problem, _Parts(engine, problem, closing, clock).solve, progress, clock)
+    return answer(
+        labels, engine.mechanism, problem, _PartSolver(engine, problem, closing, clock).solve, progress, clock
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class _Parts:
+class _PartSolver:
     """Solver of the parts of a problem, for its requested quantities only."""
 
     engine: Constrained

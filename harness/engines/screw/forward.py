@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
-from screwgauge.reference.closed.assembly_mode import Branch
+from screwgauge.reference.closed.assembly_mode import BranchPose
 from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.graph import Layout
@@ -54,7 +54,7 @@ class TracedForward:
         self.system, near = home_equations(lay), task.integration.near
         self.lay, self.applied, self.backend, self.near = lay, problem.applied, backend, near
         self.by_array, self.made, self.setup, self.missed = 0, 0, 0.0, list[Array]()
-        branch = Branch(lay, lay.mechanism.home)
+        branch = BranchPose(lay, lay.mechanism.home)
         branch.move(task.start)
         self.poses = [branch.q.copy()]
         self._make()
@@ -88,7 +88,7 @@ class TracedForward:
         q[self.columns], q[self.dependent] = self.pose[-len(self.columns) :, 0], self.pose[: len(self.dependent), 0]
         return q
 
-    def lend(self, branch: Branch) -> None:
+    def lend(self, branch: BranchPose) -> None:
         """Move a branch to the base pose."""
         branch.put(self._coordinates(branch.q.copy()))
 

@@ -16,7 +16,7 @@ from screwgauge.engines.methods import MOST, SIZES, DryFriction, check_method, k
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.assembly_mode import Branch
+from screwgauge.reference.closed.assembly_mode import BranchPose
 from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.joint_types import SURE
@@ -86,7 +86,7 @@ class _Run:
         traced: TracedForward | None = None,
     ) -> None:
         self.lay, self.applied, self.times, self.near, self.traced = lay, applied, times, near, traced
-        self.branch = Branch(lay, lay.mechanism.home)
+        self.branch = BranchPose(lay, lay.mechanism.home)
         self.evaluations = self.taken = self.stepped_over = 0
         self.passed: list[tuple[float, Array, Array]] = []
         self.wanted: list[int] = []

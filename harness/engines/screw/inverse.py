@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import Part, Trust, amplification, examined
+from screwgauge.engines.error_estimate import SolvedPart, Trust, amplification, examined
 from screwgauge.engines.screw.programs import undriven_columns
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
@@ -38,7 +38,7 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
     """Solve a given motion: positions, velocities, accelerations and forces."""
     work, labels, assembly = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}"), list[Array]()
 
-    def part(rows: slice) -> Part:
+    def part(rows: slice) -> SolvedPart:
         some = motion.part(rows)
         q = work.close(some, work.predict(some))
         assembly.append(q)
@@ -92,7 +92,7 @@ class Work:
         other.problem = replace(self.problem, applied=replace(self.problem.applied, loads=some))
         return other
 
-    def part(self, motion: GivenMotion, closed: Array) -> Part:
+    def part(self, motion: GivenMotion, closed: Array) -> SolvedPart:
         """Compute all wanted quantities at closed poses. Shape (n, n_q)."""
         values, trust, A = self.beyond(closed, motion)
 

@@ -18,7 +18,7 @@ from screwgauge.engines.error_estimate import (
     ACCELERATED,
     CLEAR,
     CLEAR_FORCES,
-    Part,
+    SolvedPart,
     Trust,
     absolute,
     by_powers,
@@ -157,7 +157,7 @@ def rows_not_finite(values: Mapping[str, Array]) -> Rows:
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
-def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
+def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
     """Errors as by `Bounds.estimated`, at samples that need not be clear. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():

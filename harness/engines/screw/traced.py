@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import Part, Trust, vanishing
+from screwgauge.engines.error_estimate import SolvedPart, Trust, vanishing
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_traceable, examined, flat, roots, runner_of
 from screwgauge.models.layout import open_tree
@@ -229,7 +229,7 @@ class TracedWork:
         into: Mapping[str, Array] | None = None,
         *,
         thorough: bool = False,
-    ) -> Part:
+    ) -> SolvedPart:
         """Answer samples.
 
         Args:
@@ -244,7 +244,7 @@ class TracedWork:
         values = {name: arrays[name] for name in self.wanted}
         if self.traced is None:
             self.by_array[self.reason] += len(motion)
-            part = Part(values, Trust.unknown(len(motion)), np.arange(len(motion)), {})
+            part = SolvedPart(values, Trust.unknown(len(motion)), np.arange(len(motion)), {})
         else:
             part = self._by_program(self.traced, motion, guess, loads, arrays, thorough=thorough)
         part = self._complete(motion, guess, loads, arrays, part)
@@ -261,7 +261,7 @@ class TracedWork:
         arrays: Mapping[str, Array],
         *,
         thorough: bool,
-    ) -> Part:
+    ) -> SolvedPart:
         """Answer samples by the program; the part lists those left in doubt."""
         values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
@@ -278,11 +278,16 @@ class TracedWork:
                 zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
                 self.by_array["zero beside their summands"] += len(zeros)
                 left = np.union1d(left, zeros)
-        return Part(values, trust, left, {})
+        return SolvedPart(values, trust, left, {})
 
     def _complete(
-        self, motion: GivenMotion, guess: Poses | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
-    ) -> Part:
+        self,
+        motion: GivenMotion,
+        guess: Poses | None,
+        loads: Array | None,
+        arrays: Mapping[str, Array],
+        part: SolvedPart,
+    ) -> SolvedPart:
         """Replace doubtful samples of the program by the array solver's."""
         rows = part.doubtful
         if not rows.size:
@@ -292,7 +297,7 @@ class TracedWork:
         other = work.part(some, work.close(some, begun))
         for name, array in arrays.items():
             array[rows] = examined(other, self.units, self.length) if name == "error" else other.values[name]
-        return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
+        return SolvedPart(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _choose_nearest(self, values: dict[str, Array], near: Array) -> None:
         """Move angles of cut joints to the equivalent ones nearest to the prediction."""
@@ -367,7 +372,7 @@ def solve_traced(
     known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
     work, assembly = TracedWork(lay, known, motion, backend, kind=kind), list[Array]()
 
-    def part(rows: slice) -> Part:
+    def part(rows: slice) -> SolvedPart:
         some = motion.part(rows)
         chunk = work.part(some, work.predict(some), thorough=True)
         assembly.append(chunk.values["joint_position"])

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from screwgauge.engines.kit.projection import along_line, min_norm
-from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
+from screwgauge.engines.tree.closed_tree import ClosedTree, TreeLoops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.quantities import RULED
@@ -151,7 +151,7 @@ def components(at: JointPose, wrench: Array, about: Array) -> Array:
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)
 
 
-def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> Array:
+def _closing(joint: Joint, loops: TreeLoops, at: BodyPoses, multipliers: Array) -> Array:
     """Wrench of a cut joint on its child, about the child's origin, from its anchors. Shape (n, 6)."""
     out = np.zeros((len(at.p), 6))
     for k, anchor in enumerate(loops.anchors):

@@ -41,7 +41,7 @@ class AnchorPair:
 
 
 @dataclass(frozen=True, eq=False)
-class Loops:
+class TreeLoops:
     """Closing rows of a tree: anchors, couplings, then one row for each independent coordinate."""
 
     anchors: tuple[AnchorPair, ...]
@@ -165,7 +165,7 @@ def check_names(tree: OpenTree, file: LoopsFile) -> None:
             raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
 
 
-def make_loops(tree: OpenTree, file: LoopsFile) -> Loops:
+def make_loops(tree: OpenTree, file: LoopsFile) -> TreeLoops:
     """Bind closures and independent coordinates to the bodies and coordinates of a tree.
 
     Raises:
@@ -189,7 +189,7 @@ def make_loops(tree: OpenTree, file: LoopsFile) -> Loops:
         rows.append((None, owner.name, owner.coordinates.index(name)))
     own = {coupling.name: coupling for coupling in tree.couplings}
     couplings = bind([own[coupling.name] for coupling in file.couplings], tree.coordinates)
-    return Loops(tuple(anchors), couplings, cut, index, tuple(rows))
+    return TreeLoops(tuple(anchors), couplings, cut, index, tuple(rows))
 
 
 def _anchors(closure: Closure, index: dict[str, int]) -> list[AnchorPair]:
@@ -229,7 +229,7 @@ class ClosedTree:
 
     tree: OpenTree
     file: LoopsFile
-    loops: Loops
+    loops: TreeLoops
 
     @property
     def _at_home(self) -> dict[str, float]:
@@ -343,7 +343,7 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Residuals of closures, then couplings, at q with its poses and `ends`, see `Loops.ends`. Shape (n, m)."""
+        """Residuals of closures, then couplings, at q with its poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
@@ -357,7 +357,7 @@ class ClosedTree:
 
         Args:
             motion: Coordinates, velocities and accelerations of the tree. Shape (n, n_v) each.
-            V, A: Velocities and accelerations of the bodies, see `Loops.bias`.
+            V, A: Velocities and accelerations of the bodies, see `TreeLoops.bias`.
         """
         (q, v, a), couplings, bias = motion, self.loops.couplings, self.loops.bias(at, V, A)
         if not len(couplings):

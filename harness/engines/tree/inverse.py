@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.engines.chunks import assemble
-from screwgauge.engines.error_estimate import ACCELERATED, Part, Trust, examined, worst_of
+from screwgauge.engines.error_estimate import ACCELERATED, SolvedPart, Trust, examined, worst_of
 from screwgauge.engines.kit.acting import resistance
 from screwgauge.engines.kit.poses import counted_turns
 from screwgauge.engines.kit.projection import idle_accelerations
@@ -83,7 +83,7 @@ class _Work:
         self.assembly: list[Array] = []
         self.softness = dict[str, float]()
 
-    def part(self, rows: slice) -> Part:
+    def part(self, rows: slice) -> SolvedPart:
         loops, motion = self.closed.loops, self.motion.part(rows)
         with self.clock.stage("positions"):
             q, A, at = self._positions(motion)

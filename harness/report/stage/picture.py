@@ -29,7 +29,7 @@ from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
+from screwgauge.reference.reciprocal import Held, ScrewElement, held, idle_forces, normal_of_plane
 from screwgauge.reference.rigid import without_fixed_joints
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
@@ -194,7 +194,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
 def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
     """Leg wrenches and remaining twists at some samples: point, direction and `kind` of each element, flattened."""
 
-    def row(system: Sequence[Element], k: int) -> list[float]:
+    def row(system: Sequence[ScrewElement], k: int) -> list[float]:
         if k >= len(system):
             return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
         return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), _kind(system[k])]
@@ -208,7 +208,7 @@ def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str
     return out
 
 
-def _kind(one: Element) -> int:
+def _kind(one: ScrewElement) -> int:
     """Kind of pitch: 0 for zero, 1 for infinite, 2 for any other."""
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
@@ -281,13 +281,13 @@ def _has_legs(first: Held) -> bool:
     return len(first.legs) > 1 and any(leg.name not in names and " to " not in leg.name for leg in first.legs)
 
 
-def _acts_in_plane(one: Element, normal: Array) -> bool:
+def _acts_in_plane(one: ScrewElement, normal: Array) -> bool:
     """True for a force in the plane, or a couple about its normal."""
     along = abs(float(one.direction @ normal))
     return along > 0.5 if _kind(one) == 1 else along < 0.5
 
 
-def _screws(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
+def _screws(system: Sequence[ScrewElement], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
     """Describe a system of screws, such as ``two rotations through s, about x and y``."""
     force, couple, wrench, along, about, all_six = nouns
     lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
@@ -320,7 +320,7 @@ def _vector(v: Array) -> str:
     return f"({', '.join(f'{x:.3g}' if abs(x) > 5e-7 else '0' for x in v)})"
 
 
-def _place(one: Element, places: Mapping[str, Array]) -> str:
+def _place(one: ScrewElement, places: Mapping[str, Array]) -> str:
     """Name of a joint at the point, else the point."""
     near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
     return near[0] if near else f"{_vector(one.point)} m"
