@@ -141,7 +141,7 @@ def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
     Where actuators drive less there than they might, the pose is one beside home if they drive more in that.
 
     Args:
-        among: Those that are looked at; all by default.
+        among: Candidates; all by default.
     """
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     if "driven" not in lay.kept:
@@ -186,7 +186,7 @@ def motion_at(
         q: All joint coordinates of closed poses, as from `kinematics.positions` [rad or m]. Shape (n, n_q).
         yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); where no second ones are
             given, these are the answer to the forces.
-        applied: What acts besides; by default gravity alone.
+        applied: Applied forces; by default gravity alone.
         t: Times, by which motors go [s]. Shape (n,), or one for all.
         actuators, joints: Given forces of the actuators, and along all joint coordinates, added to what acts there
             [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).

@@ -139,7 +139,7 @@ class Coupling:
 
     Attributes:
         coordinate: The joint coordinate that is coupled.
-        function: What it is a function of; constant where it is held.
+        function: The other side; constant for a fixed coordinate.
     """
 
     name: str
@@ -180,7 +180,7 @@ class CouplingRows:
     """Couplings as equations in some vector of n_q coordinates, one row each.
 
     Attributes:
-        columns: Of the coupled coordinates, one a row.
+        columns: Columns of the coupled coordinates, one a row.
         leads: Column of each coordinate that a row depends on, with its polynomial, lowest coefficient first; the
             first has the constant, which is alone, at no column, where the coordinate is held.
     """
@@ -260,7 +260,7 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
 
     Raises:
         UnknownNameError: There is no such coordinate.
-        DescriptionError: One coordinate is coupled twice, or depends on itself.
+        DescriptionError: A coordinate is coupled twice, or depends on itself.
     """
     above: dict[str, Collection[str]] = {}
     for coupling in couplings:

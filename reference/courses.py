@@ -68,7 +68,7 @@ class Samples:
     Attributes:
         t: Increasing times [s]. Shape (n,).
         values: The number at these times. Shape (n,).
-        file: Where it was read from.
+        file: The file that it was read from.
     """
 
     t: Array

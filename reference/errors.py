@@ -68,9 +68,9 @@ class ScrewgaugeError(Exception):
     """Base of all errors that a user can cause or mend.
 
     Args:
-        what: What is wrong, with value and limit.
+        what: The fault, with value and limit.
         where: File and entry, or time and pose.
-        remedy: What to do about it.
+        remedy: The remedy.
     """
 
     exit_status = 2  #: Exit status of a command that fails with it.

@@ -188,7 +188,7 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 
     Args:
         what: It is, for the complaint.
-        remedy: What to do if it is none.
+        remedy: Remedy if it is not JSON.
 
     Raises:
         DescriptionError: It cannot be read, or is no JSON that a program of this package has written.
@@ -213,7 +213,7 @@ def check_plain(value: Any, where: str) -> None:
     """Reject deep nesting, control characters, and integers that no double approximates.
 
     Args:
-        value: What a reader of TOML or JSON gives.
+        value: Value from a reader of TOML or JSON.
 
     Raises:
         DescriptionError: It holds such.

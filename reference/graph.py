@@ -40,7 +40,7 @@ class Layout:
     Attributes:
         edges: Joints of the tree, in an order in which every `near` body is known before its edge.
         cuts: Joints left out; each closes one loop.
-        kept: What was made of it once, as by `loops.loop_equations`.
+        kept: Results computed once per layout, as by `loops.loop_equations`.
     """
 
     mechanism: Mechanism

@@ -112,7 +112,7 @@ class IdleMotion:
         given: Times (n,) -> y, yd, ydd of all independent coordinates; those of idle ones are of no account.
         idle, resting: Numbers of the coordinates that no actuator drives, see `Dynamics`.
         since: Time of the start [s].
-        start, rates: Of the idle coordinates, at that time. Shape (m,).
+        start, rates: Idle coordinates and rates at that time. Shape (m,).
         breaks: Times between which the given motion is smooth, if there are any. Shape (b,).
     """
 

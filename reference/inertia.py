@@ -107,7 +107,7 @@ def _refusal(
     """Build the refusal of the first body's tensor, with the remedy for all.
 
     Args:
-        normals: Of the first, as far as it has any.
+        normals: Known normals of the first body.
     """
     body, names = bodies[0], ", ".join(f'"{body.name}.{TRIANGLE}"' for body in bodies)
     moments = np.linalg.eigvalsh(body.inertia).tolist()

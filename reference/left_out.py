@@ -42,14 +42,14 @@ class Resistance:
     The stroke is a sum of joint coordinates, or the length of a straight path over points of bodies.
 
     Attributes:
-        of: What has them, a noun and a name: ``joint m1``.
+        of: Owner, as noun and name: ``joint m1``.
         along: Coordinate -> what a unit of it adds to the stroke; empty for a path.
         path: Body, or ground, and point in its frame [m], shape (3,), in order; empty for coordinates.
         armature: [kg m^2 or kg] of a stroke in rad or m.
         damping: Law of the rate [N m s/rad or N s/m, ...].
         friction: Dry friction [N m or N].
         stiffness: Law of what the stroke lacks to, or exceeds, the range `rest` [N m/rad or N/m, ...].
-        rest: Where the spring exerts nothing [rad or m].
+        rest: Position without spring force [rad or m].
     """
 
     of: str
@@ -84,7 +84,7 @@ class BorneWeight:
     Attributes:
         body: On which it acts.
         mass: Whose weight is borne [kg].
-        point: Where, in the body's frame [m]. Shape (3,).
+        point: Point in the body's frame [m]. Shape (3,).
     """
 
     of: str
@@ -99,7 +99,7 @@ class Drag:
 
     Attributes:
         body: On which it acts.
-        density, viscosity: Of the medium [kg/m^3, Pa s].
+        density, viscosity: Density and viscosity of the medium [kg/m^3, Pa s].
         wind: World axes [m/s]. Shape (3,).
         box: Edges [m]. Shape (3,).
         frame: Centre and axes of the box in the body's frame.

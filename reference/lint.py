@@ -77,7 +77,7 @@ class Suspicion:
     """A suspicious entry.
 
     Attributes:
-        point: Where, in the frame of the body [m]. Shape (3,).
+        point: Place in the frame of the body [m]. Shape (3,).
     """
 
     body: str

@@ -113,7 +113,7 @@ class Joint:
     ``T(parent, child) = parent_frame  X(q)  child_frame^-1`` with X the serial product of the freedoms.
 
     Attributes:
-        kind: One of `KINDS`.
+        kind: An entry of `KINDS`.
         axes: Unit axes of its angles in the joint frame, at zero of the freedoms before; of P that of its slide.
             Shape (n_axes, 3).
         coordinates: Names of its coordinates, in the order of its freedoms.
@@ -241,10 +241,10 @@ class Mechanism:
         independent: Label of each independent coordinate -> name of the joint coordinate, ordered.
         axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
             force (eq. 56), if the mechanism has one.
-        group: What it is listed under.
+        group: Heading in lists.
         couplings: Joint coordinates that are sums of polynomials of others; none of them twice, and none of itself.
-        left_out: What acts in the model file that it was made from, and is in no engine: a run measures it.
-        remarks: What was changed when it was read, a sentence each.
+        left_out: Forces in the original model file that no engine includes; a run measures them.
+        remarks: Sentences on changes made while reading.
     """
 
     name: str

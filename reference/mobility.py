@@ -34,7 +34,7 @@ class Mobility:
         mobility: Joint freedoms minus the rank of the loops and couplings.
         constraints: Reaction components, those of couplings among them.
         constraint_rank: Rank of their columns in the Newton-Euler system.
-        overconstraints: How many of them are redundant.
+        overconstraints: Number of redundant ones.
         actuation_redundancy: Actuators beyond what the freedoms need.
         names: Reaction components, then actuators.
         unique: Whether each is determined by the motion alone, whatever rule fixes the redundant actuation.

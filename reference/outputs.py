@@ -114,7 +114,7 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     """Reject an existing file and an unwritable place before any work.
 
     Args:
-        inputs: What the command reads.
+        inputs: Files that the command reads.
         force: Whatever file is there may be replaced.
 
     Raises:
@@ -161,7 +161,7 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
 
     Args:
         outputs: Option or name by which each is written -> its path.
-        inputs: What the command reads; not asked for where no output is there yet.
+        inputs: Files that the command reads; iterated only if an output exists.
 
     Raises:
         OutputError: Two of these are one file.

@@ -67,9 +67,9 @@ class Held:
     """Legs, wrenches and remaining twists of a body at a pose.
 
     Attributes:
-        wrenches: By which each leg constrains it.
-        twists: What the whole mechanism leaves it.
-        overconstraints: How many of the legs' wrenches depend on the others.
+        wrenches: Constraint wrenches of each leg.
+        twists: Twists that the whole mechanism allows it.
+        overconstraints: Number of the legs' dependent wrenches.
     """
 
     body: str
@@ -216,7 +216,7 @@ def normal_of_plane(screws: Array) -> Array | None:
     """Normal of the plane in which all joints move; None if they move in space.
 
     Args:
-        screws: Of all freedoms at one pose, direction of turning and of sliding. Shape (n, 6).
+        screws: Screws of all freedoms at a pose: directions of rotation and translation. Shape (n, 6).
     """
     turns = np.linalg.norm(screws[:, :3], axis=1) > 0.5
     if not turns.any():

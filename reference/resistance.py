@@ -30,10 +30,10 @@ class Resistance(NamedTuple):
     """Resistance of one joint coordinate.
 
     Attributes:
-        column: Of the coordinate among those of all joints.
+        column: Column among the coordinates of all joints.
         what: One of `RESISTS`: it takes ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` of the force along the
             coordinate. At rest dry friction counts as none, while it may be anything up to its size.
-        unit: Of the force.
+        unit: Unit of the force.
     """
 
     column: int
@@ -82,7 +82,7 @@ def amounts(what: str, given: Array, n: int, where: str) -> Array:
     """Amounts of n coordinates, zeros by default. Shape (n,).
 
     Raises:
-        DescriptionError: One is below zero, or no number.
+        DescriptionError: An amount is negative, or not a number.
     """
     each = given if len(given) else np.zeros(n)
     if len(each) != n or not (np.isfinite(each) & (each >= 0.0)).all():

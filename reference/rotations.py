@@ -69,7 +69,7 @@ def product(A: Array, B: Array) -> Array:
 
     Args:
         A: Shape (n, ..., 3, 3).
-        B: Of every sample or fixed. Shape (n, ..., 3, 3) or (3, 3).
+        B: Second factor, of every sample or fixed. Shape (n, ..., 3, 3) or (3, 3).
     """
     if A.size <= FEW:
         return np.asarray(A @ B)
@@ -142,7 +142,7 @@ def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
 
     Args:
         M: Rotation matrix in right-handed axes. Shape (..., 3, 3).
-        m: How many axes the joint has: two angles have no gimbal lock.
+        m: Number of axes of the joint; two angles have no gimbal lock.
         hand: -1 if its third axis is opposite to the third of these.
 
     Returns:
@@ -195,8 +195,8 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
     """Follow angles from sample to sample: choose the equivalent ones nearest to the prediction.
 
     Args:
-        begin: Where to begin: the first sample is the one next to it. Shape (m,).
-        angles: Of a joint at each sample [rad]. Shape (n, m).
+        begin: Initial angles, which the first sample is nearest to. Shape (m,).
+        angles: Angles of a joint at each sample [rad]. Shape (n, m).
         sure: Whether the chart determines them; a sample at a lock is no ground for later ones. Shape (n,).
         t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), by which each sample is predicted from the
             one before; without them it is the one before.

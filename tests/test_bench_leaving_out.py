@@ -10,7 +10,7 @@ import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
 from screwgauge.judging.residual import JUDGE_COLUMNS, frame
-from support.at_origin import Accelerations
+from support.at_origin import BodyAccelerations
 from support.bench import Plan, bench
 from support.equations import Dynamics, Ops
 
@@ -34,7 +34,7 @@ def calls(monkeypatch) -> Counter[str]:
     count(screw.Work, "close", "positions")
     for name in ("velocities", "accelerations", "virtual_power", "constraint_forces"):
         count(Dynamics, name, {"velocities": "rates"}.get(name, name))
-    count(Accelerations, "needs", "inertia")
+    count(BodyAccelerations, "needs", "inertia")
     count(Ops, "square", "actuators")
     count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")

@@ -17,7 +17,7 @@ from screwgauge.judging import compare as comparing
 from screwgauge.judging.allowance import Allowance
 from support.command import main
 from support.repository import scene
-from support.trees import Loops
+from support.trees import TreeLoops
 
 
 def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, command):
@@ -105,8 +105,8 @@ def test_a_folder_may_hold_anything(make, theirs):
     assert re.search(r"x\.toml.*: .*; .*\.$", found["x"].sentence)
 
 
-def turned(self: Loops, at, V, A):
-    """`Loops.bias` with the sign of the parent's angular part changed."""
+def turned(self: TreeLoops, at, V, A):
+    """`TreeLoops.bias` with the sign of the parent's angular part changed."""
     out = right(self, at, V, A).reshape(len(V), -1, 3).copy()
     for k, anchor in enumerate(self.anchors):
         if anchor.angular:
@@ -114,7 +114,7 @@ def turned(self: Loops, at, V, A):
     return out.reshape(len(out), -1)
 
 
-right = Loops.bias
+right = TreeLoops.bias
 
 
 @pytest.mark.slow
@@ -123,7 +123,7 @@ def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     assert found.ok
     assert {"mujoco-full", "pinocchio-full"} <= found.versions.keys()
     assert "of screw, pinocchio-full, mujoco-full" in found.coverage
-    monkeypatch.setattr(Loops, "bias", turned)
+    monkeypatch.setattr(TreeLoops, "bias", turned)
     assert screwgauge.check("bennett").ok  # no default engine welds copies of moving bodies here
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.status == "differ"

@@ -8,7 +8,7 @@ import pytest
 from support.acting import Applied, Course, JointSpring, Motor
 from support.errors import DescriptionError, UnknownNameError
 from support.mechanism import DATA, load_mechanism
-from support.solve import METHODS, Branch, integrate, layout, positions
+from support.solve import METHODS, BranchPose, integrate, layout, positions
 from support.tolerances import CLOSED, LINEAR
 
 pytestmark = pytest.mark.slow
@@ -130,7 +130,7 @@ def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
 def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
     lay = layout(paper)
     y = np.stack([np.linspace(0.0, 0.3, 7), np.linspace(0.0, -0.2, 7)], axis=1)
-    found = Branch(lay, paper.home).joints(y)
+    found = BranchPose(lay, paper.home).joints(y)
     assert np.abs(found - positions(lay, y, np.zeros(7))).max() < CLOSED
 
 

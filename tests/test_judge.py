@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.at_origin import Accelerations, Motion, opposite, replace_bracket
+from support.at_origin import BodyAccelerations, Motion, opposite, replace_bracket
 from support.engines import Solution, Values
 from support.judging import answer_at, compared, judge
 from support.scene import natural_scales
@@ -41,7 +41,7 @@ def test_sign_of_the_lie_bracket(scene, monkeypatch):
 
 
 def test_dropped_gyroscopic_term(scene, monkeypatch):
-    right = Accelerations.needs
+    right = BodyAccelerations.needs
 
     def without(self, g):
         J, w, found = np.array([body.inertia for body in mechanism.bodies]), self.bodies.turning.w, right(self, g)
@@ -49,7 +49,7 @@ def test_dropped_gyroscopic_term(scene, monkeypatch):
         return found
 
     mechanism = scene.mechanism
-    monkeypatch.setattr(Accelerations, "needs", without)
+    monkeypatch.setattr(BodyAccelerations, "needs", without)
     found = set(faults(scene))
     assert {"newton_euler", "virtual_work"} <= found
     assert "power_balance" not in found  # w x J w does no work: power alone would not have told
@@ -69,14 +69,14 @@ def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
 
 def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     """From the joint to the centre of mass, as the subscripts of eq. (55) say."""
-    right, platform = Accelerations.needs, scene.mechanism.body_index["platform"]
+    right, platform = BodyAccelerations.needs, scene.mechanism.body_index["platform"]
 
     def printed(self, g):
         found = right(self, g)
         found[:, platform, 3:] -= 2.0 * np.cross(scene.mechanism.body("platform").com, found[:, platform, :3])
         return found
 
-    monkeypatch.setattr(Accelerations, "needs", printed)
+    monkeypatch.setattr(BodyAccelerations, "needs", printed)
     assert faults(scene)["newton_euler"].startswith("platform.m")
 
 

@@ -36,7 +36,7 @@ class Loaded:
     """An engine with a mechanism, loaded once for all tests.
 
     Attributes:
-        quantities: That it gives of this mechanism by default.
+        quantities: Quantities that it gives of this mechanism by default.
     """
 
     engine: Engine

@@ -36,7 +36,7 @@ def assemble(
         n: Number of samples.
         solve_part: Takes the rows of a part.
         names: Called afterwards: components of each quantity.
-        length, mass: Of the mechanism [m, kg].
+        length, mass: Length and mass of the mechanism [m, kg].
     """
     parts: list[SolvedPart] = []
     for first in range(0, n, PART):
@@ -75,7 +75,7 @@ class Simulated:
     """An integrated motion, which reached m of the n times of the grid.
 
     Attributes:
-        work: What motors, loads and dampers have put in since the start [J]; NaN where it is not known. Shape (m,).
+        work: Work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (m,).
         stopped: Why it ended early, empty if it did not.
         reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
     """

@@ -53,7 +53,7 @@ class Trust:
         speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
             that rate. Shape (n,).
         load: Largest force [N], whose parts may cancel. Shape (n,).
-        open: How far the loops are open beyond rounding, without dimension. Shape (n,).
+        open: Openings of the loops beyond rounding, without dimension. Shape (n,).
         rushes: Quantity -> what stands in the place of `rush` for it, where its accelerations are sums of more. (n,).
         stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism, where
             gains are those of loops. (n,).
@@ -237,7 +237,7 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
     tolerance of that summand, the quantity is zero within rounding, and the summand measures it.
 
     Args:
-        length, mass: Of the mechanism [m, kg].
+        length, mass: Length and mass of the mechanism [m, kg].
 
     Returns:
         The magnitude that scales it is at least `FLOOR` of the natural one, as in a scaled error. By unit the absolute

@@ -76,7 +76,7 @@ class DryFriction:
         """Watch the coordinates with dry friction.
 
         Args:
-            rates: Of named coordinates in a state. Shape (m,).
+            rates: Reads rates of named coordinates from a state. Shape (m,).
             slope: Derivative of a state at a time. Shape (2 n + 1,).
         """
         self.names = [one.coordinate for one in resistances(joints, DRY)]

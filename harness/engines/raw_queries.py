@@ -18,8 +18,8 @@ class JointStates:
     """Samples of one joint's motion in terms of the reading.
 
     Attributes:
-        kind: One of `reading.FREEDOMS`.
-        frame: That a ball or free joint carries, in the world at home. Shape (4, 4).
+        kind: An entry of `reading.FREEDOMS`.
+        frame: Frame carried by a ball or free joint, in the world at home. Shape (4, 4).
         q: Of a hinge or slide as the file counts; of a ball or free joint of its frame, in that frame at home:
             of a free one the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
         qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
@@ -37,7 +37,7 @@ class Answers:
     """The library's answers along the reading's velocities.
 
     Attributes:
-        covers: What `tau` contains besides inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
+        covers: Forces in `tau` besides inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
         tau: Inverse dynamics. Shape (n, n_freedom).
         mass_matrix: Shape (n, n_freedom, n_freedom).
         bias: At zero accelerations. Shape (n, n_freedom).
@@ -64,7 +64,7 @@ def carried(states: JointStates, frame: Array) -> tuple[Array, Array]:
     """Convert the reading's motion to that of a frame of the library.
 
     Args:
-        frame: Of the library's joint in the world at home. Shape (4, 4).
+        frame: Frame of the library's joint in the world at home. Shape (4, 4).
 
     Returns:
         Pose in that frame at home, (n, 4, 4), and the map of velocities of the reading to those of that frame, along

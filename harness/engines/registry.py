@@ -51,13 +51,13 @@ class Engine:
     """Entry of an engine.
 
     Attributes:
-        meaning: What it is, in a few words.
+        meaning: Description in a few words.
         source: ``module:function``, imported only when used; ``function(files, **settings) -> EngineModel``.
             Settings are its keywords, or the fields of ``Settings`` in its module.
         tasks: The kinds of task that it takes.
         package: Distribution that has to be installed.
         reads: Ending of its model file.
-        cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
+        cut: Generated model that it reads, ``minimal`` or ``full``; empty if it reads the description.
         lacks: Quantity that it cannot give -> why not. All other quantities it has to give.
         most: Samples that it solves at the most, see `problem.spread`; 0 for all. Of engines of other packages missing
             samples count as missing, whatever they say.

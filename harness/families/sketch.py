@@ -71,8 +71,8 @@ class Sketch:
     """A mechanism under construction at home, to which a family adds joints; lengths of about 1 m.
 
     Attributes:
-        rng: Where all chance comes from.
-        joints: Those placed so far.
+        rng: Source of all randomness.
+        joints: Joints placed so far.
         ties: Couplings about home: a coordinate moves by the sum of slope x + bend x^2 where others move by x, row ->
             {row: (slope, bend)}. Rows count all coordinates, joint by joint.
     """

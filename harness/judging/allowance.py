@@ -39,7 +39,7 @@ class Left:
     """Integration error in the difference of two motions, in one quantity and unit.
 
     Attributes:
-        scale: Of the scaled errors.
+        scale: Scale of the errors.
         errors: Engine -> its estimated error, scaled. Shape (n,).
         binding: The scene states how large the difference may be, whatever integration leaves.
     """
@@ -75,11 +75,11 @@ class Granted:
     """Accepted scaled difference of two solutions in one quantity and unit.
 
     Attributes:
-        usual: At any sample.
+        usual: Limit at any sample.
         limits: At each sample, by the condition there; without what integration leaves. Shape (n,).
-        doubts: Up to which a difference is not decided: what the engines admit where that is more. Shape (n,).
+        doubts: Limit up to which a difference is undecided, the engines' own admission if larger. Shape (n,).
         why: Why `usual` is more than the tolerance of the scene; empty where it is so for soft constraints.
-        left: What integration leaves.
+        left: Integration error.
     """
 
     usual: float
@@ -121,8 +121,8 @@ class Allowance:
         """Compute the accepted difference of two solutions.
 
         Args:
-            scale: Of the scaled errors [unit].
-            scales: Those of the machine by unit.
+            scale: Scale of the errors [unit].
+            scales: Natural scales of the machine by unit.
             n: Number of samples.
         """
         tolerance, usual = self.tolerance_of(quantity), QUANTITIES[quantity].tolerance

@@ -29,13 +29,13 @@ class Answer:
     """Answer of one engine at n samples.
 
     Attributes:
-        applied: What acts besides actuators.
-        rule: What fixes redundant actuation.
+        applied: Applied forces besides actuators.
+        rule: Rule that fixes redundant actuation.
         t: Times [s]. Shape (n,).
         values: Quantity -> values.
-        work: What motors, loads and dampers have put in [J], shape (n,); None if it is not known.
+        work: Work of motors, loads and dampers [J], shape (n,); None if unknown.
         joints: All joint coordinates and two derivatives; those that it lacks count as zero. Shape (3, n, n_q).
-        motion: What these make of the mechanism.
+        motion: Motion of the tree in these states.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
         admitted: Largest scaled error that the engine admits of any of its numbers.
@@ -112,8 +112,8 @@ class Answer:
 
         Args:
             components: Names of the columns.
-            missing: What the equation leaves over. Shape (n, m).
-            size: What that is measured by, one number or one for each component, shape (m,): the largest summand.
+            missing: Residual of the equation. Shape (n, m).
+            size: Scale of the residual, one number or one for each component, shape (m,): the largest summand.
             of: Quantities that the equation is about. What the scene admits of one of them is the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])

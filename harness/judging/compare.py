@@ -40,8 +40,8 @@ def compare(
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
-        mobility: Which forces are unique, and which are determined at all.
-        allowance: What two of them may differ by.
+        mobility: Uniqueness of forces.
+        allowance: Accepted differences.
         refusals: Samples without numbers, and why.
 
     Returns:

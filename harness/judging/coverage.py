@@ -144,8 +144,8 @@ def coverage(
     """Measure which mistakes a given motion would reveal in the requested quantities.
 
     Args:
-        solutions: Of which the first that has its joint coordinates gives the poses.
-        counted: Which reactions are determined.
+        solutions: Solutions; the first with joint coordinates gives the poses.
+        counted: Determined reactions.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
     """
     motion = problem.task

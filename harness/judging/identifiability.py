@@ -110,7 +110,7 @@ def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iter
     Args:
         needed: Wrenches that joints and actuators must exert on each body: what bodies need themselves, and what
             applied forces, rotors and friction add, which open trees lack but for rotors. Shape (2, p, n, n_body, 6).
-        counted: Which reactions are determined; the others are not compared.
+        counted: Determined reactions; the others are not compared.
     """
     wanted, table, (own, applied) = at.problem.wanted, _Table(), needed
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:

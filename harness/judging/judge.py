@@ -50,7 +50,7 @@ def judge(
         refused: Samples without numbers: what an engine does not say cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
-        again: Of a simulation, the same motion integrated with looser tolerances.
+        again: The same simulation with looser tolerances.
     """
     task = timed(problem)
     rows: Rows = np.arange(len(task)) if solution.rows is None else solution.rows
@@ -139,7 +139,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
 
     Args:
         given: The motion, if there is one; second derivatives of its idle coordinates follow from the forces.
-        orders: Of the derivatives, as far as the answer has them.
+        orders: Orders of the derivatives, as far as the answer has them.
     """
     mechanism = answer.mechanism
     names = [f"{joint}.{axis}" for joint in answer.tree.closures for axis in "xyz"]

@@ -52,12 +52,12 @@ class LeftOutTerm:
     """A kind of force that is left out.
 
     Attributes:
-        kind: One of those above.
-        names: What has it, a noun and a name each: ``joint m1``.
+        kind: A kind among those above.
+        names: Owners, each as noun and name: ``joint m1``.
         size: Largest force that it adds to one of the actuators; where these do not drive all freedoms, along an
             independent coordinate [unit].
         of: Largest of these forces with all that is left out [unit].
-        component, t: Where and when [s].
+        component, t: Place and time [s].
         file: Name of the model file that has it; empty where that is the one that the description was made from.
     """
 
@@ -86,7 +86,7 @@ class MeasuredPart:
 
     Attributes:
         admissible: The motions that its loops admit.
-        needed: By kind.
+        needed: Needs by kind.
         names: Kind -> what has it.
     """
 
@@ -158,7 +158,7 @@ class MeasuredForces:
     """Forces of `Mechanism.left_out` along a motion, computed in parts to limit bodies times freedoms.
 
     Attributes:
-        springs: Of the scene; what those along a joint exert is not left out of that joint.
+        springs: Springs of the scene; forces of those along a joint are not left out of it.
     """
 
     moments: Moments

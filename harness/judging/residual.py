@@ -24,10 +24,10 @@ class Residual:
         quantity: Or the name of an equation, of which `b` is ``judge``.
         a, b: Engines, models or methods.
         error: Largest scaled error; NaN where there is no number.
-        tolerance: Up to which it counts as agreement, and `reason`: where that comes from, or why it does not agree.
+        tolerance: Limit of agreement; `reason` explains it, or why it is exceeded.
         ok: None of what has no unique value.
-        component, t: Where and when [s] it is largest; NaN of what is no motion over time.
-        values: Of `a` and of `b` there [unit].
+        component, t: Place and time [s] of the maximum; NaN without a time.
+        values: Values of `a` and `b` there [unit].
     """
 
     quantity: str
@@ -65,8 +65,8 @@ class SizedResidual(Residual):
 
     Attributes:
         max_abs, rms: Largest and root mean square error [unit]; scaled where it is of several units.
-        scale: What errors are divided by [unit].
-        rule: What fixes the quantity where it is redundant.
+        scale: Divisor of the errors [unit].
+        rule: Rule that fixes the quantity if it is redundant.
         unique: Whether its value is the same whatever the rule.
         undecided: At how many samples it is out of tolerance by no more than whoever is judged admits; 0 where it is by
             more at any.

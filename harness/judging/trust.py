@@ -162,7 +162,7 @@ class Refusal:
 
     Attributes:
         rows: The samples. Shape (n,).
-        what: What is singular there, without a full stop.
+        what: The singularity, without a full stop.
         sentence: The same with pose, times and what is missing.
     """
 

@@ -35,7 +35,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
     """Test before a long computation that its report can be written; leaves no trace.
 
     Args:
-        names: Of all files but those of the report's pages.
+        names: Names of all files except the report's pages.
         force: Files of these names may be anybody's; links and folders in their places are refused all the same.
 
     Raises:
@@ -211,7 +211,7 @@ def locked(out: Path) -> Iterator[None]:
     A folder that was made and stayed empty goes away.
 
     Raises:
-        OutputError: Another command holds it, or it cannot be made.
+        OutputError: Another command holds the folder, or it cannot be made.
     """
     made, place = list[Path](), -1
     try:

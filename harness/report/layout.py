@@ -66,8 +66,8 @@ class Report:
             ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
             ``picture remarks`` (on the first picture).
         draw: Pictures.
-        lead: Which of them are on the first screen; its remarks are on the last of these.
-        plots: How all others are shown.
+        lead: Chooses the pictures of the first screen; the last one gets its remarks.
+        plots: Shows all other pictures.
         figures: Significant figures of numbers in CSV; every bit by default.
     """
 

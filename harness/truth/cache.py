@@ -70,7 +70,7 @@ def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") 
     """Hash what results depend on besides their key; a new version invalidates them.
 
     Args:
-        folders: Of source files, those in folders of theirs included.
+        folders: Folders of source files, searched recursively.
         packages: Distributions.
     """
     files = sorted(path for folder in folders for path in folder.rglob("*.py"))
@@ -82,7 +82,7 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
 
     Args:
         key: Hash of all that it was made of.
-        version: Of the code; a file of another version is stale.
+        version: Version of the code; a file of another version is stale.
     """
     try:
         with _open() as place:

@@ -129,7 +129,7 @@ def idle_accelerations(
 
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
-        columns: Those of the mass matrix that belong to the idle coordinates. Shape (m, k).
+        columns: Columns of the mass matrix that belong to the idle coordinates. Shape (m, k).
         Q: Forces along the coordinates where x is zero. Shape (k,).
         idle: Numbers of the idle coordinates.
 

@@ -235,7 +235,7 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
     """Require every closing error, couplings and unused rows included, to contain zero.
 
     Raises:
-        LoopsOpen: One does not.
+        LoopsOpen: A loop is open.
     """
     ways = linkage.close(q, bodies)
     for G in ways:

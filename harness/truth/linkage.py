@@ -105,7 +105,7 @@ def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) ->
     """Directions of a joint's freedoms, each moved by its predecessors.
 
     Args:
-        steps: Of each freedom whether it turns, its axis in the joint frame, and its matrix (4, 4).
+        steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each freedom.
         start: The joint frame on the parent, in the world. Shape (4, 4).
     """
     axes = []
@@ -171,7 +171,7 @@ class Linkage:
     Attributes:
         mechanism: Structure and names; none of its numbers are used.
         frames: Joint name -> frames and axes in balls.
-        masses: Of each body.
+        masses: Mass properties of each body.
         length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
         axial: Joint and direction, as text, of the rule ``spherical_axial``.
         loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).

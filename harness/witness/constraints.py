@@ -204,8 +204,8 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
 
     Args:
         rows: Shape (n, m, n_freedom).
-        slides: Which velocities are linear. Shape (n_freedom,).
-        length: What counts as 1 rad [m].
+        slides: Flags of linear velocities. Shape (n_freedom,).
+        length: Length equivalent to 1 rad [m].
 
     Returns:
         What is left of each unit velocity, shape (n, n_freedom, n_freedom); and how well the rows tell, the smallest
@@ -224,8 +224,8 @@ class AdmissibleMotion:
 
     Attributes:
         motion: The poses.
-        equations: What velocities make of the gaps, below it the selection of y. Shape (n, m + k, n_freedom).
-        gap_size: What a gap of each of the first rows is measured by, 1 rad or a length. Shape (m,).
+        equations: Rates of the gaps per velocity, above the selection of y. Shape (n, m + k, n_freedom).
+        gap_size: Unit of each gap, 1 rad or a length. Shape (m,).
         size: Unit of each velocity: 1 rad, or the length [m]. Shape (n_freedom,).
         columns: The chosen ones.
     """
@@ -241,7 +241,7 @@ class AdmissibleMotion:
 
         Args:
             y: Shape (n, k) or (n, k, m).
-            gaps: What their `constraints.residual` would be without them; none by default. Shape (n, m).
+            gaps: Their `constraints.residual` without these; zero by default. Shape (n, m).
 
         Returns:
             Shape (n, n_freedom) or (n, n_freedom, m).

@@ -109,8 +109,8 @@ class InverseDynamics:
     Attributes:
         tau: All that motors exert. Shape (n, n_freedom).
         mass_matrix: With armature. Shape (n, n_freedom, n_freedom).
-        bias: Of gravity and velocities, without what joints add. Shape (n, n_freedom).
-        gravity: Of weights alone. Shape (n, n_freedom).
+        bias: Forces due to gravity and velocities, without joint forces. Shape (n, n_freedom).
+        gravity: Forces due to weight. Shape (n, n_freedom).
         passive: Damping, friction and springs. Shape (n, n_freedom).
         velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
         acceleration: Their derivatives. Shape (n, n_body, 6).

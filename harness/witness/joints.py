@@ -69,7 +69,7 @@ class MechanismTree(SpanningTree):
 
     Attributes:
         mechanism: It.
-        body_frames: Of ground and the bodies, by name.
+        body_frames: Frames of ground and the bodies, by name.
     """
 
     mechanism: Mechanism

@@ -72,7 +72,7 @@ class TreeMotion:
 
     Attributes:
         links: Ground and the links.
-        axes: Of the velocities, along which a unit one turns or slides. Shape (n, n_freedom, 3).
+        axes: Axis of each unit velocity. Shape (n, n_freedom, 3).
     """
 
     tree: SpanningTree

@@ -56,7 +56,7 @@ class TreeLink(NamedTuple):
     """A link and the elementary joint that carries it.
 
     Attributes:
-        kind: One of `COORDINATES`.
+        kind: An entry of `COORDINATES`.
         start: Frame of the joint on the link before it.
         axis: Unit axis of a hinge or slide in that frame. Shape (3,).
         coordinate, velocity: Its first column among all coordinates and among all velocities.
@@ -110,14 +110,14 @@ class SpanningTree:
 
     Attributes:
         links: Each after the one before it; numbered from 1.
-        freedom: How many velocities there are.
+        freedom: Number of velocities.
         bodies: Frames of the bodies.
-        matter: Of the bodies.
-        closures, couplings: By name.
+        matter: Mass properties of the bodies.
+        closures, couplings: Constraints by name.
         gravity: [m/s^2]; `weight` is the share of it that acts on each body. Shapes (3,), (n_body,).
         passive: ``armature``, ``damping``, ``friction``, ``stiffness`` of each velocity, and ``rest``, where springs
             exert nothing; all of them, or nothing. Shape (n_freedom,).
-        length: Of the machine [m].
+        length: Length of the machine [m].
     """
 
     links: tuple[TreeLink, ...]

@@ -27,7 +27,7 @@ class Act:
 
     Attributes:
         force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
-        point: Where it acts [m]. Shape (n, 3).
+        point: Point of application [m]. Shape (n, 3).
     """
 
     joint: Joint
@@ -41,7 +41,7 @@ class UnitWrench:
     """A unit force or moment of a joint; of a coupling, on several joints.
 
     Attributes:
-        name: Of the component of a reaction or an actuator.
+        name: Name of the component of a reaction or an actuator.
         unit: N or N m.
     """
 

@@ -51,7 +51,7 @@ class Anchor:
         beta: ``|J^-1|``, the amplification of a residual.
         faint: Largest beta above `FLOOR` on the way here since beta was below it, else 0.
         U, s, Vt: Singular value decomposition of the full Jacobian, coordinates at rest included.
-        power: Which of `NORMS` is used.
+        power: Index of the metric in `NORMS`.
         weight: Makes of a correction of the unknowns the change of J by it, as J changes along the motion: the
             correction over the distance of other solutions. Shape (n, n_z).
     """
@@ -312,7 +312,7 @@ class _Lookup:
     """Search tree over the anchors of a sheet; a coordinate with whole turns is a point of the unit circle.
 
     Attributes:
-        count: How many anchors there were when it was made.
+        count: Number of anchors at the time of construction.
     """
 
     def __init__(self, anchors: Anchors, sheet: int) -> None:

@@ -75,7 +75,7 @@ class Poses:
         y: Independent coordinates. Shape (n, k).
         z: Unknowns to first order. Shape (n, n_z).
         anchor: Anchor of each sample. Shape (n,).
-        visit: Which row of `near` belongs to each sample. Shape (n,).
+        visit: Row of `near` for each sample. Shape (n,).
         path: Whose anchors these are; None where poses are in closed form.
         near: Joint coordinates [rad or m] that say which of equal angles of a cut joint is meant, where these do not
             depend on y alone. Shape (v, n_q).

@@ -48,7 +48,7 @@ def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
 
     Args:
         q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
-        near: Those of the pose before the first. Shape (n_q,).
+        near: Coordinates of the pose before the first. Shape (n_q,).
     """
     q = read(lay, q, near=False)
     for joint in lay.cuts:

@@ -47,7 +47,7 @@ def newton(
     Args:
         q: Starting values. Shape (n, n_q).
         y: Independent coordinates. Shape (n, k).
-        begun: What `evaluate` gives there, if it is known.
+        begun: Known result of `evaluate` there, if any.
 
     Returns:
         Joint coordinates (n, n_q), the derivative of the closure residuals there (n, m, n_q), the largest closure
@@ -164,7 +164,7 @@ def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
     """Newton's divided differences for each interval, from up to `KNOTS` double knots around it.
 
     Args:
-        at: Of the knots. Shape (m,).
+        at: Positions of the knots. Shape (m,).
         values, rates: There. Shape (m, d).
 
     Returns:

@@ -46,12 +46,12 @@ class Loops:
 
     Attributes:
         fixed: Columns of coordinates that never move on the assembly mode of home.
-        columns: Those of the tree, the fixed ones last; unknowns are in this order.
-        moving: How many of these move.
+        columns: Columns of the tree, fixed ones last, in the order of the unknowns.
+        moving: Number of moving ones.
         names: Label and unit of the constraint wrenches of cut joints, row after row.
         ends: Rows of cut joint j are ``ends[j]:ends[j + 1]``.
         given: Rows of the given coordinates.
-        unit, size: Of rows and of unknowns: 1 for angles, the length of the mechanism for distances.
+        unit, size: Units of rows and sizes of unknowns: 1 for angles, the length of the mechanism for distances.
     """
 
     def __init__(self, lay: Layout, fixed: Sequence[int] = ()) -> None:
@@ -178,7 +178,7 @@ class Closed:
         """Rates of all joints. Shape (..., n_q).
 
         Args:
-            w: Those of the tree. Shape (..., n_q).
+            w: Rates of the tree. Shape (..., n_q).
             V: Twists of the bodies. Shape (..., b, 6).
         """
         return self._with_cuts(w, lambda cut: cut.rates(V))

@@ -344,7 +344,7 @@ class Dynamics(Motion):
         """Forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
 
         Args:
-            shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
+            shares: Share of each body carried by each coordinate, signed. Shape (b - 1, n_q).
         """
         along, elsewhere = inward(self.pose, self.required)[0], shares - self.loops.lay.path[1:]
         if elsewhere.any():

@@ -286,7 +286,7 @@ class NewtonEuler:
 
     Attributes:
         c: Its matrix, see `force_matrix`.
-        names, units: Of the reaction components, which are the first unknowns.
+        names, units: Names and units of the reaction components, the first unknowns.
     """
 
     def __init__(self, at: Dynamics) -> None:
@@ -332,7 +332,7 @@ class NewtonEuler:
         step of iterative refinement, its residual from a wider c, gives those digits back.
 
         Args:
-            need: Of several cases side by side. Shape (n, 6 (b - 1), p).
+            need: Needs in several cases. Shape (n, 6 (b - 1), p).
             wide: c in a wider format.
 
         Returns:

@@ -204,7 +204,7 @@ def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> t
 
     Args:
         R, p: Its frame on the parent.
-        values: Of each freedom.
+        values: Value of each freedom.
     """
     lines, R_end, p_end = traverse(crossings(joint.freedoms, range(len(values)), values), R, p)
     directions, points = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in zip(*lines, strict=True))

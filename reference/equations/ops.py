@@ -26,10 +26,10 @@ class System(Protocol):
     The first columns belong to unknowns that move; the others, at rest, matter to the transposed system alone.
 
     Attributes:
-        exact: Whether `response` is.
+        exact: Whether `response` is exact.
         A: The matrix without dimension, of floats. Shape (..., m, n).
-        inverse: Of floats, over unknowns that move. Shape (..., moving, m).
-        condition, whole_condition: Of floats, over unknowns that move, and over all. Shape (...).
+        inverse: Inverse over moving unknowns, for floats. Shape (..., moving, m).
+        condition, whole_condition: Condition over moving unknowns, and over all, for floats. Shape (...).
     """
 
     exact: bool

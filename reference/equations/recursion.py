@@ -127,7 +127,7 @@ def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array)
     """Wrench about a body's origin in its axes, from a world force and moment. Shape (..., 6).
 
     Args:
-        place: Where the force acts, in body axes. Shape (3,).
+        place: Point of application, in body axes. Shape (3,).
     """
     f = pose.to_body(force, body)
     return join(f, pose.to_body(moment, body) + cross(place, f))

@@ -30,7 +30,7 @@ class Extent:
     Attributes:
         loops: Largest distance between joint points around each loop at home [m], see `Layout.loop`. Shape (n_cut,).
         size: Unit of each joint coordinate: 1 for angles, for distances the shortest of its loops. Shape (n_q,).
-        owner: Of each joint coordinate the first loop that it is part of, 0 if there is none. Shape (n_q,).
+        owner: First loop of each joint coordinate, 0 if there is none. Shape (n_q,).
         stretch: Length of the mechanism over that of its shortest loop.
     """
 

@@ -19,7 +19,7 @@ class Function:
     """A traced function, evaluated over samples by NumPy, one call at a time.
 
     Attributes:
-        operations: How many it takes a sample.
+        operations: Number of operations per sample.
     """
 
     def __init__(self, inputs: Mapping[str, Sequence[Node]], outputs: Mapping[str, Sequence[Scalar]]) -> None:

@@ -62,7 +62,7 @@ class Symbols:
     loops, which say what of several equal angles is meant, and the numbers.
 
     Attributes:
-        loops: Those of the machine of symbols; nothing rests where placements are among the numbers.
+        loops: Loops of the machine of symbols; no coordinate rests if placements are among the numbers.
         predicted, near: Columns of the dependent coordinates, and of those angles.
         at: The machine in motion after all steps.
     """
@@ -80,10 +80,10 @@ class Symbols:
         """Trace the equations.
 
         Args:
-            loops: Of the nominal machine.
+            loops: Loops of the nominal machine.
             nominal: Numbers that become inputs.
-            anchors: Where pivots are chosen.
-            steps: Of Newton's method; with none the pose is taken to be closed.
+            anchors: Samples at which pivots are chosen.
+            steps: Number of Newton steps; 0 takes the pose as closed.
         """
         n, self.trace = len(anchors), Trace(MOST)
         self.trace.kept = np.ones(n, dtype=bool)
@@ -154,7 +154,7 @@ class SparseMatrix:
 
     Attributes:
         places: Row and column of each output.
-        shape: Of the matrix.
+        shape: Shape of the matrix.
     """
 
     program: Program

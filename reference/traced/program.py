@@ -28,10 +28,10 @@ class Program:
     """Instructions on samples, all alike.
 
     Attributes:
-        inputs: How many numbers a sample has.
+        inputs: Number of inputs per sample.
         code: (operation, operands); instruction number i makes value ``inputs + i``.
         outputs: Values handed out.
-        checks: How many of them, the last, say whether the sample is in doubt.
+        checks: Number of final outputs that tell whether the sample is in doubt.
     """
 
     inputs: int
@@ -67,7 +67,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
     """Collect the instructions that outputs need; operands come shortly before their use.
 
     Args:
-        first: What is computed before all others, in this order.
+        first: Nodes computed before all others, in this order.
     """
     number, code = dict[int, int](), list[tuple[str, tuple[Operand, ...]]]()
 
@@ -129,7 +129,7 @@ class Block:
 
     Attributes:
         array: As its owner sees it, see `columns`.
-        known: What its owner keeps with it.
+        known: Data of the owner.
     """
 
     def __init__(self, n: int, m: int) -> None:

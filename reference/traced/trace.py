@@ -52,7 +52,7 @@ class Node:
     """A number of a trace.
 
     Attributes:
-        args: What it is made of, nodes and floats.
+        args: Operands, nodes and floats.
         index: Its place in the order in which nodes were made.
     """
 
@@ -241,7 +241,7 @@ class Factors:
         """Eliminate the columns of one stage after the other.
 
         Args:
-            unit, size: Of each row and of each unknown; entries over these have no dimension.
+            unit, size: Unit of each row and size of each unknown; divided by these, entries have no dimension.
 
         Raises:
             NotTraceableError: No pivot keeps its size.

@@ -76,7 +76,7 @@ class TracedQuantities:
     Attributes:
         quantities: Names.
         axial: Whether redundant actuators obey the rule of eq. (56).
-        shares: How much of each body each coordinate of the open tree carries. Shape (b, n_q).
+        shares: Share of each body carried by each coordinate of the open tree. Shape (b, n_q).
         tree: Coordinates of that tree.
         loaded: Whether the loads are inputs, the last: force and torque of each.
         points: Named ones.
@@ -166,7 +166,7 @@ def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]
     Args:
         q: All joint coordinates. Shape (n, n_q).
         by_pivots: Square of the gain.
-        kept: Where the pivots are large. Shape (n,).
+        kept: Flags of samples with large pivots. Shape (n,).
     """
     if not isinstance(by_pivots, Node):
         return kept, float(by_pivots)
@@ -257,7 +257,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
     """Trace forward dynamics.
 
     Args:
-        applied: What acts.
+        applied: Applied forces.
         q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
 
     Returns:

@@ -35,7 +35,7 @@ class ActingForces:
     Attributes:
         wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
         along: Coordinate and the force along it [N or N m]. Shape (...).
-        power: That is put in and not stored: of motors, loads and dampers [W]. Shape (...).
+        power: Input power that is not stored: of motors, loads and dampers [W]. Shape (...).
     """
 
     wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)

@@ -30,7 +30,7 @@ class Placement:
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         T: Twist of each body, angular, then of its origin, per rate of x. Shape (n, n_body + 1, 6, n_x).
-        gaps: How far each constraint is open; couplings are none of these. Shape (n, m).
+        gaps: Opening of each constraint, couplings excluded. Shape (n, m).
         G: Derivative of the gaps by x. Shape (n, m, n_x).
     """
 
@@ -50,9 +50,9 @@ class Accelerated:
     """Second derivatives of a closed motion.
 
     Attributes:
-        x: Of the coordinates of the engine. Shape (n, n_x).
+        x: Second derivatives of the engine's coordinates. Shape (n, n_x).
         bodies: Accelerations of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
-        q: Of the joint coordinates. Shape (n, n_q).
+        q: Second derivatives of the joint coordinates. Shape (n, n_q).
     """
 
     x: Array
@@ -66,7 +66,7 @@ class Balanced:
 
     Attributes:
         generalized: Along the independent coordinates [N or N m]. Shape (n, k).
-        actuator: Of the actuators [N or N m]. Shape (n, n_actuator).
+        actuator: Actuator forces [N or N m]. Shape (n, n_actuator).
         gaps, couplings: Multipliers. Shapes (n, m), (n, n_coupling).
         condition: Condition number of the equations of the actuators. Shape (n,).
     """
@@ -84,11 +84,11 @@ class ClosedMotion:
 
     Attributes:
         x: Coordinates of the engine. Shape (n, n_x).
-        at: What they make of the mechanism.
+        at: Poses and gaps at these coordinates.
         joints: Joint coordinates there.
         system: Closing system without dimension: derivative of the gaps, of what joins further unknowns to the poses,
             of the couplings, and of y, by x and by the s further unknowns. Shape (n, m + s + c + k, n_x + s).
-        units, rows: What columns and rows of it are measured by. Shapes (n_x + s,), (m + s + c + k,).
+        units, rows: Units of its columns and rows. Shapes (n_x + s,), (m + s + c + k,).
         tracked: Joint coordinates that are further unknowns.
     """
 
@@ -177,7 +177,7 @@ class ClosedMotion:
         """Solve for forces of actuators and constraints that supply given forces along x.
 
         Args:
-            need: What actuators and constraints have to deliver: inertia less all that acts besides. Shape (n, n_x).
+            need: Forces to be supplied: inertia minus all applied forces. Shape (n, n_x).
             line: For the rule ``spherical_axial``: what unit multipliers of the gaps make of the joint's force in two
                 directions across its line. Shape (n, 2, m). By default actuator forces have the smallest norm.
         """

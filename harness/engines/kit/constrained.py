@@ -193,7 +193,7 @@ class _PartSolver:
         """Forces, with condition numbers of their systems.
 
         Args:
-            need: What constraints, actuators, and what acts along joints deliver. Shape (n, n_x).
+            need: Forces of constraints, actuators and joints together. Shape (n, n_x).
         """
         problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)

@@ -59,7 +59,7 @@ def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
     Args:
         parents: Number of the body that carries each, ground being 0 and itself left out. Length n_body.
         p: Origins of the bodies, ground first. Shape (n, n_body + 1, 3).
-        wrenches: That each body needs: force, then moment about its origin. Shape (n, n_body + 1, 6).
+        wrenches: Need of each body: force, then moment about its origin. Shape (n, n_body + 1, 6).
 
     Returns:
         About the origin of the body, zero of ground. Shape (n, n_body + 1, 6).

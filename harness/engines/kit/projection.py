@@ -59,9 +59,9 @@ def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | 
     Args:
         drive: Rates of the actuated coordinates per rate of the engine's. Shape (n, n_actuator, n_x).
         G: Derivative of the constraints. Shape (n, m, n_x).
-        need: What actuators and constraints deliver together. Shape (n, n_x).
-        line: What unit multipliers make of that force in two directions across the line. Shape (n, 2, m).
-        right: What those two parts of it have to be. Shape (n, 2).
+        need: Forces that actuators and constraints supply together. Shape (n, n_x).
+        line: The force per unit multiplier in two directions across the line. Shape (n, 2, m).
+        right: Required values of those two parts. Shape (n, 2).
 
     Returns:
         Shape (n, n_actuator), and the condition number of the equations, (n,).

@@ -21,7 +21,7 @@ def per_actuator(
     transpose gives the smallest forces.
 
     Args:
-        twists: Of the bodies, ground first, angular, then of their origins, per rate of y. Shape (n, n_body + 1, 6, k).
+        twists: Body twists, ground first, angular, then of their origins, per rate of y. Shape (n, n_body + 1, 6, k).
         R: Their orientations. Shape (n, n_body + 1, 3, 3).
         points: Whose velocities follow those of the bodies.
         index: Body -> its number, ground being 0.

@@ -39,7 +39,7 @@ def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], mu
 
     Args:
         rows: Gaps of each joint, in the order of the description.
-        multipliers: Of all gaps. Shape (n, m).
+        multipliers: Multipliers of all gaps. Shape (n, m).
 
     Returns:
         Shape (n, n_joint, 6).

@@ -121,7 +121,7 @@ class MujocoSettings:
         naive: Forces of `mj_inverse` along the actuated joints, equality constraints on, are taken for theirs.
         weld: Loops are closed by welds of the frames of cut joints, which agree at each given state.
         examine: Conditioning of given states is looked at.
-        integrator, dt: One of `INTEGRATORS` with its step [s]; None for scipy's methods.
+        integrator, dt: An entry of `INTEGRATORS` with its step [s]; None for scipy's methods.
         work: Its steps are looked at one by one for the work that is put in, which takes longer than the steps.
     """
 
@@ -259,7 +259,7 @@ class MujocoStepper:
 
         Args:
             applied: All that acts; what never changes is set once.
-            held: What has to be applied in every step.
+            held: Forces to apply at each step.
         """
         self.model, self.held = model, held
         self.setting, self.passes = settings.steps, settings.passes

@@ -108,7 +108,7 @@ class PinocchioSettings:
     """Settings of accelerations.
 
     Attributes:
-        mu, iterations: Of `constraintDynamics` on given states; None, None are the defaults of Pinocchio.
+        mu, iterations: Parameters of `constraintDynamics` on given states; None for Pinocchio's defaults.
         gains: Baumgarte's, of position and velocity, on given states.
         frames: Loops are closed by whole frames, on given states.
         examine: Conditioning of given states is looked at, and the error that Pinocchio admits.

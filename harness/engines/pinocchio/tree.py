@@ -164,7 +164,7 @@ class _Views:
 
     Attributes:
         joints: Their rotation by columns, then translation. Shape (n_joint, 12).
-        velocities, accelerations, forces: Of the joints in their own frames. Shape (n_joint, 6).
+        velocities, accelerations, forces: Joint quantities in the joints' own frames. Shape (n_joint, 6).
         pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
         twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
     """

@@ -28,7 +28,7 @@ class Buffers(Mapping[str, Array]):
     Attributes:
         n: Number of samples.
         owner: The solver that fills them.
-        known: What the owner keeps with them.
+        known: Data of the owner.
     """
 
     def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:

@@ -54,7 +54,7 @@ class Solver:
     Threads may share a solver where each has buffers of its own, or none. Pickled or copied, it is compiled anew.
 
     Attributes:
-        quantities: What it computes.
+        quantities: Quantities that it computes.
         components: Quantity -> names of its components.
         notes: Notes on it, such as why there is no program.
     """
@@ -65,7 +65,7 @@ class Solver:
         """Trace and compile, with pivots chosen at samples of the scene's motion.
 
         Args:
-            mode: Of the program that is made at once; others are made when they are first used.
+            mode: Mode of the program that is made at once; others are made on first use.
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
@@ -124,7 +124,7 @@ class Solver:
             t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
             load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
                 (n, 6 n_load).
-            out: What the values are written to, see `buffers`; of no use after an error.
+            out: Arrays to fill, see `buffers`; invalid after an error.
             estimates: Whether errors are estimated sample by sample; samples are checked in any case.
 
         Raises:

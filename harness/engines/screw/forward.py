@@ -40,7 +40,7 @@ class TracedForward:
     Attributes:
         pose: Closed pose that the next is predicted from, see `Forward.program`. Shape (d + d k + k, width).
         by_array: Evaluations that were left to the array solver.
-        setup: What tracing and compiling took [s of processor time].
+        setup: Processor time of tracing and compiling [s].
     """
 
     def __init__(self, lay: Layout, problem: Problem, task: InitialValue, backend: str) -> None:

@@ -38,8 +38,8 @@ class Trajectory:
         t: Times [s]. Shape (n,).
         rates: Closed poses and rates there.
         energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
-        work: What actuators, motors, loads and dampers have put in since the start [J]. Shape (n,).
-        cost: Of the steps; the output at the wanted times comes after them.
+        work: Work of actuators, motors, loads and dampers since the start [J]. Shape (n,).
+        cost: Cost of the steps, without the output at the wanted times.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
         stopped: Why it ended early, empty if it did not.
     """
@@ -73,7 +73,7 @@ class _Run:
 
     Attributes:
         passed: Time, joint coordinates of the closed pose, and yd, of all states wanted and at the ends of steps.
-        wanted, work: Which of them are wanted, and the work until then [J].
+        wanted, work: Flags of the wanted states, and the work until then [J].
         taken, stepped_over: Steps taken, and those whose size was changed.
     """
 
@@ -206,7 +206,7 @@ def integrate(
 
     Args:
         lay: The mechanism.
-        applied: What acts on it.
+        applied: Applied forces.
         traced: Programs for the same forces; without them all states are answered by arrays.
 
     Raises:

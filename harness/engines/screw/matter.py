@@ -50,7 +50,7 @@ class Matter:
     """Solver for changed matter of some bodies.
 
     Attributes:
-        bodies: Those of which a number changes.
+        bodies: Bodies with a changed number.
     """
 
     def __init__(self, machine: NominalMachine, names: Sequence[str], backend: str) -> None:

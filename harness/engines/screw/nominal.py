@@ -33,7 +33,7 @@ class NominalPoses:
     """Poses of the nominal machine, as `ClosedSamples`.
 
     Attributes:
-        motion: What is given.
+        motion: The given motion.
         q: Joint coordinates that close the loops. Shape (n, n_q).
     """
 

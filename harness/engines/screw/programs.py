@@ -197,8 +197,8 @@ class Bound:
     """A program bound to reusable arrays.
 
     Attributes:
-        values: What it fills; they are kept, so that no others can take their places.
-        inputs: What it is given. Shape (n, m) each.
+        values: Arrays that it fills, kept alive so that no others take their addresses.
+        inputs: Arrays that it reads. Shape (n, m) each.
         unseen: The same, if numbers that are none may leave no residual: loads, and y of an open tree. Shape (n, m).
         run: Fills the values; says whether all are finite and no sample is in doubt.
     """
@@ -228,8 +228,8 @@ def runner(
     """Prepare a program for execution; return the runner and a note.
 
     Args:
-        plain: What runs it without a compiler.
-        dtype: What it computes in: float64 or float32. Its arrays are float64 in any case.
+        plain: Runs it without a compiler.
+        dtype: Number type of the computation, float64 or float32; arrays are always float64.
     """
     if dtype != FLOAT:
         made, note = _native(program, dtype) if backend == "llvm" else (None, "")

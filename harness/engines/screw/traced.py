@@ -62,7 +62,7 @@ class TracedWork:
             loaded: Whether every sample has its own loads, in place of those of the problem. Where these change over
                 time it has in any case.
             estimates: Whether errors are estimated, see `Bounds.estimated`.
-            kind: What the program computes in. Another one than float64 answers all samples itself, doubtful ones too.
+            kind: Number type of the program; one other than float64 answers doubtful samples itself, too.
 
         Raises:
             ScrewgaugeError: The motion cannot be followed, or there is no program in float32.
@@ -135,8 +135,8 @@ class TracedWork:
         """Run the program.
 
         Args:
-            guess: Where poses are not in closed form.
-            loads: Of every sample, if each has its own. Shape (m, n).
+            guess: Predictions, unless poses have a closed form.
+            loads: Loads of every sample, if they differ. Shape (m, n).
             values: Filled; see `arrays`.
 
         Returns:
@@ -234,8 +234,8 @@ class TracedWork:
 
         Args:
             guess: See `predict`.
-            loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
-            into: Where the values are written, see `arrays`.
+            loads: Force and torque of each load at every sample, if they differ. Shape (m, n).
+            into: Arrays for the values, see `arrays`.
             thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
         """
         if loads is None and self.varying is not None:
@@ -367,7 +367,7 @@ def solve_traced(
     """Solve a given motion by a traced program, if there is one.
 
     Args:
-        by: What runs the program, and what it computes in; in float32 there is no error estimate.
+        by: Backend and number type; float32 gives no error estimate.
     """
     known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
     work, assembly = TracedWork(lay, known, motion, backend, kind=kind), list[Array]()

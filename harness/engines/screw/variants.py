@@ -124,7 +124,7 @@ class Variants:
 
     Attributes:
         names, nominal: Numbers that are inputs, whole names, and their values in the scene. Shape (P,).
-        quantities, components: What it computes, and the components of each.
+        quantities, components: Quantities that it computes, and the components of each.
     """
 
     def __init__(self, scene: Scene, quantities: Iterable[str], parameters: Sequence[str], backend: str) -> None:

@@ -103,7 +103,7 @@ class TreeForces:
     """Applied forces besides gravity along the coordinates of a tree, state by state.
 
     Attributes:
-        acts: Whether anything does.
+        acts: Whether any force acts.
         stores_only: Its springs are without dampers, and nothing else acts.
     """
 
@@ -114,7 +114,7 @@ class TreeForces:
 
         Args:
             start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
-            resist: What resists, by default all of `resisting`.
+            resist: Resistances, by default all of `resisting_joints`.
 
         Raises:
             UnknownNameError: There is no such body or coordinate.

@@ -330,7 +330,7 @@ class ClosedTree:
         """Coordinate accelerations of cut joints.
 
         Args:
-            charts: Of the joints that are wanted.
+            charts: Charts of the wanted joints.
             rates: Cut joint -> velocities. Shape (n, m).
             V, A: Velocities and accelerations of the bodies. Shape (n, n_body + 1, 6).
         """

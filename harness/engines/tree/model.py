@@ -40,7 +40,7 @@ class TreeModel:
     """An open tree that closes its own loops.
 
     Attributes:
-        dynamics: What its engine moves it by; None if that takes given motions only.
+        dynamics: Dynamics of the engine; None if it only takes given motions.
     """
 
     def __init__(self, closed: ClosedTree, dynamics: TreeDynamics | None = None) -> None:

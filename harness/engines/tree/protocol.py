@@ -37,7 +37,7 @@ class BodyPoses:
         R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         screws: Twist about the world's origin, angular first, that each coordinate adds per unit of its velocity to
             all the bodies that it moves. Shape (n, 6, n_v).
-        moves: One where a coordinate moves a body, else zero. Shape (n_body + 1, n_v).
+        moves: Matrix with 1 where a coordinate moves a body, else 0. Shape (n_body + 1, n_v).
     """
 
     R: Array
@@ -53,7 +53,7 @@ class BodyPoses:
         """Derivative of points by the coordinates at some poses, shape (n_row, m, 3, n_v).
 
         Args:
-            moves: By how much of its screw a coordinate moves each of them. Shape (m, n_v).
+            moves: Share of each coordinate's screw that moves each point. Shape (m, n_v).
             at: In the world. Shape (n_row, m, 3).
             rows: These poses.
         """
@@ -101,7 +101,7 @@ class OpenTree(Protocol):
     """An engine's open tree.
 
     Attributes:
-        coordinates: Of its joints, in the engine's order.
+        coordinates: Joint coordinates in the engine's order.
         bodies, parents: Without ground, and the body that carries each in the tree.
         closures, couplings: As its model file has them.
         masses, com: Of each body [kg], and its centre of mass in the body's frame [m]. Shapes (n_body,), (n_body, 3).
@@ -187,7 +187,7 @@ class Mover(Protocol):
     Attributes:
         setting: In words.
         tree: The open tree of its model.
-        notes: What is worth saying after a motion.
+        notes: Remarks after a motion.
     """
 
     setting: str
@@ -220,10 +220,10 @@ class Stepper(Protocol):
 
     Attributes:
         setting: In words.
-        order: Of its method.
+        order: Order of the method.
         work: Whether the work that is put in is wanted; looking at every step for it may cost more than the steps.
         closing: Names of the forces that it can give of what closes the loops.
-        notes: What is worth saying after a motion.
+        notes: Remarks after a motion.
     """
 
     setting: str
@@ -255,8 +255,8 @@ class Accelerations:
     """Accelerations of states under given forces.
 
     Attributes:
-        a: Of the tree's coordinates. Shape (n, n_v).
-        cost: Of the engine's own calls.
+        a: Accelerations of the tree's coordinates. Shape (n, n_v).
+        cost: Cost of the engine's own calls.
         condition: Condition number of what was solved, if it was looked at. Shape (n,).
         tolerances: Quantity -> absolute error that the engine itself admits.
     """

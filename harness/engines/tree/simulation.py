@@ -76,7 +76,7 @@ class _TreeRun:
             between: State at a time of the step, by default on the straight line.
 
         Raises:
-            ScrewgaugeError: One does.
+            ScrewgaugeError: A joint does so.
         """
         if held := self.friction.holds(before, after, between or straight(before, after)):
             raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion before")
@@ -177,7 +177,7 @@ class _Steps:
 
     Attributes:
         over: Steps that were made anew.
-        cost: What the steps took.
+        cost: Cost of the steps.
     """
 
     def __init__(self, run: _TreeRun, task: InitialValue, progress: Progress) -> None:

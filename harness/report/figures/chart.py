@@ -98,8 +98,8 @@ def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int 
     """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, and at parts of few decades.
 
     Args:
-        values: What is drawn; only what is more than 0 can be.
-        names: How ticks read.
+        values: Values to draw; only positive ones can be drawn.
+        names: Texts of the ticks.
         most: Decades with a tick.
     """
     drawn = [value for value in values if 0.0 < value < np.inf] or [1.0]
@@ -126,7 +126,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
     Args:
         build: Specification without a title; ``True``: with more points than can be seen at once.
-        notes: How to read it, and what it does not show.
+        notes: Reading aid, and what the picture does not show.
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}

@@ -26,9 +26,9 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
     """A component over the two coordinates of a grid; cells without numbers are grey.
 
     Args:
-        name: Of the picture.
+        name: Name of the picture.
         of: Engine, component and unit.
-        values: Of the cells in the order of the walk; NaN where there is none. Shape (n,).
+        values: Values of the cells in the order of the walk; NaN if missing. Shape (n,).
     """
     engine, component, unit = of
     table = np.full([len(axis) for axis in grid.axes], np.nan)
@@ -106,7 +106,7 @@ def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[flo
     """Straight segments of the level lines of a function that is linear along cell sides.
 
     Args:
-        x, y: Where the function is known. Shapes (n,), (m,).
+        x, y: Grid on which the function is known. Shapes (n,), (m,).
         table: Its values; no line passes a square with NaN at a corner. Shape (n, m).
         levels: These values.
     """

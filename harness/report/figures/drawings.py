@@ -21,7 +21,7 @@ class Drawing:
     Attributes:
         panels: Labels and names of components.
         unique: Whether each component has a unique value; else it has no tolerance.
-        others: How many components of the figure are not here, as they are of the other sort.
+        others: Number of the figure's components left out, as they are of the other sort.
         contour: Whether its one component is drawn over a grid.
     """
 

@@ -182,7 +182,7 @@ def _lower(
     A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
 
     Args:
-        ends: Of the logarithmic axis, and the upper one of the linear axis, from 0.
+        ends: Ends of the logarithmic axis, and the upper end of the linear axis, from 0.
     """
     low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
     values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[2]:g}"}

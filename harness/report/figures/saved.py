@@ -50,7 +50,7 @@ class Figure(Picture):
             path: Ends with ``.pdf``, ``.png`` or ``.svg``.
             width: In cm, mm, in or pt.
             font: Times, Helvetica, or one that is installed. A mechanism is drawn with letters of its own.
-            size: Of its letters [pt].
+            size: Size of the letters [pt].
             dpi: Dots per inch of a PNG.
             force: A file in the way is replaced, whoever wrote it.
 

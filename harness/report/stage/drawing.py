@@ -87,7 +87,7 @@ def drawing(
     """Draw a mechanism at home: bodies as lines, joints as marks by kind, hatching on ground, names and a legend.
 
     Args:
-        others: Of another mechanism, in the world.
+        others: Points of another mechanism, in the world.
         coils: Springs, in the frames of bodies.
         idle: Labels of coordinates that no actuator drives.
     """
@@ -139,8 +139,8 @@ def corner(view: Array, pixels: float, tall: float) -> str:
 
     Args:
         view: Right, and down the page. Shape (2, 3).
-        pixels: Of a metre.
-        tall: Of the page.
+        pixels: Pixels per metre.
+        tall: Height of the page.
     """
     place, towards, out = np.array([34.0, tall - 30.0]), -np.cross(view[0], view[1]), list[str]()
     for name, colour, way, near in zip("xyz", WORLD, view.T, towards, strict=True):
@@ -254,7 +254,7 @@ def labels(
     Args:
         wanted: Texts with their colours and what they label.
         busy: Points that are better left free. Shape (n, 2).
-        left, wide, tall: Where they have to be.
+        left, wide, tall: Bounds of the labels.
     """
     lows, highs, out, (reach, d) = np.zeros((0, 2)), np.zeros((0, 2)), list[str](), SPOTS
     for text, colour, place in wanted:

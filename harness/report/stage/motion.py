@@ -32,7 +32,7 @@ class DrawnMotion:
         q: Joint coordinates. Shape (n, n_q).
         t: Time [s]. Shape (n,).
         values: Forces that an engine has computed at these samples, quantity -> values.
-        loads: Of the scene, at these samples.
+        loads: Loads of the scene, at these samples.
         source: The engine that the poses are from, or ``home pose``.
     """
 
@@ -54,7 +54,7 @@ class Arrow:
     """A force or moment on a body over time.
 
     Attributes:
-        point: Where it acts, in the frame of the body [m]. Shape (3,).
+        point: Point of application, in the frame of the body [m]. Shape (3,).
         vectors: World axes [N or N m]. Shape (n, 3).
     """
 

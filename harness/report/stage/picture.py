@@ -67,8 +67,8 @@ def stage(
     """Draw a mechanism at home, and in motion on pages with scripts.
 
     Args:
-        solutions: Of a run of the scene: whose poses and forces are shown.
-        other: What it is compared with: where this one differs at home is drawn, too.
+        solutions: Solutions of the scene, whose poses and forces are shown.
+        other: Mechanism to compare with; its differences at home are drawn, too.
         unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
