@@ -13,6 +13,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError, models
 from support import robots
+from support.claims import table
 from support.command import main
 from support.diagnosis import STATES, summary
 from support.errors import ClosureError, OutputError
@@ -99,6 +100,13 @@ def test_the_difference_of_calls_is_that_of_the_libraries(arms):
         mujoco.mj_inverse(one, data)
         apart.append(data.qfrc_inverse - pinocchio.rnea(other, other.createData(), q, v, a))
     assert float(said[1]) == pytest.approx(np.abs(apart)[:, place].max(), rel=1e-3)
+
+
+def test_a_fix_has_what_the_library_of_b_does_not_read(write, tmp_path):
+    text = table("diagnosis")["models"]["sprung"]
+    bar, other = write("bar.xml", text), write("other.xml", text.replace('mass="2"', 'mass="2.02"'))
+    screwgauge.diagnose(f"{bar}@mujoco", f"{other}@pinocchio").write_fix(tmp_path / "fixed.xml")
+    assert screwgauge.diagnose(bar, tmp_path / "fixed.xml").same
 
 
 @pytest.mark.parametrize("library", ["pinocchio", "yourdfpy"])
