@@ -10,7 +10,7 @@ import screwgauge
 from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import agreed
-from support.mechanism import load_mechanism
+from support.mechanism import DATA, load_mechanism
 from support.models import lay_out
 from support.scene import GIVEN
 from support.tolerances import LINEAR
@@ -216,25 +216,7 @@ def test_a_free_joint_counts_as_no_constraint(tmp_path):
     assert not [name for name in free.components("reaction") if name.startswith("pose")]
 
 
-FLYING = """
-name = "flying"
-[independent]
-x = "pose.x"
-y = "pose.y"
-z = "pose.z"
-a = "pose.q1"
-b = "pose.q2"
-c = "pose.q3"
-[bodies.stone]
-mass = 2
-com = [0.1, 0.2, 0]
-inertia = { xx = 0.1, yy = 0.2, zz = 0.25, xy = 0.02 }
-[joints.pose]
-kind = "F"
-parent = "ground"
-child = "stone"
-home = [0.1, 0.2, 0.3, "30*deg", 0.5, "atan2(1, 2)"]
-"""
+FLYING = (DATA / "flying.toml").read_text(encoding="utf-8")
 
 
 TWIN = '[joints.twin]\nkind = "F"\nparent = "ground"\nchild = "stone"'

@@ -10,31 +10,14 @@ from screwgauge.reference.reciprocal import end_body
 from screwgauge.reference.rigid import without_fixed_joints
 from support.engines import Solution, Values
 from support.errors import DescriptionError
-from support.mechanism import Mechanism, load_mechanism
+from support.mechanism import DATA, Mechanism, load_mechanism
 from support.models import CUTS, check_models, description, lay_out, loops_of, read_loops, write_models
 from support.scene import load_scene
 
 G = np.array([0.0, 0.0, -9.81])
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
-ARM = """name = "arm"
-[independent]
-q = "a"
-[bodies.arm]
-mass = 1
-com = [0.3, 0, 0]
-inertia = { xx = 1e-3, yy = 2e-2, zz = 2e-2 }
-[bodies.load]
-mass = 0.5
-com = [0.05, 0.02, 0.01]
-inertia = { xx = 1e-3, yy = 2e-3, zz = 2.2e-3, xy = 1e-4 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "arm"
-axes = [[0, 1, 0]]
-actuated = true
-"""
+ARM = (DATA / "held-arm.toml").read_text(encoding="utf-8")
 #: The load is turned by 0.7 rad about x of the arm, and held 10 mm beside its own origin.
 HOLD = """[joints.hold]
 kind = "fixed"
@@ -126,67 +109,7 @@ def test_two_bodies_held_together_move_as_one(write, tmp_path):
         assert np.abs(paths[0] - paths[1]).max() < 1e-9
 
 
-#: A four-bar whose coupler carries a load, on a base that stands on ground.
-LOOP = """name = "loop"
-[independent]
-crank = "a"
-[bodies.base]
-mass = 3
-com = [0.2, 0, 0]
-inertia = { xx = 0.1, yy = 0.1, zz = 0.1 }
-[bodies.crank]
-mass = 0.5
-com = [0.1, 0, 0]
-inertia = { xx = 1e-4, yy = 2e-3, zz = 2e-3 }
-[bodies.coupler]
-mass = 0.8
-com = [0.2, 0, 0]
-inertia = { xx = 1e-4, yy = 1e-2, zz = 1e-2 }
-[bodies.rocker]
-mass = 0.6
-com = [0.15, 0, 0]
-inertia = { xx = 1e-4, yy = 6e-3, zz = 6e-3 }
-[bodies.load]
-mass = 0.4
-com = [0.02, 0.03, 0.05]
-inertia = { xx = 1e-3, yy = 1e-3, zz = 1e-3 }
-[joints.stand]
-kind = "fixed"
-parent = "ground"
-child = "base"
-parent_frame.position = [0, 0, 0.5]
-[joints.a]
-kind = "R"
-parent = "base"
-child = "crank"
-axes = [[0, -1, 0]]
-actuated = true
-home = [1.0]
-[joints.b]
-kind = "R"
-parent = "crank"
-child = "coupler"
-axes = [[0, -1, 0]]
-parent_frame.position = [0.2, 0, 0]
-[joints.c]
-kind = "R"
-parent = "base"
-child = "rocker"
-axes = [[0, -1, 0]]
-parent_frame.position = [0.4, 0, 0]
-[joints.d]
-kind = "R"
-parent = "coupler"
-child = "rocker"
-axes = [[0, -1, 0]]
-parent_frame.position = [0.4, 0, 0]
-child_frame.position = [0.3, 0, 0]
-[joints.hold]
-kind = "fixed"
-parent = "coupler"
-child = "load"
-parent_frame = { position = [0.2, 0, 0.05], rotation = { axis = [0, 0, 1], angle = 0.4 } }
-"""
+LOOP = (DATA / "loop.toml").read_text(encoding="utf-8")
 
 
 def test_loads_and_bases_of_closed_loops_are_held(write):

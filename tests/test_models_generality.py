@@ -10,7 +10,7 @@ import pytest
 
 from support.errors import DescriptionError
 from support.geometry import Array
-from support.mechanism import GROUND, Frame, Joint, Mechanism, load_mechanism, mechanism_names
+from support.mechanism import DATA, GROUND, Frame, Joint, Mechanism, load_mechanism, mechanism_names
 from support.models import (
     check_models,
     check_table,
@@ -25,95 +25,9 @@ from support.models import (
 from support.readings import collapse, read
 from support.tolerances import CLOSED, PLACED
 
-FOUR_BAR = """
-name = "four-bar" # a parallelogram, leaning by pi/6; its last joint is declared towards ground
-[independent]
-phi = "motor"
-[bodies.crank]
-mass = 0.3
-com = [0, 0, 0.15]
-inertia = { xx = 2.25e-3, yy = 2.25e-3, zz = 1e-5 }
-[bodies.coupler]
-mass = 0.5
-com = [0.25, 0.01, 0]
-inertia = { xx = 2e-5, yy = 1.04e-2, zz = 1.04e-2, xy = 1e-4 }
-[bodies.rocker]
-mass = 0.4
-com = [0, 0, 0.15]
-inertia = { xx = 3e-3, yy = 3e-3, zz = 1e-5 }
-[joints.motor]
-kind = "R"
-parent = "ground"
-child = "crank"
-axes = [[0, 1, 0]]
-home = ["pi/6"]
-actuated = true
-[joints.elbow]
-kind = "R"
-parent = "crank"
-child = "coupler"
-axes = [[0, 1, 0]]
-home = ["-pi/6"]
-parent_frame = { position = [0, 0, 0.3] }
-[joints.knee]
-kind = "R"
-parent = "coupler"
-child = "rocker"
-axes = [[0, 1, 0]]
-home = ["pi/6"]
-parent_frame = { position = [0.5, 0, 0] }
-child_frame = { position = [0, 0, 0.3] }
-[joints.sole]
-kind = "R"
-parent = "rocker"
-child = "ground"
-axes = [[0, 1, 0]]
-home = ["-pi/6"]
-child_frame = { position = [0.5, 0, 0] }
-"""
+FOUR_BAR = (DATA / "leaning-four-bar.toml").read_text(encoding="utf-8")
 
-# U and P declared from the outer body inwards, C outwards, all frames askew.
-REVERSED = """
-name = "reversed"
-[independent]
-turn = "u.q1"
-[bodies.inner]
-mass = 1.5
-com = [0.02, -0.03, 0.1]
-inertia = { xx = 0.03, yy = 0.04, zz = 0.05, xy = 0.003, xz = -0.002, yz = 0.001 }
-[bodies.middle]
-mass = 0.7
-com = [-0.01, 0.04, 0.2]
-inertia = { xx = 0.02, yy = 0.03, zz = 0.025, xy = -0.001, xz = 0.002, yz = 0.0015 }
-[bodies.tip]
-mass = 0.9
-com = [0.05, 0.06, -0.07]
-inertia = { xx = 0.011, yy = 0.012, zz = 0.013, xy = 0.0002, xz = 0.0003, yz = -0.0004 }
-[joints.u]
-kind = "U"
-parent = "inner"
-child = "ground"
-axes = [[1, 0, 0], [0, 0.6, 0.8]]
-home = [0.3, -0.7]
-parent_frame = { position = [0.1, 0.2, -0.3], rotation = { axis = [0.6, 0, 0.8], angle = 0.9 } }
-child_frame = { position = [-0.2, 0.5, 0.1], rotation = { axis = [0, 0.6, 0.8], angle = -1.1 } }
-[joints.c]
-kind = "C"
-parent = "inner"
-child = "middle"
-axes = [[0, 0.8, -0.6]]
-home = [0.4, 0.25]
-parent_frame = { position = [0.3, 0, 0.2], rotation = { axis = [1, 0, 0], angle = 0.5 } }
-child_frame = { position = [0, 0.1, 0.2], rotation = { axis = [0, 0, 1], angle = 2.5 } }
-[joints.p]
-kind = "P"
-parent = "tip"
-child = "middle"
-axes = [[0.6, 0.8, 0]]
-home = [-0.35]
-parent_frame = { position = [0.1, 0, 0.1], rotation = { axis = [0, 1, 0], angle = 1.3 } }
-child_frame = { position = [0, -0.2, 0.1] }
-"""
+REVERSED = (DATA / "reversed.toml").read_text(encoding="utf-8")
 
 BALL = """
 [joints.ball]
