@@ -13,7 +13,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """One number, got in three ways.
+    """A number, obtained in three ways.
 
     Attributes:
         symptom: As users get it; NaN where there is none.

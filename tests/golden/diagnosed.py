@@ -42,7 +42,7 @@ NOTHING, SIZE = 1e-9, 1e-3
 
 
 def diagnosis(case: str) -> Iterator[Row]:
-    """What a diagnosis makes of a pair."""
+    """Facts of the diagnosis of a pair."""
     if case in PAIRS:
         a, b = map(_file, case.split())
         yield from _compared(a, b)

@@ -1,4 +1,4 @@
-"""One example of each kind of sentence of a diagnosis: ``python tests/golden/told.py`` writes ``told.txt``."""
+"""Examples of all sentences of a diagnosis: ``python tests/golden/told.py`` writes ``told.txt``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One arm with a gripper and a loop as SDF, USD, MJCF and URDF, and what a file may have lost of it."""
+"""An arm with a gripper and a loop as SDF, USD, MJCF and URDF, for files that lost a part of it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Arm:
     kilo: float = 1.0
 
     def place(self, joint: Joint) -> Array:
-        """Where a joint is in the world. Shape (3,)."""
+        """Return the place of a joint in the world. Shape (3,)."""
         return np.array(joint.at if joint.at is not None else self.links[joint.child].at)
 
 

@@ -15,7 +15,7 @@ import screwgauge
 
 
 def diagnosed(a: Path, b: Path) -> tuple[Said, float]:
-    """What is said of two files, and processor time [s]. What is refused is said by the error."""
+    """An answer on two files, or the error that refuses them, and processor time [s]."""
     begin = process_time()
     try:
         said = said_by(screwgauge.diagnose(a, b))
@@ -34,7 +34,7 @@ def clean(text: str, *files: Path) -> str:
 
 
 def site(planted: Planted, a: Parts, done: Scrambled) -> Site:
-    """Where an edit stands in A, as it was, and in B, which is A edited and then said differently."""
+    """Return the places of an edit in A, the original, and in B, which is edited and then scrambled."""
     names = set[str]()
     for item in (planted.item, *planted.also):
         kind, _, name = item.partition(" ")

@@ -87,7 +87,7 @@ def own_models(folder: Path) -> dict[str, Path]:
 
 
 def public_models(packages: dict[str, list[str]]) -> dict[str, Path]:
-    """Of packages that are installed: name -> file. What is not installed is left out."""
+    """Return models of installed packages: name -> file."""
     found = {}
     for package, files in packages.items():
         try:
@@ -110,7 +110,7 @@ def single_edits(numbers: Iterable[int], progress: Callable[[str, float], None])
 
 
 def single_edit(number: int, models: dict[str, Path], folder: Path) -> dict[str, Any]:
-    """One edit put to a diagnosis."""
+    """Diagnose one edit."""
     kind = [*EDITS][number % len(EDITS)]
     rng = np.random.default_rng([SEED, number])
     scrambled = number // len(EDITS) % 2 == 1
@@ -162,7 +162,7 @@ def _asked(a: Path, root: ET.Element, folder: Path) -> tuple[Said, float]:
 
 
 def judged(said: Said, planted: list[Planted], a: Parts, done: Scrambled) -> dict[str, Any]:
-    """Of one edit or several: who is named, how well, and what else is."""
+    """Rate the answer on one or several edits: parts that it names, magnitudes, and other rows."""
     sites = [site(each, a, done) for each in planted]
     right = [measured(of_item(said, each), each) for each in sites]
     more = others(said, sites)
@@ -206,7 +206,7 @@ def multiple_edits(numbers: Iterable[int], progress: Callable[[str, float], None
 
 
 def _turns(parts: Parts) -> bool:
-    """Whether it is an open chain of hinges alone: all torques have one unit."""
+    """True for an open chain of hinges, whose torques have one unit."""
     loops = parts.root.find("equality") is not None
     return not loops and not any(parts.slides(joint) for joint in parts.joints())
 

@@ -65,7 +65,7 @@ def com(parts: Parts, rng: Random) -> Planted:
 
 
 def _share_of_mass(parts: Parts, body: ET.Element) -> float:
-    """Of a body, of what moves as one with it."""
+    """Return the share of a body in the mass of all that moves as one with it."""
     lump = parts.lump(body)
     return parts.mass(body) / sum(parts.mass(other) for other in parts.bodies() if other.get("name") in lump)
 
@@ -154,7 +154,7 @@ def _moved(parts: Parts, joint: ET.Element, kind: str, step: Array, turns: bool)
 
 
 def _check_own(parts: Parts, joint: ET.Element, step: Array, turns: bool) -> None:
-    """Whether a step is no motion of the joint before it, whose zero it would be where what that carries is round.
+    """True if a step is no motion of the joint before it, which would be a zero on a round body.
 
     Raises:
         NoPlaceError: It is.
@@ -275,7 +275,7 @@ def gear(parts: Parts, rng: Random) -> Planted:
 
 
 def point(parts: Parts, rng: Random) -> Planted:
-    """Where a loop closes, along an axis of its first body; of a hinge that two points close both, across its axis."""
+    """Shift the closure of a loop along an axis of its first body; two points of a hinge together, across its axis."""
     some = [p for p in parts.root.iterfind("equality/connect") if p.get("anchor") and p.get("name")]
     part = pick(some, rng)
     ends = part.get("body1", ""), part.get("body2", "")

@@ -16,7 +16,7 @@ def _xz(x: float, z: float, y: float = 0.0) -> Array:
 
 
 def _circles(a: Array, r: float, b: Array, s: float, side: float) -> Array:
-    """Where circles about two points in a plane x, z meet, on one side of the way from one to the other."""
+    """Intersect circles about two points in the plane x, z, on one side of the line between them."""
     d = b - a
     l = float(np.linalg.norm(d))
     along = (r * r - s * s + l * l) / (2.0 * l)

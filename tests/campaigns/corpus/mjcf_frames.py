@@ -108,7 +108,7 @@ def _move_inertial(inertial: ET.Element, root: ET.Element, back: Array) -> None:
 
 
 def _move_anchors(root: ET.Element, name: str, X: Array) -> None:
-    """Of closures: the anchor of a connect stands in its first body, that and the pose of a weld in frames of both."""
+    """Rewrite closures: an anchor in the frame of its first body, the pose of a weld in those of both."""
     for room in root.iterfind("equality"):
         for part in room:
             if part.tag == "connect" and part.get("anchor") and part.get("body1") == name:
@@ -118,7 +118,7 @@ def _move_anchors(root: ET.Element, name: str, X: Array) -> None:
 
 
 def check_movable(root: ET.Element) -> None:
-    """Whether defaults leave poses and axes to the elements, and all is written in the file itself.
+    """True if elements of the file itself state all poses and axes, and no defaults do.
 
     Raises:
         CannotError: They do not.

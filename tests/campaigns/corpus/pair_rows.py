@@ -21,12 +21,12 @@ ALIKE = ("SAME", "CONVENTIONS")
 
 
 def pair_rows(pairs: Sequence[Pair], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """What is said of each pair, and whether that is right."""
+    """Make a table of the answers on all pairs, with their rating."""
     return pd.DataFrame(rows_in_turn([(pair.name, partial(pair_row, pair)) for pair in pairs], progress))
 
 
 def pair_row(pair: Pair) -> dict[str, Any]:
-    """Of one pair. ``right``: yes, no, refused (no answer), or skipped."""
+    """Make the row of one pair. ``right``: yes, no, refused (no answer), or skipped."""
     cells = {"id": pair.name, "group": pair.group, "expected": pair.expected, "planted": pair.planted}
     with TemporaryDirectory(prefix="corpus-") as name:
         folder = Path(name)
@@ -49,7 +49,7 @@ def pair_row(pair: Pair) -> dict[str, Any]:
 
 
 def right(pair: Pair, said: Said, named: Sequence[str]) -> str:
-    """Whether an answer is right, and leads with what was planted."""
+    """True if an answer is right and leads with the planted edit."""
     if said.answer in ("REFUSED", "CRASHED"):
         return said.answer.lower()
     if pair.expected == SAME:

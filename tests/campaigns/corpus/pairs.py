@@ -129,7 +129,7 @@ def two(
     planted: str = "",
     named: str = "",
 ) -> Pair:
-    """Of two linkages and the forms that they are written in."""
+    """Make a pair of two linkages, in the forms in which they are written."""
 
     def make(folder: Path) -> tuple[Path, Path]:
         return _written(*a, folder, "a"), _written(*b, folder, "b")
@@ -206,7 +206,7 @@ def user() -> Iterator[Pair]:
 
 
 def common() -> Iterator[Pair]:
-    """One cause behind many numbers, or a part that is not there, which is one thing to say."""
+    """Pairs with one cause of many numbers, or with a missing part."""
     arm, limbs = machines.arm(1), machines.tree(1)
     all_ = r"(?=.*(\ball\b|\bevery\b|\beach\b|\b6\b|masses|inertias))(?=.*"
 
@@ -251,7 +251,7 @@ def edits(count: int = 49) -> Iterator[Pair]:
 
 
 def edit_named(number: int, folder: Path) -> tuple[str, str, str]:
-    """What an edit planted: file and item, words that name it, the item alone."""
+    """Describe an edit: file and item, words that name it, and the item alone."""
     a, _, planted = _edit([*EDITS][number % len(EDITS)], number, folder)
     words = "|".join(WORDS[what] for what in (planted.what, *planted.may))  # type: ignore[attr-defined]
     items = [planted.item, *planted.also]  # type: ignore[attr-defined]

@@ -177,10 +177,10 @@ class Parts:
 
 
 def pick(some: Sequence[T] | Iterator[T], rng: Random) -> T:
-    """One of them.
+    """Draw one of some items.
 
     Raises:
-        NoPlaceError: There is none.
+        NoPlaceError: The list is empty.
     """
     listed = [*some]
     if not listed:

@@ -1,4 +1,4 @@
-"""What an edit planted, so that a sentence about it can be judged without the package."""
+"""Planted edits, by which a sentence can be judged without the package."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Planted:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site:
-    """Where an edit stands in the two files: names there, and axes of frames that a sentence may use.
+    """The place of an edit in the two files: names there, and axes of frames that a sentence may use.
 
     Attributes:
         names: Of the item and what may be named in its place, in A and in B.

@@ -43,7 +43,7 @@ def pose(R: Array = EYE, p: Iterable[float] = (0.0, 0.0, 0.0)) -> Array:
 
 
 def inverse(T: Array) -> Array:
-    """Of a pose."""
+    """Invert a pose."""
     R = T[:3, :3].T
     return pose(R, -R @ T[:3, 3])
 
@@ -67,7 +67,7 @@ def to_rpy(R: Array) -> Array:
 
 
 def of_quaternion(q: Iterable[float]) -> Array:
-    """Of w, x, y, z of any length. Shape (3, 3)."""
+    """Return the rotation of w, x, y, z of any length. Shape (3, 3)."""
     q = np.array([*q], dtype=float)
     w, v = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
     return np.asarray((2.0 * w * w - 1.0) * EYE + 2.0 * np.outer(v, v) + 2.0 * w * skew(v))

@@ -17,7 +17,7 @@ ALL = QUIET | {HOME, SIGNS}
 
 @dataclass(slots=True)
 class Scrambled:
-    """What was done to a file.
+    """The changes that a scrambler made in a file.
 
     Attributes:
         names: ``joint OLD``, ``body OLD`` and so on -> new name.
@@ -37,7 +37,7 @@ class Scrambled:
         return self.frames[body][:3, :3] if body in self.frames else EYE
 
     def called(self, kind: str, name: str) -> str:
-        """What a ``body``, ``joint``, ``equality`` or ``actuator`` is called now."""
+        """Return the new name of a ``body``, ``joint``, ``equality`` or ``actuator``."""
         return self.names.get(f"{kind} {name}", name)
 
 

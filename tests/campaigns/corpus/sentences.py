@@ -1,4 +1,4 @@
-"""What a diagnosis says, read as a user reads it: first sentence, rows, numbers with units, and who is named."""
+"""Reads a diagnosis as a user does: first sentence, rows, numbers with units, and named parts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What a diagnosis says.
+    """The text of a diagnosis.
 
     Attributes:
         answer: ``SAME``, ``CONVENTIONS`` (the same machine, whose coordinates count otherwise), ``PARTLY`` (what is
@@ -67,7 +67,7 @@ class Said:
 
 
 def said_by(diagnosis: Any) -> Said:
-    """Of a `screwgauge.Diagnosis`."""
+    """Read a `screwgauge.Diagnosis`."""
     rows = tuple(
         Row(
             frozenset({str(getattr(each, "item_a", "")), str(getattr(each, "item_b", ""))} - {""}),
@@ -87,12 +87,12 @@ def said_by(diagnosis: Any) -> Said:
 
 
 def is_convention(sentence: str) -> bool:
-    """Whether a difference is one of how coordinates are counted alone."""
+    """True if a difference concerns the counting of coordinates alone."""
     return bool(re.search(r"counts the other way|its zero is|counts? .* more than|other order", sentence))
 
 
 def first_place(text: str, names: frozenset[str]) -> float:
-    """Where the first of some names is in a text, as a word; infinite where none is."""
+    """Return the first place of any of some names in a text, as a word; infinite without one."""
     found = (re.search(rf"(?<![\w.]){re.escape(name)}(?![\w]|\.\w)", text) for name in names)
     return min((each.start() for each in found if each), default=np.inf)
 
@@ -102,7 +102,7 @@ def mentions(text: str, names: frozenset[str]) -> bool:
 
 
 def named(said: Said, site: Site) -> bool:
-    """Whether the first sentence names what was edited, by its item and its property."""
+    """True if the first sentence names item and property of the edit."""
     words = "|".join(WORDS[what] for what in (site.planted.what, *site.planted.may))
     first = said.first.split("; explains")[0]
     return (not site.names or mentions(first, site.names)) and bool(re.search(words, first, re.IGNORECASE))
@@ -135,7 +135,7 @@ def others(said: Said, sites: list[Site]) -> list[str]:
 
 
 def measured(text: str, site: Site) -> tuple[bool, bool]:
-    """Whether a text gives the magnitude of an edit, and whether it gives its sign or direction."""
+    """Return two flags: a text gives the magnitude of an edit, and its sign or direction."""
     planted = site.planted
     if planted.step is None:
         return True, True
@@ -178,7 +178,7 @@ def _scalar(text: str, planted: Planted) -> tuple[bool, bool]:
 
 
 def _by_step(text: str, old: float, step: float) -> tuple[bool, bool]:
-    """Whether a number is the step, or its share of the old value; and whether its sign is the same and written."""
+    """Return two flags: a number is the step or its share of the old value, and its sign is written and right."""
     share, magnitude = step / old if old else np.inf, False
     for value, unit, sign in _scalars(text):
         for target in [share] if unit in ("%", "relative") else [step, share]:
@@ -190,7 +190,7 @@ def _by_step(text: str, old: float, step: float) -> tuple[bool, bool]:
 
 
 def _by_vectors(text: str, planted: Planted) -> bool:
-    """Whether a component of two vectors is off by the step, or an inertia by the factor."""
+    """True if a component of two vectors differs by the step, or an inertia by the factor."""
     if planted.what not in ("inertia", "limits", "coupling"):
         return False
     old, new = float(planted.old or 0.0), float(planted.new or 0.0)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""How large a part of a torque difference each edit has, by Pinocchio or MuJoCo on the edited files."""
+"""Shares of edits in a torque difference, by Pinocchio or MuJoCo on the edited files."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _of_mjcf(root: ET.Element, rng: np.random.Generator, speed: float) -> Array:
 
 
 def shares(original: ET.Element, alone: Sequence[ET.Element], speed: float = 1.0) -> Array:
-    """Of each edit made alone, as a part of all: the projections of their differences on the sum of these."""
+    """Return the share of each edit: the projection of its difference on the sum of all."""
     first = torques(original, speed)
     steps = np.array([torques(root, speed) - first for root in alone])
     total = steps.sum(axis=0)

@@ -111,7 +111,7 @@ def _reverse(joint: ET.Element, done: Scrambled) -> None:
 
 
 def _another_frame(tree: ET.Element, joint: ET.Element, rng: Random, done: Scrambled) -> None:
-    """Another frame of the link behind a joint: a hinge's axis still goes through its origin."""
+    """Give the link behind a joint another frame: a hinge's axis still passes through its origin."""
     name = end(joint, "child")
     v = axis(joint)
     way = rng.uniform(-0.1, 0.1) * v if joint.get("type") in ("revolute", "continuous") else rng.uniform(-0.1, 0.1, 3)

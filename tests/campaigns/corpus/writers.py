@@ -55,7 +55,7 @@ def write_urdf(machine: Linkage) -> tuple[str, str]:
 
 
 def _origin(joint: Joint, near: Array) -> Array:
-    """Where the frame of what a joint carries may be, next to where it is: on the axes of what turns."""
+    """Return other places for the frame of a link behind a joint: on the axes of its turns."""
     if joint.kind == "P":
         return near
     if joint.kind == "R":
