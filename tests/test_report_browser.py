@@ -20,6 +20,9 @@ from support.pages import Heading, Paragraph, Picture, three_js
 from support.pages import page as page_of
 from support.report import print_page, run_page
 
+#: Opens all that is folded.
+UNFOLD = "document.querySelectorAll('details').forEach(fold => { fold.open = true; })"
+
 PAPER = 703  # what is left of A4 between the margins [pixels]
 
 
@@ -118,7 +121,7 @@ FIGURE = "figure:has(> svg[aria-label^='Relative angular displacements'])"
 
 
 def saved(opened: Opened, near: str, form: str) -> str:
-    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    opened.ask(UNFOLD)
     with opened.page.expect_download() as download:
         opened.page.locator(f"{near} button", has_text=form).first.click()
     assert download.value.suggested_filename.endswith(f".{form.lower()}")
@@ -175,7 +178,7 @@ def test_links_lead_to_what_is_then_open(opened: Opened) -> None:
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")])
 def test_the_page_never_scrolls_sideways(opened: Opened, width: int, scheme: str) -> None:
     opened.at(width, color_scheme=scheme)
-    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    opened.ask(UNFOLD)
     assert opened.ask("document.documentElement.scrollWidth") <= width
     bars = "[...document.querySelectorAll('figure, .scroll')].filter(e => e.scrollHeight > e.clientHeight).length"
     assert opened.ask(bars) == 0
@@ -185,7 +188,7 @@ def test_the_page_never_scrolls_sideways(opened: Opened, width: int, scheme: str
 
 def test_a_phone_shows_every_table_whole(opened: Opened) -> None:
     opened.at(390)
-    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    opened.ask(UNFOLD)
     cut = opened.ask(
         """[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 12)
           .map(e => e.textContent.slice(0, 80))"""
@@ -195,7 +198,7 @@ def test_a_phone_shows_every_table_whole(opened: Opened) -> None:
 
 def test_a_phone_shows_every_chart_whole(opened: Opened) -> None:
     with opened.beside(opened.path, 390, 844) as phone:
-        phone.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+        phone.ask(UNFOLD)
         for figure in phone.page.locator("figure").all():
             figure.scroll_into_view_if_needed()
             figure.locator(".moving").wait_for()
@@ -245,7 +248,7 @@ BROKEN = """[...document.querySelectorAll('td, th')].flatMap(cell => {
 @pytest.mark.parametrize(("width", "media"), [(PAPER, "print"), (390, "screen"), (1280, "screen")])
 def test_no_word_of_a_table_is_broken_inside(opened: Opened, width: int, media: str) -> None:
     opened.at(width, 1000, media=media)
-    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    opened.ask(UNFOLD)
     assert opened.ask(BROKEN) == []
 
 

@@ -106,7 +106,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks folded under a title with a short note; `on_paper` opens them in print."""
+    """Blocks folded under a title with a short note; `printed` opens them in print."""
 
     title: str
     blocks: tuple[Block, ...]
