@@ -21,7 +21,7 @@ from screwgauge import Scene, load_scene
 from support.errors import ClosureError, SingularPoseError
 from support.questions import BASE_LOCK, WRIST_LOCKS
 from support.scene import GivenMotion
-from support.singular import AROUND, SHEETS, Passing, PlanarLinkage, five_bar, four_bar, slider_crank, three_rpr
+from support.singular import AROUND, SHEETS, Passing, Tables, five_bar, four_bar, slider_crank, three_rpr
 
 TURNS = 1000
 PER_TURN = 12
@@ -51,9 +51,8 @@ def moved(scene: Scene, t: np.ndarray, y: np.ndarray, yd: np.ndarray, ydd: np.nd
     return replace(scene, task=GivenMotion(t, y, yd, ydd), drive=None, text={})
 
 
-def of(linkage: PlanarLinkage) -> Scene:
-    home = {pin.name: pin.home for pin in linkage.pins}
-    still = {name: {"offset": home[name]} for name in linkage.independent}
+def of(linkage: Tables) -> Scene:
+    still = {name: {"offset": linkage["joints"][name]["home"][0]} for name in linkage["independent"]}
     with TemporaryDirectory() as folder:
         return Passing("linkage", linkage, still, 1.0, "", 0.0, "").scene(Path(folder), 2)
 

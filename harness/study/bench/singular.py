@@ -39,7 +39,7 @@ from screwgauge.study.bench.question import (
     scene_at,
 )
 from screwgauge.study.bench.variants import VariantMethod, given_motion
-from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
+from screwgauge.study.linkages import Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference
 
@@ -190,7 +190,7 @@ class Passing:
     """
 
     name: str
-    linkage: PlanarLinkage
+    linkage: Tables
     motion: Mapping[str, Tables]
     lasts: float
     answer: str
@@ -202,13 +202,13 @@ class Passing:
         folder.mkdir(parents=True, exist_ok=True)
         tables: Tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
         tables |= {"motion": self.motion, "time": {"times": np.linspace(0.0, self.lasts, samples).tolist()}}
-        (folder / "linkage.toml").write_text(tomli_w.dumps(self.linkage.table(self.name)), encoding="utf-8")
+        (folder / "linkage.toml").write_text(tomli_w.dumps({"name": self.name, **self.linkage}), encoding="utf-8")
         (folder / "scene.toml").write_text(tomli_w.dumps(tables), encoding="utf-8")
         return load_scene(folder / "scene.toml")
 
 
 def _drive(
-    name: str, linkage: PlanarLinkage, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
+    name: str, linkage: Tables, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
 ) -> Passing:
     """Return a linkage in motion at constant rates.
 
@@ -224,7 +224,7 @@ def textbook_linkages() -> Iterator[Passing]:
     """Yield linkages that textbooks name, each in a motion through or up to a singular pose."""
     half, turn = float(np.pi / 2), float(np.pi)
     crank = slider_crank(0.3, 0.5, 0.4, driven="x")
-    start, end = crank.pins[-1].home, 0.8
+    start, end = crank["joints"]["x"]["home"][0], 0.8
     slow = {"x": {"offset": 0.79, "harmonics": [[2.0, -0.01, 0.0]]}}
     swing = {"x": {"offset": (start + end) / 2, "harmonics": [[turn, (start - end) / 2, 0.0]]}}
     why = "crank and rod are one line: the crank may go on or back"
