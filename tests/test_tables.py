@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -259,3 +261,12 @@ time = { duration = 1, step = 0.01 }
     results = screwgauge.run(load_scene(write("scene.toml", f'{text}tables.mine = "some.csv"\n')))
     assert results.ok
     assert results.pairs["quantity"].eq("reaction").any()
+
+
+def test_the_pair_that_is_out_of_tolerance_is_shown_before_one_that_differs_more(right, scene):
+    given = scene(forces(right, 1.0 + 1e-6))
+    rough = forces(right, 1.0 + 1e-3)
+    error = {"actuator_force": float(0.01 * rough.drop(columns="t").abs().max().max())}
+    given = given.beside(rough=Recorded(rough.pop("t"), dict(rough), error=error))
+    results = screwgauge.run(given, ["screw", "mine", "rough"], ["actuator_force"])
+    assert re.search(r"^actuator_force .* screw - mine ", repr(results), re.MULTILINE)
