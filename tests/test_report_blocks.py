@@ -321,7 +321,8 @@ def test_numbers_read_well() -> None:
         "1.23457e6",
         "NaN",
     ]
-    assert [size(x) for x in (0.0, 3.14e-13, np.nan, np.inf)] == ["0", "3.1e-13", "NaN", "inf"]
+    shown = [size(x) for x in (0.0, 3.14e-13, 1.26, 12.3, np.nan, np.inf)]
+    assert shown == ["0", "3.1e-13", "1.3", "12", "NaN", "inf"]
     assert [digits(x) for x in (0.0, 1e-30, 1e-3, 5.0)] == [17.0, 17.0, pytest.approx(3.0), 0.0]
     assert np.isnan(digits(np.nan))
 
