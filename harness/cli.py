@@ -21,7 +21,7 @@ DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
 GROUPS = {
     "use": ("run", "review", "diagnose", "casebook", "check", "import", "view"),
-    "study": ("bench", "stress", "sweep", "matrix"),
+    "study": ("bench", "stress", "sweep", "identify", "matrix"),
     "export": ("models", "list"),
 }
 #: An example of each, after its name.
@@ -36,6 +36,7 @@ EXAMPLES = {
     "bench": "slider-crank --quick",
     "stress": "wrist-chart --severity 1e-3,1e-6",
     "sweep": "sweep.toml --out variants",
+    "identify": "3ups-upu-s --out told",
     "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
     "models": "delta --include geoms --check",
     "list": "scenes",
@@ -259,6 +260,24 @@ def _parser() -> argparse.ArgumentParser:
     add = command(commands.sweep, "many variants of a scene: which number costs most", out="SWEEP")
     add("plan", type=_path, metavar="SWEEP.toml", help="scene, numbers that scatter, how many variants")
     executed(add, "chunks of variants")
+
+    add = command(
+        commands.identify, "which numbers of a machine its forces tell, and what they are", out="SCENE/identify"
+    )
+    scene(add)
+    add(
+        "--data", type=_path, metavar="FILE", help="CSV or Parquet: t, actuator forces, and the motion if it is another"
+    )
+    add("--numbers", metavar="A,B", help="what is unknown (all bodies, and what actuated joints resist)")
+    add("--noise", type=float, metavar="SHARE", help="of forces, over the largest (estimated from data; 0.001)")
+    add("--prior", type=float, metavar="SHARE", help="how well the scene's numbers are known (0.1)")
+    add("--seed", type=_whole_number(0), metavar="N", help="of the rates at random (0)")
+    add(
+        "--fix",
+        type=_path,
+        metavar="FILE",
+        help="write the numbers: a description (.toml), or SCENE's own URDF or MJCF",
+    )
 
     add = command(
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS

@@ -104,8 +104,14 @@ def unit(name: str) -> str:
 
 
 def inertial(name: str) -> bool:
-    """True for a number of a body's matter: forces are linear in it, and motions do not depend on it."""
-    return name.startswith("bodies.")
+    """True for a number of matter or resistance: forces are linear in it or in moments, motions free of it."""
+    return name.startswith("bodies.") or bool(resisting_joint(name))
+
+
+def resisting_joint(name: str) -> str:
+    """Joint whose rotor, damping or friction a number is; empty for any other number."""
+    found = re.fullmatch(rf"joints\.(.+)\.(?:{'|'.join(RESISTS)})(?:\.\d+)?", name)
+    return found[1] if found else ""
 
 
 def geometric(name: str) -> bool:

@@ -28,7 +28,7 @@ README = TEXTS["README.md"]
 #: Pages that people write, the casebook and the reports apart: as many words as somebody reads.
 APART = ("reports", "harness/casebook", ".github")
 WRITTEN = [page for page, text in TEXTS.items() if guide.MADE not in text and not page.startswith(APART)]
-WORDS = 14_400
+WORDS = 14_600
 RUN = [page for page, text in TEXTS.items() if any(block.language in ("sh", "python") for block in blocks(text))]
 
 

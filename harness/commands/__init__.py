@@ -241,6 +241,35 @@ def sweep(options: argparse.Namespace) -> int:
     return int(found.exit_status)
 
 
+def identify(options: argparse.Namespace) -> int:
+    """Says which numbers of a machine its forces tell, and with data what these are."""
+    from screwgauge.report.pages.identify import PAGE
+    from screwgauge.scene.read import load_scene
+    from screwgauge.study.identify.fix import check_fix, write_fix
+    from screwgauge.study.identify.run import identify
+
+    imported(options.scene)
+    scene, model = load_scene(options.scene), Path(options.scene) if is_model(options.scene) else None
+    inputs = [*_files(scene), *filter(None, (options.data, model))]
+    if options.fix is not None:
+        check_fix(options.fix, model, options.data)
+        check_free(options.fix, inputs, force=options.force)
+    more = {name: getattr(options, name) for name in ("noise", "prior", "seed") if getattr(options, name) is not None}
+    found = carry_out(
+        PAGE,
+        options.out or OUT / scene.name / "identify",
+        lambda progress: identify(
+            scene, options.data, numbers=_names(options.numbers) or (), progress=progress, **more
+        ),
+        files=(inputs, {} if options.fix is None else {"--fix": options.fix}),
+        force=options.force,
+    )
+    if options.fix is not None:
+        for line in write_fix(found, options.fix, model, force=options.force):
+            say(line)
+    return int(found.exit_status)
+
+
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
     from screwgauge.diagnosis.diagnose import diagnose

@@ -1,8 +1,8 @@
-"""Machines that differ only in matter: forces are linear in ten moments of each body.
+"""Machines that differ only in matter: forces are linear in ten moments of each body and in what joints resist.
 
-Mass, mass times centre of mass, and second moments about the body's origin; and in the centre of mass itself where a
-load acts there. One pass of a program over a machine and its neighbours, as many as moments, makes the matrix; every
-variant is then a product.
+Moments are mass, mass times centre of mass, and second moments about the body's origin; forces are linear in the centre
+of mass itself, too, where a load acts there. One pass of a program over a machine and its neighbours, as many as
+features, makes the matrix; every variant is then a product.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses
 from screwgauge.engines.screw.programs import Runner, runner
 from screwgauge.reference.mechanism import SLACK, Body
-from screwgauge.reference.parameters import TENSOR, XYZ
+from screwgauge.reference.parameters import TENSOR, XYZ, numbers, resisting_joint
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import Symbols
 
@@ -25,6 +25,7 @@ HELD = 8_000_000
 #: Of a body, in order.
 ENTRIES = ("mass", *(f"com.{axis}" for axis in XYZ), *(f"inertia.{key}" for key in TENSOR))
 _PLACES = [*TENSOR.values()]
+_LOWER = np.tril_indices(4)
 
 
 def moments(numbers: Array) -> Array:
@@ -46,36 +47,75 @@ def _steiner(com: Array) -> Array:
     return np.stack([(square if i == k else 0.0) - com[..., i] * com[..., k] for i, k in _PLACES], axis=-1)
 
 
+def consistent(body: Array, z: Array) -> Array:
+    """Bodies that can exist, near one: its pseudo-inertia is ``L (1 + z) (1 + z)^T L^T``, L that of the body.
+
+    Args:
+        body: Numbers in the order of `ENTRIES`. Shape (10,).
+        z: Entries of a lower triangular matrix without dimension. Shape (10, n).
+
+    Returns:
+        Numbers. Shape (10, n).
+    """
+    moment = moments(body)
+    second = np.zeros((3, 3))
+    for (i, k), value in zip(_PLACES, moment[4:], strict=True):
+        second[i, k] = second[k, i] = value
+    P = np.zeros((4, 4))
+    P[:3, :3] = 0.5 * np.trace(second) * np.eye(3) - second
+    P[:3, 3] = P[3, :3] = moment[1:4]
+    P[3, 3] = moment[0]
+    values, vectors = np.linalg.eigh(P)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # also of thin bodies, whose matrix is singular
+    ways = np.zeros((z.shape[1], 4, 4))
+    ways[:, _LOWER[0], _LOWER[1]] = z.T
+    half = root @ (np.eye(4) + ways)
+    made = half @ half.swapaxes(1, 2)
+    sums = np.trace(made[:, :3, :3], axis1=1, axis2=2)
+    entries = [(sums if i == k else 0.0) - made[:, i, k] for i, k in _PLACES]
+    return numbers_of(np.stack([made[:, 3, 3], *made[:, :3, 3].T, *entries], axis=1)).T
+
+
 class Matter:
     """Solver for changed matter of some bodies.
 
     Attributes:
         bodies: Bodies with a changed number.
+        loaded: Indices of those at whose centre of mass a load acts.
+        resists: Rotors, damping and friction that change, whole names.
+        entries, nominal: Numbers of these bodies, ten each, then resistances: whole names and values. Shape (E,).
     """
 
     def __init__(self, machine: NominalMachine, names: Sequence[str], backend: str) -> None:
         self.machine, self.backend = machine, backend
         self.bodies = [body for body in machine.scene.mechanism.bodies if any(_of(body, name) for name in names)]
-        self.nominal = np.array([_numbers(body) for body in self.bodies]).reshape(-1, 10)
-        entries = [f"bodies.{body.name}.{entry}" for body in self.bodies for entry in ENTRIES]
+        self.resists = [name for name in names if resisting_joint(name)]
+        self._end = 10 * len(self.bodies)
+        entries = [*(f"bodies.{body.name}.{entry}" for body in self.bodies for entry in ENTRIES), *self.resists]
+        known = numbers(machine.scene.mechanism, machine.scene.applied)
+        self.nominal = np.array([known[name] for name in entries])
         self._places = [(entries.index(name), k) for k, name in enumerate(names) if name in entries]
-        self._entries, self._made = entries, list[tuple[Symbols, Runner]]()
-        loaded = {load.body for load in machine.scene.applied.loads if load.point is None}
-        self._loaded = [body.name in loaded for body in self.bodies]
+        self.entries, self._made = entries, list[tuple[Symbols, Runner]]()
+        loads = {load.body for load in machine.scene.applied.loads if load.point is None}
+        self.loaded = [i for i, body in enumerate(self.bodies) if body.name in loads]
         self._kept: tuple[NominalPoses, Array, Array] | None = None
 
     def numbers(self, p: Array) -> Array:
-        """Numbers of the bodies of each variant. Shape (P, V) -> (V, n_body, 10)."""
-        out = np.repeat(self.nominal.reshape(-1, 1), p.shape[1], axis=1)
+        """All numbers of each variant, as those of `nominal`. Shape (P, V) -> (V, E)."""
+        out = np.repeat(self.nominal[:, None], p.shape[1], axis=1)
         for row, k in self._places:
             out[row] = p[k]
-        return out.T.reshape(p.shape[1], -1, 10)
+        return out.T
+
+    def of_bodies(self, numbers: Array) -> Array:
+        """Numbers body by body. Shape (..., E) -> (..., n_body, 10)."""
+        return numbers[..., : self._end].reshape(*numbers.shape[:-1], -1, 10)
 
     def possible(self, p: Array) -> NDArray[np.bool_]:
         """True for variants all of whose bodies are possible. Shape (P, V) -> (V,)."""
         if not self.bodies:
             return np.ones(p.shape[1], dtype=bool)
-        numbers = self.numbers(p)
+        numbers = self.of_bodies(self.numbers(p))
         mass, (xx, xy, xz, yy, yz, zz) = numbers[..., 0], np.moveaxis(numbers[..., 4:], -1, 0)
         half = 0.5 * (xx + yy + zz)
         allowed = np.array([body.allowed for body in self.bodies])
@@ -87,43 +127,49 @@ class Matter:
 
     def fill(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> None:
         """Fill in the values of variants; `p` has shape (P, V), `into` (n, m, V) each."""
-        change = self._features(self.numbers(p)) - self._features(self._base[None])
+        change = self.features(self.numbers(p)) - self.features(self.base[None])
         ends = np.cumsum([0, *(array.shape[1] for array in into)])
-        for rows, base, matrix in self._parts(poses):
+        for rows, base, matrix in self.parts(poses):
             values = base[..., None] + (matrix.reshape(-1, change.shape[1]) @ change.T).reshape(*base.shape, -1)
             for array, first, end in zip(into, ends, ends[1:], strict=False):
                 array[rows] = values[:, first:end]
 
-    def _features(self, numbers: Array) -> Array:
-        """Features in which forces are linear. Shape (V, n_body, 10) -> (V, n_feature)."""
-        found = [moments(numbers).reshape(len(numbers), -1)]
-        return np.concatenate([*found, *(numbers[:, i, 1:4] for i, has in enumerate(self._loaded) if has)], axis=1)
+    def features(self, numbers: Array) -> Array:
+        """Features in which forces are linear: moments, resistances, loaded centres of mass.
+
+        Shape (V, E) -> (V, n_feature).
+        """
+        bodies = self.of_bodies(numbers)
+        found = [moments(bodies).reshape(len(numbers), -1), numbers[:, self._end :]]
+        return np.concatenate([*found, *(bodies[:, i, 1:4] for i in self.loaded)], axis=1)
 
     def _neighbours(self) -> Array:
-        """The base, and one neighbouring machine per feature. Shape (1 + n_feature, n_body, 10)."""
+        """The base, and one neighbouring machine per feature. Shape (1 + n_feature, E)."""
         mechanism, L = self.machine.scene.mechanism, self.machine.work.loops.length
         away = mechanism.mass * np.array([1.0, *[L] * 3, *[L * L] * 6])
-        steps = [*np.diag(np.tile(away, len(self.bodies)))]
-        for i, has in enumerate(self._loaded):  # heavier, and with its centre elsewhere
-            for axis in (1, 2, 3) if has else ():
-                steps.append(np.zeros(10 * len(self.bodies)))
+        steps = [*np.diag([*np.tile(away, len(self.bodies)), *[mechanism.mass * L * L] * len(self.resists)])]
+        for i in self.loaded:  # heavier, and with its centre elsewhere
+            for axis in (1, 2, 3):
+                steps.append(np.zeros(len(self.nominal)))
                 steps[-1][[10 * i, 10 * i + axis]] = 2.0 * away[[0, axis]]
-        shifts = np.concatenate([np.zeros((1, 10 * len(self.bodies))), steps])
-        return numbers_of(moments(self._base) + shifts.reshape(len(shifts), -1, 10))
+        shifts = np.concatenate([np.zeros((1, len(self.nominal))), np.reshape(steps, (-1, len(self.nominal)))])
+        bodies = numbers_of(moments(self.of_bodies(self.base)) + self.of_bodies(shifts))
+        return np.concatenate([bodies.reshape(len(shifts), -1), (self.base + shifts)[:, self._end :]], axis=1)
 
     @property
-    def _base(self) -> Array:
-        """Base bodies of the matrix, all with mass. Shape (n_body, 10)."""
+    def base(self) -> Array:
+        """Base numbers of the matrix: the nominal ones, all bodies with mass. Shape (E,)."""
         base = self.nominal.copy()
-        base[base[:, 0] == 0.0, 0] = self.machine.scene.mechanism.mass
+        masses = np.arange(0, self._end, 10)
+        base[masses[base[masses] == 0.0]] = self.machine.scene.mechanism.mass
         return base
 
-    def _parts(self, poses: NominalPoses) -> Any:
+    def parts(self, poses: NominalPoses) -> Any:
         """Samples, base values there, and the effect of a unit of each feature. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return
-        step = max(1, HELD // max(1, self.machine.count * len(self._entries)))
+        step = max(1, HELD // max(1, self.machine.count * len(self.entries)))
         for first in range(0, len(poses.q), step):
             rows = slice(first, first + step)
             base, matrix = self._matrix(poses, rows)
@@ -132,14 +178,14 @@ class Matter:
             yield rows, base, matrix
 
     def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
-        """Matrix from neighbours of the base that differ in one moment each, as lanes of a program."""
-        known = dict(zip(self._entries, self.nominal.ravel().tolist(), strict=True))
+        """Matrix from neighbours of the base that differ in one feature each, as lanes of a program."""
+        known = dict(zip(self.entries, self.nominal.tolist(), strict=True))
         if not self._made:
             symbols = self.machine.symbols(known, 0)
             self._made.append((symbols, runner(symbols.program(self.machine.outputs(symbols)), self.backend)[0]))
         symbols, run = self._made[0]
         lanes = self._neighbours()
-        numbers = np.ascontiguousarray(lanes.reshape(len(lanes), -1).T)
+        numbers = np.ascontiguousarray(lanes.T)
         given, start, near = (np.zeros((len(x), len(lanes))) for x in (poses.rows.T, symbols.predicted, symbols.near))
         out = np.empty((self.machine.count, len(lanes)))
         bound, found = run.bind([given, start, near, numbers], [out]), list[Array]()
@@ -147,7 +193,7 @@ class Matter:
             given[:], start[:], near[:] = row[:, None], q[symbols.predicted, None], q[symbols.near, None]
             bound()
             found.append(out.copy())
-        whole, features = np.array(found), self._features(lanes)
+        whole, features = np.array(found), self.features(lanes)
         return whole[..., 0], (whole[..., 1:] - whole[..., :1]) @ np.linalg.inv(features[1:] - features[0]).T
 
 
@@ -162,7 +208,3 @@ def _not_negative(xx: Array, yy: Array, zz: Array, xy: Array, xz: Array, yz: Arr
 
 def _of(body: Body, name: str) -> bool:
     return name in {f"bodies.{body.name}.{entry}" for entry in ENTRIES}
-
-
-def _numbers(body: Body) -> list[float]:
-    return [body.mass, *body.com.tolist(), *(float(body.inertia[at]) for at in _PLACES)]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from screwgauge.engines.screw.matter import moments, numbers_of
+from screwgauge.engines.screw.matter import consistent
 from screwgauge.problem import Rows
 from screwgauge.reference.parameters import numbers
 from screwgauge.reference.rotations import Array
@@ -16,9 +16,6 @@ from screwgauge.study.sweep.plan import Plan, Scatter
 
 #: Numbers of a body that scatter together.
 BODY = 10
-_LOWER = np.tril_indices(4)
-#: Where each second moment stands, in the order of `ENTRIES`.
-_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 class Draw:
@@ -92,32 +89,3 @@ class Draw:
             found.append((one, ways))
             row += width
         return found
-
-
-def consistent(body: Array, z: Array) -> Array:
-    """Bodies that can exist, near one: its pseudo-inertia is ``L (1 + z) (1 + z)^T L^T``, L that of the body.
-
-    Args:
-        body: Numbers in the order of `ENTRIES`. Shape (10,).
-        z: Entries of a lower triangular matrix without dimension. Shape (10, n).
-
-    Returns:
-        Numbers. Shape (10, n).
-    """
-    moment = moments(body)
-    second = np.zeros((3, 3))
-    for (i, k), value in zip(_PAIRS, moment[4:], strict=True):
-        second[i, k] = second[k, i] = value
-    P = np.zeros((4, 4))
-    P[:3, :3] = 0.5 * np.trace(second) * np.eye(3) - second
-    P[:3, 3] = P[3, :3] = moment[1:4]
-    P[3, 3] = moment[0]
-    values, vectors = np.linalg.eigh(P)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))  # also of thin bodies, whose matrix is singular
-    ways = np.zeros((z.shape[1], 4, 4))
-    ways[:, _LOWER[0], _LOWER[1]] = z.T
-    half = root @ (np.eye(4) + ways)
-    made = half @ half.swapaxes(1, 2)
-    sums = np.trace(made[:, :3, :3], axis1=1, axis2=2)
-    entries = [(sums if i == k else 0.0) - made[:, i, k] for i, k in _PAIRS]
-    return numbers_of(np.stack([made[:, 3, 3], *made[:, :3, 3].T, *entries], axis=1)).T

@@ -1,0 +1,142 @@
+"""The report of an identification: what is told, what no motion tells, and how well measured forces are predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.reference.errors import first_few
+from screwgauge.reference.parameters import unit
+from screwgauge.report.blocks import Banner
+from screwgauge.report.layout import Report
+from screwgauge.study.formatting import Row, listed, number
+from screwgauge.study.identify.directions import LIST, MASS
+from screwgauge.study.identify.run import FASTER, Identification
+
+#: Numbers on the first screen, and entries of a direction that a line has.
+SHOWN, ENTRIES = 12, 6
+
+
+def headline(found: Identification) -> str:
+    """What the data tell, and what any motion and this one can."""
+    parts, fit, any_motion = list[str](), found.fit, found.structure
+    if fit is not None and not fit.explains:
+        parts.append(
+            f"What is left over is no noise: its correlation from sample to sample is {number(fit.correlation, 2)}. "
+            "Something acts that these numbers do not describe."
+        )
+    if fit is not None:
+        parts.append(
+            f"Forces of samples that were not fitted are predicted to {_share(fit.error)} of the largest (noise "
+            f"{_share(fit.noise)}); {int(found.known.sum())} of {len(found.names)} numbers are told."
+        )
+    faster = f", {found.faster} at {FASTER:g} times its speed" if found.faster > found.told else ""
+    parts.append(
+        f"Any motion tells {any_motion.rank} of {any_motion.count} numbers or combinations of them; this one tells "
+        f"{found.told} with noise of {_share(found.noise)} of the largest force{faster}."
+    )
+    return " ".join(parts)
+
+
+def _share(value: float) -> str:
+    return f"{number(100.0 * value, 3)} %"
+
+
+def _banner(found: Identification) -> Banner:
+    return Banner.of(headline(found), found.exit_status == 0, "TOLD" if found.fit else "COUNTED", "NOT EXPLAINED")
+
+
+def _unseen(found: Identification) -> Iterator[str]:
+    """Sentences on what passes through joints, a kind of a joint each, and on numbers that no motion shows alone."""
+    through = [one for one in found.structure.directions if one.kind != LIST]
+    for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
+        axes = [one.axis for one in some]
+        many, where = len(axes) > 1, "at the centre" if kind == MASS else f"({listed(axes)})"
+        what = f"{kind}s {where} of {joint}" if many else f"a {kind} {where} of {joint}"
+        ends = f"may pass between {listed(bodies)}"
+        yield f"{what} {ends if len(bodies) > 1 else f'on {bodies[0]} ' + ('are' if many else 'is') + ' not seen'}"
+    lists = [[*one.entries] for one in found.structure.directions if one.kind == LIST]
+    if alone := [names[0] for names in lists if len(names) == 1]:
+        yield f"{first_few(alone, SHOWN)} {'is' if len(alone) == 1 else 'are'} not seen"
+
+
+def _lists(found: Identification) -> Iterator[Row]:
+    """Numbers that change together, those that count most first."""
+    for one in found.structure.directions:
+        some = [f"{number(value, 3)} {name}" for name, value in one.entries.items()]
+        if one.kind == LIST and len(some) > 1:
+            more = f" and {len(some) - ENTRIES} more" if len(some) > ENTRIES else ""
+            yield {"entries": ", ".join(some[:ENTRIES]) + more}
+
+
+def _rows(found: Identification) -> list[Row]:
+    """A line for each number: what the scene says, how well it was known, is told, and what it is."""
+    values = ["yes" if known else "no" for known in found.known]
+    if found.fit is not None:
+        values = [number(x, 5) for x in found.fit.values]
+    columns = found.names, found.nominal, found.prior, found.after, values
+    return [
+        {
+            "name": f"{name} [{unit(name)}]".removesuffix(" []"),
+            "nominal": number(nominal, 5),
+            "before": number(before, 2),
+            "after": number(after, 2),
+            "value": value,
+        }
+        for name, nominal, before, after, value in zip(*columns, strict=True)
+    ]
+
+
+def _seen(found: Identification) -> list[Row]:
+    """Those that are told best."""
+    shares = np.where(found.known, found.after / np.where(found.prior > 0.0, found.prior, 1.0), np.inf)
+    order = np.argsort(shares, kind="stable")
+    rows = _rows(found)
+    return [rows[i] for i in order[: min(SHOWN, int(found.known.sum()))]]
+
+
+def numbers_table(found: Identification) -> pd.DataFrame:
+    """All numbers with every bit."""
+    columns: dict[str, Any] = {"number": found.names, "nominal": found.nominal, "prior": found.prior}
+    columns |= {"expected": found.expected}
+    if found.fit is not None:
+        columns |= {"value": found.fit.values, "deviation": found.fit.deviations}
+    return pd.DataFrame({**columns, "told": found.known})
+
+
+def directions_table(found: Identification) -> pd.DataFrame:
+    """All that no motion tells, an entry a row."""
+    rows = [
+        [i, one.kind, one.joint, one.axis, name, value]
+        for i, one in enumerate(found.structure.directions, 1)
+        for name, value in one.entries.items()
+    ]
+    return pd.DataFrame(rows, columns=["direction", "kind", "joint", "axis", "number", "share"])
+
+
+PAGE = Report(
+    text="identify",
+    banner=_banner,
+    data={"numbers.csv": numbers_table, "directions.csv": directions_table},
+    values={
+        "title": lambda found: f"Identification of {found.scene.title}",
+        "headline": headline,
+        "about": lambda found: {"scene": found.scene.name, "data": found.data.name if found.data else "none"},
+        "seen": _seen,
+        "unseen": lambda found: [*_unseen(found)],
+        "lists": lambda found: [*_lists(found)],
+        "numbers": _rows,
+        "prior": lambda found: _share(found.size),
+    },
+)
+DATA, terminal = PAGE.DATA, PAGE.terminal
+
+
+def write(found: Identification, out: Path, **writing: Any) -> Path:
+    """Writes the report, see `Report.write`."""
+    return PAGE.write(found, out, **writing)

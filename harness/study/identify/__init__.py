@@ -1,0 +1,1 @@
+"""Identification: which numbers of a machine its forces tell, and the numbers that measured forces tell."""

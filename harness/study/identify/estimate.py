@@ -1,0 +1,143 @@
+"""Estimation: bodies that can exist, rotors and friction, from actuator forces and what the file says beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.optimize import least_squares
+
+from screwgauge.engines.screw.matter import consistent
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.study.identify.regressor import Regressor
+
+#: Step of a difference; steps of a trust region method, the relative change that ends it, and room of its first point.
+STEP, STEPS, ENOUGH, TINY = 1e-4, 500, 1e-7, 1e-9
+#: Estimates of the noise from residuals, one after the other, and the least that can be told from rounding.
+ROUNDS, LEAST = 3, 1e-6
+
+
+class Unknowns:
+    """Coordinates without dimension of all numbers: zero is the scene, one a standard deviation of the prior.
+
+    Ten of each body, see `consistent`, so that every point is a body that can exist; one of each resistance, which has
+    a least value, too.
+    """
+
+    def __init__(self, regressor: Regressor, prior: float) -> None:
+        self.matter, self.deviations, self.prior = regressor.matter, regressor.deviations, prior
+        self.count = len(self.matter.nominal)
+
+    @property
+    def least(self) -> Array:
+        """Where no resistance is below zero. Shape (count,)."""
+        first = 10 * len(self.matter.bodies)
+        return np.concatenate([np.full(first, -np.inf), -self.matter.nominal[first:] / self.deviations - TINY])
+
+    def numbers(self, x: Array) -> Array:
+        """Numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
+        bodies, first = self.matter.of_bodies(self.matter.nominal), 10 * len(self.matter.bodies)
+        parts = [consistent(body, self.prior * x[10 * i : 10 * i + 10]).T for i, body in enumerate(bodies)]
+        return np.concatenate([*parts, self.matter.nominal[first:] + self.deviations * x[first:].T], axis=1)
+
+    def features(self, x: Array) -> Array:
+        """What forces are linear in, see `Matter.features`. Shape (count, V) -> (V, n_feature)."""
+        return self.matter.features(self.numbers(x))
+
+    def slopes(self, x: Array) -> tuple[Array, Array]:
+        """Derivatives of numbers and of features. Shape (count,) -> (count, count), (n_feature, count)."""
+        ways = x[:, None] + STEP * np.concatenate([np.eye(self.count), -np.eye(self.count)], axis=1)
+        return _difference(self.numbers(ways)), _difference(self.features(ways))
+
+
+def _difference(values: Array) -> Array:
+    ahead, behind = np.split(values, 2)
+    return np.asarray((ahead - behind).T / (2.0 * STEP))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Where the unknowns are.
+
+    Attributes:
+        x: Most likely coordinates. Shape (count,).
+        covariance: Of these. Shape (count, count).
+        noise: Standard deviation of the measured forces, over the largest of their unit.
+    """
+
+    x: Array
+    covariance: Array
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Forces of some samples over the largest of their unit, and how they depend on features.
+
+    Attributes:
+        forces: Measured less those of no feature at all. Shape (r,).
+        matrix: Shape (r, n_feature).
+        count: How many of the rows are independent: forces of redundant actuators are measured along fewer.
+    """
+
+    forces: Array
+    matrix: Array
+    count: int
+
+
+def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
+    """Singular values of what rows tell, in standard deviations of the prior over those of the noise."""
+    slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
+    return np.asarray(np.linalg.svd(slopes, compute_uv=False))
+
+
+def expected(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
+    """Covariance of the coordinates that rows leave, before anything is measured. Shape (count, count)."""
+    slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
+    return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
+
+
+def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Estimate:
+    """The most likely machine.
+
+    Args:
+        noise: Of the rows; where it is not `known` a guess, and estimated from what is left over.
+
+    Raises:
+        ScrewgaugeError: The method does not come to an end.
+    """
+    Q, R = np.linalg.qr(rows.matrix)
+    t, rest = Q.T @ rows.forces, float(rows.forces @ rows.forces)
+    rest -= float(t @ t)
+    x, covariance = np.zeros(unknowns.count), np.eye(unknowns.count)
+    for _ in range(1 if known else ROUNDS):
+        x, covariance = _most_likely(unknowns, R, t, noise, x)
+        if not known:
+            left = t - R @ unknowns.features(x[:, None])[0]
+            told = unknowns.count - float(np.trace(covariance))  # numbers that the rows have been spent on
+            noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(rows.count - told, 1.0)), LEAST)
+    return Estimate(x, covariance, noise)
+
+
+def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array) -> tuple[Array, Array]:
+    """Coordinates that explain the rows best, from some on, and their covariance."""
+
+    def left(x: Array) -> Array:
+        return np.concatenate([(R @ unknowns.features(x[:, None])[0] - t) / noise, x])
+
+    def slopes(x: Array) -> Array:
+        return np.concatenate([R @ unknowns.slopes(x)[1] / noise, np.eye(len(x))])
+
+    some = {"xtol": ENOUGH, "ftol": ENOUGH, "gtol": None, "max_nfev": STEPS}
+    found = least_squares(left, x, slopes, bounds=(unknowns.least, np.inf), **some)
+    if found.status <= 0:
+        raise ScrewgaugeError("the estimate does not settle", "identify", "give a smaller prior, or other data")
+    return found.x, _covariance(found.jac)
+
+
+def _covariance(slopes: Array) -> Array:
+    """From slopes of the rows and of the prior. Shape (count, count)."""
+    inverse = solve_triangular(np.linalg.qr(slopes, mode="r"), np.eye(slopes.shape[1]))
+    return np.asarray(inverse @ inverse.T)

@@ -1,0 +1,48 @@
+"""Identified numbers written back: as a description, or into the model file that the scene was made of."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from screwgauge.models.importing.model import description
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.outputs import save_file
+from screwgauge.study.identify.run import Identification
+
+
+def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
+    """Refuses, before any work, a file that numbers cannot be written to.
+
+    Raises:
+        DescriptionError: There are no data, or no model file of this ending.
+    """
+    if data is None:
+        raise DescriptionError("nothing was measured", "identify, --fix", "name a file of forces by --data")
+    if out.suffix != ".toml" and (model is None or model.suffix != out.suffix):
+        what = f"{out.name} is no description, and no copy of the scene's model file"
+        raise DescriptionError(what, "identify, --fix", "end it with .toml, or name the model file as SCENE")
+
+
+def write_fix(found: Identification, out: Path, model: Path | None, *, force: bool = False) -> Iterator[str]:
+    """Writes the most likely numbers, and yields a sentence on the file and on each number that is not in it.
+
+    A model file is corrected as by ``diagnose``: what differs from the identified machine is written, and no more.
+
+    Raises:
+        ScrewgaugeError: The file cannot be written.
+    """
+    text = description(found.mechanism, ["Identified numbers: masses, inertias, rotors, damping and friction."])
+    if out.suffix == ".toml" or model is None:
+        save_file(out, text, force=force)
+        yield f"fixed: {out}"
+        return
+    from screwgauge.diagnosis.diagnose import diagnose
+
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
+        target = Path(folder) / "identified.toml"
+        target.write_text(text, encoding="utf-8")
+        diagnosis = diagnose(target, model)
+        yield f"fixed: {diagnosis.write_fix(out, force=force)}"
+        yield from (f"not fixed: {why}" for why in diagnosis.not_fixed)

@@ -1,0 +1,146 @@
+"""The regressor: actuator forces of a scene, linear in the moments of its bodies and in what its joints resist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.engines.screw.matter import ENTRIES, Matter
+from screwgauge.engines.screw.nominal import NominalMachine, NominalPoses
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import described
+from screwgauge.reference.closed_motion import ClosedMotion
+from screwgauge.reference.equations.forward import preload_space
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.parameters import chosen, numbers, resisting_joint
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.default import exciting
+from screwgauge.scene.scene import RULES, Scene
+
+FORCE = "actuator_force"
+#: Poses of a motion at which rates are drawn, and draws at each.
+POSES, DRAWS = 60, 3
+#: Names of the moments of a body: mass, mass times centre of mass, inertia about the body's origin.
+MOMENTS = ("mass", "mx", "my", "mz", *(entry.removeprefix("inertia.") for entry in ENTRIES[4:]))
+
+
+class Regressor:
+    """Actuator forces over the largest of their unit, as a function of numbers of the machine.
+
+    Attributes:
+        matter: The numbers that are unknown.
+        sizes: Largest nominal force of the unit of each component [N or N m]. Shape (m,).
+        deviations: Prior standard deviation of each resistance. Shape (n_resist,).
+    """
+
+    def __init__(self, scene: Scene, patterns: Sequence[str], prior: float, share: float) -> None:
+        """Follows the scene's motion.
+
+        Args:
+            patterns: Numbers that are unknown, see `unknown`.
+            prior: Standard deviation of a resistance that the scene has, over its size.
+            share: Of the largest force that a resistance takes in the motion, where the scene has none.
+
+        Raises:
+            ScrewgaugeError: The motion cannot be followed, or no program answers the question.
+        """
+        self.scene = replace(scene, rule=RULES[0])  # smallest forces, linear as all others are
+        self.machine = NominalMachine(self.scene, [FORCE])
+        self.matter = Matter(self.machine, unknown(scene, patterns), "llvm")
+        motion = scene.motion
+        self.poses = self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)
+        values, matrix = self.forces(self.poses)
+        units = described(scene.mechanism)[FORCE][1]
+        peaks = np.abs(values).max(axis=0)
+        largest = {unit: max(x for x, u in zip(peaks, units, strict=True) if u == unit) for unit in units}
+        self.sizes = np.array([largest[unit] or 1.0 for unit in units])
+        first = 10 * len(self.matter.bodies)
+        resist = (matrix / self.sizes[:, None])[..., first : first + len(self.matter.resists)]
+        taken = np.abs(resist).max(axis=(0, 1), initial=0.0)
+        given = prior * np.abs(self.matter.nominal[first:])
+        self.deviations = np.where(given > 0.0, given, share / np.where(taken > 0.0, taken, np.inf))
+
+    def forces(self, poses: NominalPoses) -> tuple[Array, Array]:
+        """Forces of `Matter.base`, and what a unit of each feature adds to them. Shapes (n, m), (n, m, n_feature)."""
+        parts = [(base, matrix) for _, base, matrix in self.matter.parts(poses)]
+        return np.concatenate([base for base, _ in parts]), np.concatenate([matrix for _, matrix in parts])
+
+    def without_preload(self, measured: Array) -> Array:
+        """Forces less what redundant actuators exert against each other, which no motion tells. Shape (n, m)."""
+        loops, motion = self.machine.work.loops, self.poses.motion
+        at = ClosedMotion(loops, self.poses.q, motion.yd, motion.ydd, self.scene.applied, motion.t)
+        free = preload_space(at.B)
+        return np.asarray(measured - np.einsum("nip,njp,nj->ni", free, free, measured))
+
+    def rows(self, poses: NominalPoses) -> tuple[Array, Array]:
+        """The same over `sizes`, sample after sample. Shapes (n m,), (n m, n_feature)."""
+        values, matrix = self.forces(poses)
+        return (values / self.sizes).ravel(), (matrix / self.sizes[:, None]).reshape(-1, matrix.shape[-1])
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Moments and resistances, the columns of `shaken`."""
+        bodies = [f"{body.name}.{moment}" for body in self.matter.bodies for moment in MOMENTS]
+        return [*bodies, *(name.removeprefix("joints.") for name in self.matter.resists)]
+
+    def shaken(self, seed: int) -> Array:
+        """What a unit of each moment and resistance does at poses of the machine with any rates.
+
+        Poses are those of the scene and of an exciting motion, rates and accelerations are drawn: what has no effect
+        here has none in any motion through them. Shape (rows, n_moment + n_resist).
+        """
+        rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
+        for poses in self._anywhere():
+            some = poses.q[np.linspace(0, len(poses.q) - 1, min(POSES, len(poses.q))).astype(int)]
+            q, k = np.tile(some, (DRAWS, 1)), poses.motion.y.shape[1]
+            y = q[:, columns]
+            yd, ydd = rng.standard_normal((2, len(q), k)) * self.machine.work.loops.sizes[columns]
+            found.append(self.rows(NominalPoses(GivenMotion(np.zeros(len(q)), y, yd, ydd), q))[1])
+        matrix, count = np.concatenate(found), len(self.matter.nominal)
+        return matrix[:, :count] + matrix[:, count:] @ self._centres
+
+    @property
+    def _centres(self) -> Array:
+        """How the centres of mass of loaded bodies move with moments. Shape (n_feature - E, E)."""
+        matter, count = self.matter, len(self.matter.nominal)
+        bodies, rows = matter.of_bodies(matter.base), list[Array]()
+        for i in matter.loaded:
+            for axis in range(3):
+                row = np.zeros(count)
+                row[10 * i], row[10 * i + 1 + axis] = -bodies[i, 1 + axis] / bodies[i, 0], 1.0 / bodies[i, 0]
+                rows.append(row)
+        return np.reshape(rows, (-1, count))
+
+    def _anywhere(self) -> list[NominalPoses]:
+        """Poses of the scene, and of an exciting motion if there is room for one."""
+        try:
+            motion = exciting(self.scene).motion
+            return [self.poses, self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)]
+        except ScrewgaugeError:
+            return [self.poses]
+
+
+def unknown(scene: Scene, patterns: Sequence[str]) -> list[str]:
+    """Whole names of the numbers that are unknown.
+
+    Args:
+        patterns: Names or patterns; a number of a body stands for all of its matter. By default all bodies with mass,
+            and what the actuated joints resist.
+
+    Raises:
+        ScrewgaugeError: A name stands for nothing, or for a number that forces are not linear in.
+    """
+    mechanism, known = scene.mechanism, numbers(scene.mechanism, scene.applied)
+    of_body = {f"bodies.{body.name}.{entry}": body.name for body in mechanism.bodies if body.mass for entry in ENTRIES}
+    driven = {joint.name for joint in mechanism.actuators}
+    if not patterns:
+        return [name for name in known if name in of_body or resisting_joint(name) in driven]
+    names = chosen(known, patterns, "identify, numbers")
+    if other := [name for name in names if not (name in of_body or resisting_joint(name))]:
+        what = f"'{other[0]}' is neither of a body with mass nor a rotor, damping or friction"
+        raise DescriptionError(what, "identify, numbers", "leave it out: forces are not linear in it")
+    bodies = {of_body[name] for name in names if name in of_body}
+    return [name for name in known if name in names or of_body.get(name) in bodies]

@@ -1,0 +1,247 @@
+"""An identification: what a machine's forces tell of its numbers, and the numbers that measured forces tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.engines.screw.nominal import NominalPoses
+from screwgauge.environment import environment
+from screwgauge.problem import GivenMotion, Report, silent
+from screwgauge.quantities import described
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.parameters import Subject, resisting_joint
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.motion import read_drive
+from screwgauge.scene.observables import Recorded, read_recorded
+from screwgauge.scene.scene import Scene
+from screwgauge.study.identify.directions import Structure, structure
+from screwgauge.study.identify.estimate import Rows, Unknowns, estimated, expected, information
+from screwgauge.study.identify.regressor import FORCE, Regressor
+from screwgauge.study.tables import answer_of_table
+
+DATA = "data"
+#: Samples of a table that are needed: some to fit, some to predict.
+FEWEST = 4
+#: Noise and prior if nobody states them, over the largest force and over the size of a number; and what a resistance
+#: that the scene has not may take, over the largest force.
+NOISE, PRIOR, SHARE = 1e-3, 0.1, 0.05
+#: A number is told where its standard deviation is below this share of that of the prior.
+TOLD = 0.5
+#: Speed of a faster motion, over that of the scene.
+FASTER = 2.0
+#: Correlation from sample to sample that noise does not have, and errors of prediction that are rounding.
+CORRELATED, ROUNDING = 0.3, 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """What measured forces tell.
+
+    Attributes:
+        values: Most likely numbers. Shape (E,).
+        deviations: Their standard deviations. Shape (E,).
+        noise: Standard deviation of the measured forces, over the largest of their unit.
+        error: Root of the mean square of what prediction leaves of samples that were not fitted, likewise.
+        correlation: Of what is left over, from one sample to the next.
+    """
+
+    values: Array
+    deviations: Array
+    noise: float
+    error: float
+    correlation: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether what is left over is noise."""
+        return self.error < ROUNDING or self.correlation < CORRELATED
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """What a scene tells of the numbers of its machine.
+
+    Attributes:
+        names: Numbers that are unknown, whole names. E of them.
+        nominal, prior: Their values in the scene, and standard deviations before any force. Shape (E,).
+        expected: Standard deviations after this motion, with forces of this `noise`. Shape (E,).
+        structure: What any motion can tell.
+        told: Combinations of numbers that this motion tells better than the prior; `faster`: that it tells at `FASTER`
+            times its speed.
+        size: Standard deviation of a body before any force.
+        fit: What the measured forces tell; None without data.
+    """
+
+    scene: Scene
+    names: Sequence[str]
+    nominal: Array
+    prior: Array
+    expected: Array
+    structure: Structure
+    told: int
+    faster: int
+    noise: float
+    size: float
+    fit: Fit | None = None
+    data: Path | None = None
+    environment: Mapping[str, Any] = field(default_factory=environment)
+
+    @property
+    def exit_status(self) -> int:
+        return 0 if self.fit is None or self.fit.explains else 1
+
+    @property
+    def after(self) -> Array:
+        """Standard deviations after this motion: of the estimate, if there is one. Shape (E,)."""
+        return self.expected if self.fit is None else self.fit.deviations
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """True for the numbers that are told. Shape (E,)."""
+        return np.asarray(self.after < TOLD * self.prior)
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism with the most likely numbers.
+
+        Raises:
+            DescriptionError: There are no data.
+        """
+        if self.fit is None:
+            raise DescriptionError("nothing was measured", "identify", "name a file of forces by --data")
+        values = {
+            name: max(float(x), 0.0) if resisting_joint(name) else float(x)
+            for name, x in zip(self.names, self.fit.values, strict=True)
+        }
+        return Subject(self.scene.mechanism, self.scene.applied).with_numbers(values).mechanism
+
+
+def identify(
+    scene: Scene,
+    data: Path | Recorded | None = None,
+    *,
+    numbers: Sequence[str] = (),
+    noise: float | None = None,
+    prior: float = PRIOR,
+    seed: int = 0,
+    progress: Report = silent,
+) -> Identification:
+    """Says what a motion tells of a machine's numbers, and the numbers that measured actuator forces tell.
+
+    Args:
+        data: Table of times and actuator forces, and of the motion where it is another one than the scene's.
+        numbers: Names or patterns of what is unknown, see `unknown`.
+        noise: Standard deviation of measured forces over the largest of their unit; estimated from data by default.
+        prior: Standard deviation of a body, and of what its joints resist, before any force.
+        seed: Of the rates at random.
+
+    Raises:
+        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+    """
+    for value, name in ((noise, "noise"), (prior, "prior")):
+        if value is not None and not 0.0 < value < 1.0:
+            raise DescriptionError(f"{value} is no share", f"identify, {name}", "give a number between 0 and 1")
+    if scene.simulated:
+        raise DescriptionError("a simulated scene has no given motion", "identify", "give it a motion")
+    table = read_recorded(data) if isinstance(data, Path) else data
+    scene = scene if table is None else _measured(scene, table)
+    progress("motion", 0.0)
+    regressor = Regressor(scene, numbers, prior, SHARE)
+    unknowns, matrix = Unknowns(regressor, prior), regressor.rows(regressor.poses)[1]
+    progress("any motion", 0.3)
+    any_motion = structure(regressor, seed)
+    fit = None
+    if table is not None:
+        progress("estimate", 0.7)
+        fit = _fitted(regressor, unknowns, noise)
+    share = fit.noise if fit else noise or NOISE
+    ways = unknowns.slopes(np.zeros(unknowns.count))[0]
+    return Identification(
+        scene=scene,
+        names=regressor.matter.entries,
+        nominal=regressor.matter.nominal,
+        prior=np.linalg.norm(ways, axis=1),
+        expected=_deviations(ways, expected(unknowns, matrix, share)),
+        structure=any_motion,
+        told=_told(unknowns, matrix, share),
+        faster=_told(unknowns, regressor.rows(_faster(regressor.poses))[1], share),
+        noise=share,
+        size=prior,
+        fit=fit,
+        data=table.file if table else None,
+    )
+
+
+def _measured(scene: Scene, table: Recorded) -> Scene:
+    """The scene at the times of a table, and in its motion where the table has one."""
+    labels = [*scene.mechanism.independent]
+    of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
+    forces = {name: values for name, values in table.columns.items() if name not in of_motion}
+    if of_motion & {*table.columns} and table.file is not None:
+        drive, _ = read_drive({"csv": table.file.name}, labels, table.file.parent, str(table.file))
+        scene = replace(scene, drive=drive)
+    if not forces:
+        raise DescriptionError("has no actuator force", table.where, "name columns as actuators are named")
+    return replace(scene.at(table.t), tables={DATA: replace(table, columns=forces)})
+
+
+def _told(unknowns: Unknowns, matrix: Array, noise: float) -> int:
+    return int((information(unknowns, matrix, noise) > 1.0).sum())
+
+
+def _deviations(ways: Array, covariance: Array) -> Array:
+    """Standard deviations of numbers, from those of coordinates. Shape (E,)."""
+    return np.asarray(np.sqrt(np.maximum(((ways @ covariance) * ways).sum(axis=1), 0.0)))
+
+
+def _faster(poses: NominalPoses) -> NominalPoses:
+    """The same poses, passed faster."""
+    motion = poses.motion
+    return NominalPoses(GivenMotion(motion.t / FASTER, motion.y, FASTER * motion.yd, FASTER**2 * motion.ydd), poses.q)
+
+
+def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
+    """Measured forces over `Regressor.sizes`, less those of no feature at all, and how they depend on features.
+
+    Returns:
+        Shapes (n, c), (n, c, n_feature), and how many of the c forces of a sample are independent.
+    """
+    scene, units = regressor.scene, described(regressor.scene.mechanism)[FORCE]
+    values, where = answer_of_table(scene, DATA, {FORCE: units}, [FORCE]).values[FORCE], scene.tables[DATA].where
+    columns = [units[0].index(name) for name in values.components]
+    surplus, measured = max(len(units[0]) - len(scene.mechanism.independent), 0), values.array
+    if surplus and len(columns) < len(units[0]):
+        what = f"gives {len(columns)} of {len(units[0])} forces of redundant actuators"
+        raise DescriptionError(what, where, "give all of them")
+    if surplus:
+        measured = regressor.without_preload(measured)
+    base, matrix = regressor.forces(regressor.poses)
+    nothing = base - matrix @ regressor.matter.features(regressor.matter.base[None])[0]
+    scaled = (measured - nothing[:, columns]) / regressor.sizes[columns]
+    rows = np.isfinite(scaled).all(axis=1)
+    if rows.sum() < FEWEST:
+        raise DescriptionError(f"has {int(rows.sum())} samples whose forces are told", where, f"give {FEWEST} or more")
+    return scaled[rows], (matrix / regressor.sizes[:, None])[rows][:, columns], len(columns) - surplus
+
+
+def _fitted(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
+    """Fits every second sample, and predicts the others."""
+    measured, matrix, independent = _measurements(regressor)
+    fit, test = slice(0, None, 2), slice(1, None, 2)
+    rows = Rows(measured[fit].ravel(), np.concatenate(matrix[fit]), len(measured[fit]) * independent)
+    found = estimated(unknowns, rows, noise or NOISE, known=noise is not None)
+    left = measured - matrix @ unknowns.features(found.x[:, None])[0]
+    return Fit(
+        values=unknowns.numbers(found.x[:, None])[0],
+        deviations=_deviations(unknowns.slopes(found.x)[0], found.covariance),
+        noise=found.noise,
+        error=float(np.sqrt((left[test] ** 2).sum() / (len(left[test]) * independent))),
+        correlation=float((left[1:] * left[:-1]).sum() / max((left * left).sum(), 1e-300)),
+    )
