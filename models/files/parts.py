@@ -115,7 +115,7 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
         if file not in collected:
             child = parse(file)
             if child.tag != "mujoco":
-                what = f"attaches '{model.get('file')}', which is no MJCF"
+                what = f"attaches '{model.get('file')}', which is not an MJCF"
                 raise ModelFileError(what, str(path), "give the MJCF of that model")
             _collect(child, file, folder, above, collected)
         part.models[model.get("name", "")] = file

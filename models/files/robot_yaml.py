@@ -35,7 +35,7 @@ def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ..
     loops = data.get("closed_loop") or []
     if not isinstance(loops, list):
         raise ModelFileError(
-            f"{reprlib.repr(loops)[:60]} is no list of pairs", f"{where}, closed_loop", "write pairs of names"
+            f"{reprlib.repr(loops)[:60]} is not a list of pairs", f"{where}, closed_loop", "write pairs of names"
         )
     pairs = tuple(_texts(pair, f"{where}, closed_loop") for pair in loops)
     types = _texts(data.get("type"), f"{where}, type")
@@ -65,7 +65,7 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
-        raise ModelFileError(f"{reprlib.repr(value)[:60]} is no list of names", where, "write names in brackets")
+        raise ModelFileError(f"{reprlib.repr(value)[:60]} is not a list of names", where, "write names in brackets")
     return tuple(value)
 
 
@@ -120,7 +120,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
     try:
         data = _Composer(yaml.parse(text, Loader=yaml.SafeLoader), where).document()
     except (yaml.YAMLError, ValueError) as error:
-        raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
+        raise ModelFileError(f"is not valid YAML ({error})", where, "correct the file") from None
     if not isinstance(data, dict):
         raise ModelFileError("has no entries", where, f"write {', '.join(keys)}")
     return data

@@ -131,7 +131,7 @@ def check_tree(root: ET.Element, where: str) -> None:
     """Refuses a URDF whose joints do not make a tree of all its links.
 
     Raises:
-        ModelFileError: A joint has no parent or child, a link hangs on two joints, or several or none on no joint.
+        ModelFileError: A joint has no parent or child, a link is the child of two joints, or not exactly one of none.
         UnknownNameError: A joint joins a link, or mimics a joint, that is not there.
     """
     links = [link.get("name", "") for link in root.iterfind("link")]
@@ -146,15 +146,16 @@ def check_tree(root: ET.Element, where: str) -> None:
                 raise UnknownNameError("link", end.get("link"), links, f"{where}, joint {joint.get('name')}")
         child = carried_link(joint)
         if child in hung:
-            remedy = "cut the loop open and say it in a loops file beside the URDF"
-            raise ModelFileError(f"link {child} hangs on two joints", where, remedy)
+            remedy = "cut the loop and close it in a loops file beside the URDF"
+            raise ModelFileError(f"link {child} is the child of two joints", where, remedy)
         hung.add(child)
         leads = joint.find("mimic")
         if leads is not None and leads.get("joint") not in joints:
             raise UnknownNameError("joint", leads.get("joint"), joints, f"{where}, mimic of {joint.get('name')}")
     free = [name for name in links if name not in hung]
     if len(free) != 1:
-        what = f"{len(free)} links hang on no joint ({', '.join(free[:3])})" if free else "every link hangs on a joint"
+        several = f"{len(free)} links are the child of no joint ({', '.join(free[:3])})"
+        what = several if free else "every link is the child of a joint"
         raise ModelFileError(what, where, "let exactly one be the root")
 
 

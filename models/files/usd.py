@@ -56,13 +56,13 @@ def stage_of(path: Path) -> Any:
             for name in filter(None, names):
                 other = inside(file, name, path.parent.resolve(), "references")
                 if not is_file(other):
-                    raise ModelFileError(f"references '{name}', which is not there", str(file), "put it there")
+                    raise ModelFileError(f"references '{name}', which does not exist", str(file), "put it there")
                 waiting.append(other)
         return Usd.Stage.Open(str(path))
     except (Tf.ErrorException, AttributeError) as error:  # a layer that is None cannot be read
         words = " ".join(str(error).rpartition(" : '")[2].partition("matching pxr")[0].split()).strip("' ")
         said = words[:_SAID] if isinstance(error, Tf.ErrorException) else "no layer"
-        raise ModelFileError(f"cannot be read as USD ({said})", str(path), "mend the file") from None
+        raise ModelFileError(f"cannot be read as USD ({said})", str(path), "correct the file") from None
     finally:
         quiet.TakeUncoalescedDiagnostics()
 
@@ -146,7 +146,7 @@ def triangles_of(prim: Any, n: int) -> Array:
     corners, counts = (np.array(value(prim, f"faceVertex{what}", ()), dtype=int) for what in ("Indices", "Counts"))
     if counts.sum() != len(corners) or counts.min(initial=0) < 0 or not ((corners >= 0) & (corners < n)).all():
         where = prim.GetStage().GetRootLayer().realPath
-        raise ModelFileError(f"mesh {prim.GetPath()} has corners that are not there", where, "mend its faces")
+        raise ModelFileError(f"mesh {prim.GetPath()} has faces with missing corners", where, "mend its faces")
     starts = (np.cumsum(counts) - counts).tolist()
     pairs = zip(starts, counts.tolist(), strict=True)
     fans = [(at, at + k, at + k + 1) for at, count in pairs for k in range(1, count - 1)]

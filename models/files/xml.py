@@ -48,7 +48,7 @@ def parse(path: Path) -> ET.Element:
         parser.Parse(read_xml(path).encode(), True)
         return builder.close()
     except expat.ExpatError as error:
-        raise ModelFileError(f"is no model: not well-formed XML ({error})", str(path), "mend the file") from None
+        raise ModelFileError(f"is not a model: not well-formed XML ({error})", str(path), "correct the file") from None
 
 
 #: Attributes that hold no numbers, though what they hold may look like one.
@@ -96,7 +96,7 @@ def numbers(text: str, default: str = "0 0 0") -> Array:
     try:
         return np.array([float(word) for word in (text or default).split()])
     except ValueError:
-        raise DescriptionError(f"'{text}' are no numbers", "the model file", "write numbers") from None
+        raise DescriptionError(f"'{text}' are not numbers", "the model file", "write numbers") from None
 
 
 _ATTRIBUTE = re.compile(r"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
@@ -152,7 +152,7 @@ class XmlText:
         """Reads a text.
 
         Raises:
-            DescriptionError: It is no well-formed XML, or it declares entities.
+            DescriptionError: It is not well-formed XML, or it declares entities.
         """
         self._text, self.spell = text, str
         self._attributes: dict[Element, dict[str, str | None]] = {}
@@ -188,7 +188,7 @@ class XmlText:
         try:
             parser.Parse(data, True)
         except expat.ExpatError as error:
-            raise DescriptionError(f"is no well-formed XML ({error})", where, "mend the file") from None
+            raise DescriptionError(f"is not well-formed XML ({error})", where, "correct the file") from None
 
     def _stop(self, start: int) -> int:
         """Return the end of a start tag; its attributes may contain any character but their own quote and ``<``."""

@@ -322,7 +322,7 @@ def _along_coordinates(
     along = {joints.get(name, name): share for name, share in one.along.items()}
     along = {name: share for name, share in along.items() if name in there}
     if missing := [name for name in along if name not in mechanism.coordinates]:
-        what = f"{one.of} acts along '{missing[0]}', which is no coordinate of the description"
+        what = f"{one.of} acts along '{missing[0]}', which is not a coordinate of the description"
         raise ModelFileError(what, where, "take its armature, damping, friction and springs out")
     if along:
         noun, _, name = one.of.partition(" ")

@@ -178,7 +178,7 @@ def _mechanism(
         couplings=couplings,
     )
     if not mechanism.mass:
-        raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
+        raise DescriptionError("no body that moves has mass", where, "give mass to at least one")
     return mechanism, remarks
 
 

@@ -176,7 +176,7 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
         reading = _replace_joint(reading, name, {})
     assembly = assemble(dict(_links(reading)), where)
     if not reading.joints:
-        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave one at least")
+        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave at least one")
     return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
 
 

@@ -37,7 +37,7 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
     import pinocchio
 
     if not isinstance(model, pinocchio.Model):
-        raise DescriptionError(f"{shown(model)} is no pinocchio.Model", where, "give one")
+        raise DescriptionError(f"{shown(model)} is not a pinocchio.Model", where, "give one")
     home = start(model) if q is None else np.asarray(q, dtype=float)
     if home.shape != (model.nq,) or not np.isfinite(home).all():
         raise DescriptionError(f"q is not {model.nq} finite numbers", where, "give a configuration of the model")
@@ -76,7 +76,7 @@ def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) ->
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
         remedy = "give points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"
-        raise ModelFileError(f"constraint {shown(one)} closes no loop that is known here", where, remedy)
+        raise ModelFileError(f"constraint {shown(one)} is not a supported closure of a loop", where, remedy)
     ends = []
     for joint, placement in ((one.joint1_id, one.joint1_placement), (one.joint2_id, one.joint2_placement)):
         body, T = assembly.places[names[joint]] if joint else (GROUND, np.eye(4))

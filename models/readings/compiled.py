@@ -51,7 +51,7 @@ def compile_text(
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         message = " ".join(str(error).removeprefix("Error: ").split())
-        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in message), "mend the file")
+        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in message), "correct the file")
         raise ModelFileError(f"MuJoCo refuses it ({message})", where, remedy) from None
 
 

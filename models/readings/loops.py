@@ -19,7 +19,7 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
         given: One that was named, in place of one beside a URDF: of its name, or called ``robot.yaml``.
 
     Raises:
-        ScrewgaugeError: The model says itself what closes its loops, or cannot be read.
+        ScrewgaugeError: The model defines its own loops, or cannot be read.
     """
     if form_of(path) != "urdf":
         if given is not None:

@@ -119,10 +119,10 @@ def load_pinocchio(source: Source) -> Any:
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
         # an exception of Boost begins with its place in the sources
         reason = "; ".join(errors) or str(error).rpartition("message: ")[2]
-        raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
+        raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "correct the file") from None
     if errors:  # it would go on without mass and inertia
         raise ModelFileError(
-            f"Pinocchio drops what it cannot read ({'; '.join(errors)})", str(source.path), "mend the file"
+            f"Pinocchio drops what it cannot read ({'; '.join(errors)})", str(source.path), "correct the file"
         )
     return model
 

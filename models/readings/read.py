@@ -48,9 +48,9 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
     except Exception as error:  # it raises what its own parts raise
         reason = f"{type(error).__name__}: {error}"
-        raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "mend the file") from None
+        raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "correct the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
-        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "take another library")
+        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "choose another library")
     assembly = assemble(dict(_links(robot)), where)
     return Reading(
         name=source.name,
@@ -274,12 +274,12 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
     """Reads a prepared model file in this process."""
     (forms, reader), path = LIBRARIES[library], source.path
     if source.form not in forms:
-        raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "take another library")
+        raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "choose another library")
     try:
         reading = reader(source, home or {})
     except ImportError as error:
         package = "pin" if library == "pinocchio" else library
-        remedy = f"{remedy_of_import(error, package)}, or take another library"
+        remedy = f"{remedy_of_import(error, package)}, or choose another library"
         raise ModelFileError(f"{library} cannot be loaded ({error})", str(path), remedy) from None
     _check(reading, str(path), source.form)
     frames = {**reading.frames, **source.fixed_joints}

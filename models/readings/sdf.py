@@ -124,7 +124,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
         density = frames.number(inertial, "density", _WATER)
         matter = join(_shape(name, frame, each, density, frames) for each in element.iterfind("collision"))
         if not matter.mass:
-            what = f"mass of link {name} is to come from its shapes (inertial auto), and it has none"
+            what = f"mass of link {name} would come from its shapes (inertial auto), but it has none"
             raise ModelFileError(what, frames.where, "write its <inertial> out")
         share = frames.number(inertial, "mass", matter.mass) / matter.mass
         matter = Matter(share * matter.mass, matter.com, share * matter.inertia)
@@ -141,7 +141,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
     if shape.tag == "plane":
         return NOTHING
     if shape.tag not in SHAPES:
-        what = f"mass of link {name} is to come from a {shape.tag} (inertial auto), which is not computed"
+        what = f"mass of link {name} would come from a {shape.tag} (inertial auto), which is not supported"
         raise ModelFileError(what, frames.where, "write its <inertial> out")
     whole = _WHOLE.get(shape.tag)
     tags = [whole] if whole else SHAPES[shape.tag]

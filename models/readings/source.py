@@ -128,7 +128,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         command = f"xacro {path.name} > robot.urdf"
         raise ModelFileError("is a xacro file, from which a URDF is made", str(path), f"expand it first: {command}")
     if root.tag not in FORMATS:
-        what = f"is no model: its root element is <{root.tag}>"
+        what = f"is not a model: its root element is <{root.tag}>"
         raise ModelFileError(what, str(path), "give a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
     form = FORMATS[root.tag]
     if form == "mjcf":
@@ -136,7 +136,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
     else:
         source = {"urdf": _urdf, "sdf": _sdf}[form](root, path) if form != "usd" else Source(path, form, root)
     if floating and form != "urdf":
-        what = f"is {form.upper()}, which says itself what floats"
+        what = f"is {form.upper()}, which defines its floating bodies itself"
         raise ModelFileError(what, str(path), "do not ask for a floating base")
     if floating:
         add_floating_base(root)

@@ -175,7 +175,7 @@ class _Stage:
         scale[0] *= math.copysign(1.0, np.linalg.det(M[:3, :3]))
         R = M[:3, :3] / np.where(scale == 0.0, 1.0, scale)
         if not (np.abs(R.T @ R - np.eye(3)) < _SQUARE).all():
-            raise ModelFileError(f"shears {prim.GetPath()} or scales it to nothing", self.where, "scale it otherwise")
+            raise ModelFileError(f"shears {prim.GetPath()} or scales it to nothing", self.where, "use another scale")
         return matrix(self.unit * M[:3, 3], R), scale
 
     def body_of(self, prim: Any) -> str:
@@ -189,7 +189,7 @@ class _Stage:
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not (prim and prim.IsActive()):
-            what = f"joint {joint.GetName()} joins {targets[0]}, which is not there"
+            what = f"joint {joint.GetName()} joins {targets[0]}, which does not exist"
             raise ModelFileError(what, self.where, "mend it")
         T, scale = self.placed(prim) if prim else (np.eye(4), np.ones(3))
         p, q = numbers(joint, f"physics:localPos{k}", default=(0.0,) * 3), f"physics:localRot{k}"
@@ -241,7 +241,7 @@ class _Stage:
         turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
         if kind not in _SHAPES:
-            what = f"mass of body {name} is to come from a {kind or 'shape'}, which is not computed"
+            what = f"mass of body {name} would come from a {kind or 'shape'}, which is not computed"
             raise ModelFileError(what, self.where, "state mass, diagonalInertia and centerOfMass of the body (MassAPI)")
         lengths = [across * number(prim, "radius", default=1.0), along * number(prim, "height", default=1.0)]
         if kind in ("cube", "sphere"):
@@ -386,7 +386,7 @@ class _Joint:
         for path, token, axis, constant, slope, degrees in self.laws():
             leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
-                what = f"joint {self.name} follows {path}, which is no joint that moves"
+                what = f"joint {self.name} follows {path}, which is not a moving joint"
                 raise ModelFileError(what, self.stage.where, "name another joint, or take the mimic out")
             pairs = ((token, self), (axis, leader))
             own, leads = (t if t in one.coordinates else next(iter(one.coordinates)) for t, one in pairs)
