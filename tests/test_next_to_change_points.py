@@ -22,7 +22,7 @@ PLACES = [
 
 
 def parallelogram(crank, coupler, place):
-    table = four_bar(crank, coupler, crank, coupler, START).table("parallelogram")
+    table = {"name": "parallelogram", **four_bar(crank, coupler, crank, coupler, START)}
     for joint in table["joints"].values():
         if place is not None and joint["parent"] == "ground":
             R, p = place

@@ -110,7 +110,7 @@ def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
 def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_open(write):
     """100 m from the origin, 16 digits are coarse for a flat parallelogram."""
     angle, R = 3e-4, rotation(np.array([1.0, 2.0, 2.0]) / 3.0, np.array(2.0))
-    table = four_bar(0.3, 0.5, 0.3, 0.5, angle, side=-1.0).table("flat")
+    table = {"name": "flat", **four_bar(0.3, 0.5, 0.3, 0.5, angle, side=-1.0)}
     for joint in table["joints"].values():
         if joint["parent"] == "ground":
             at = R @ joint["parent_frame"]["position"] + 100.0
