@@ -21,7 +21,7 @@ DENSE = edited(PLAIN, [["<option >", '<option density="1000">']])
 
 
 def files_of(case: dict) -> tuple[str, str, str]:
-    """Ending, file without the content and file with it."""
+    """Return ending, file without the content, file with it."""
     ending = case.get("file", ".xml")
     text = filled(TABLE["texts"][{"x": "plain", "u": "urdf", "s": "sdf"}[ending[1]]], TABLE["texts"])
     without = edited(text, case.get("without", []))
@@ -161,7 +161,7 @@ def test_not_all_compared_is_told_apart_in_banner_report_and_json(diagnosed, tmp
 
 
 def test_every_array_of_a_compiled_model_is_of_some_kind():
-    """One of a newer MuJoCo has to be given a kind, or be said to be derived or a name."""
+    """Give an array of a newer MuJoCo a kind, or list it as derived or a name."""
     known = {array for kind in kinds().values() for array in kind.arrays}
     known |= {array for names in table()["arrays"].values() for array in names.split()}
     model = mujoco.MjModel.from_xml_string("<mujoco/>")

@@ -61,7 +61,7 @@ def reversed_loop(write) -> Mechanism:
 
 
 def closing_errors(mechanism: Mechanism) -> dict[str, float]:
-    """How far each joint's two bodies are from where it wants them at home."""
+    """Return the gap of each joint at home."""
     poses = home_poses(lay_out(mechanism, "minimal"))
     return {
         joint.name: float(np.abs(poses[joint.parent] @ joint_transform(joint, joint.home) - poses[joint.child]).max())
@@ -98,7 +98,7 @@ def test_four_bar_is_cut_at_a_hinge_as_two_points(four_bar: Mechanism, tmp_path:
 
 @pytest.mark.parametrize("cut", ["minimal", "full"])
 def test_four_bar_closures_leave_one_freedom(four_bar: Mechanism, cut: str) -> None:
-    """A hinge loop keeps its freedom: nv - rank of the closure rows is the mobility."""
+    """The mobility is nv - rank of the closure rows."""
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(write_mjcf(four_bar, cut))
     data = mujoco.MjData(model)

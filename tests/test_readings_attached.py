@@ -46,7 +46,7 @@ def arm(tmp_path: Path) -> Path:
 
 
 def by_mujoco(path: Path) -> Any:
-    """The model as MuJoCo itself opens it; its warnings would be written into the working directory."""
+    """Load a model with MuJoCo, without its log of warnings in the working directory."""
     with collect_warnings():
         return mujoco.MjModel.from_xml_path(str(path))
 

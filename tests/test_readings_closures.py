@@ -50,7 +50,7 @@ def sides(reading: Reading, closure: ClosureReading) -> tuple[Array, Array]:
 
 
 def residual(path: Path) -> Array:
-    """What MuJoCo calls the error of the constraint, at `JOINTS`: metres, and half the angle of a weld."""
+    """Return MuJoCo's constraint error at `JOINTS`: metres, and half the angle of a weld."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
     for name, value in JOINTS.items():

@@ -21,7 +21,7 @@ KEYS = {"by", "files", "edits", "old", "new", "text", "facts", "near", "ignored"
 
 
 def facts_of(reading: Reading) -> dict[str, Any]:
-    """What a reading holds, by names: of bodies, joints, closures, couplings and actuators, and of the whole."""
+    """Return the facts of a reading by name."""
     facts: dict[str, Any] = {
         what: [*getattr(reading, what)] for what in ("bodies", "joints", "fixed", "closures", "couplings", "actuators")
     }
@@ -53,7 +53,7 @@ def facts_of(reading: Reading) -> dict[str, Any]:
 
 
 def facts_of_import(imported: Imported) -> dict[str, Any]:
-    """What an imported mechanism holds, by names."""
+    """Return the facts of an import by name."""
     mechanism = imported.mechanism
     facts: dict[str, Any] = {f"{body.name}.mass": body.mass for body in mechanism.bodies}
     facts |= {f"{one.name}.couples": [one.coordinate, *one.function.terms] for one in mechanism.couplings}
@@ -79,7 +79,7 @@ def facts_of_import(imported: Imported) -> dict[str, Any]:
 
 
 def is_near(value: Any, claimed: Any, near: float) -> bool:
-    """True if a fact is what is claimed, its numbers to a share `near`, and zeros to 1e-6 of that."""
+    """True if a fact is as claimed: numbers to a share `near`, zeros to 1e-6 of it."""
     if isinstance(claimed, dict | str | bool) or claimed == [] or value is None:
         return bool(value == claimed)
     if isinstance(np.ravel(claimed).tolist()[0], str):
@@ -88,7 +88,7 @@ def is_near(value: Any, claimed: Any, near: float) -> bool:
 
 
 def lacking(said: Iterable[str], words: list[list[str]]) -> list[list[str]]:
-    """Groups of words of which no sentence has all."""
+    """Return the groups of words that no sentence contains."""
     sentences = [*said]
     return [group for group in words if not any(all(word in each for word in group) for each in sentences)]
 

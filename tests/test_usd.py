@@ -67,7 +67,6 @@ HINGE = joint("j", "Revolute", "", "a", 'uniform token physics:axis = "Y"')
 
 
 def imported(name: str, last: str, unit: float, tmp_path: Path) -> Imported:
-    """What import makes of a USD of a mechanism."""
     mechanism, file = load_mechanism(name), tmp_path / "m.usda"
     file.write_text(usd_of(mechanism, last, unit), encoding="utf-8")
     own = wanted(mechanism)
