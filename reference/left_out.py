@@ -36,7 +36,7 @@ def _law(powers: Powers, x: Array, s: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Resistance:
+class StrokeResistance:
     """Inertia and passive forces along the stroke of a hinge, slide, tendon or actuator.
 
     The stroke is a sum of joint coordinates, or the length of a straight path over points of bodies.
@@ -114,7 +114,7 @@ class Drag:
     frame: Frame = field(default_factory=Frame)
 
 
-LeftOut = Resistance | TurnResistance | BorneWeight | Drag
+LeftOut = StrokeResistance | TurnResistance | BorneWeight | Drag
 
 _LAWS = {"armature", "damping", "friction"}
 
@@ -144,7 +144,7 @@ def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> Left
     return read(table, f"{where}, {read_text(table, 'of', where)}", known)
 
 
-def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> Resistance:
+def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> StrokeResistance:
     shares = table.get("along", {})
     check_keys(shares, known["along"], f"{where}, along")
     along = {name: number(share, f"{where}, along.{name}") for name, share in shares.items()}
@@ -158,7 +158,7 @@ def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collectio
     rest = table.get("rest", 0.0)
     low, high = vector(rest, f"{where}, rest", 2) if isinstance(rest, list) else [number(rest, f"{where}, rest")] * 2
     spring = _powers(table, "stiffness", where)
-    return Resistance(
+    return StrokeResistance(
         along=along, path=tuple(path), stiffness=spring, rest=(float(low), float(high)), **_laws(table, where)
     )
 
@@ -215,7 +215,7 @@ _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
 def entries(one: LeftOut) -> dict[str, Any]:
     """Return an entry of ``[[left_out]]`` without zero fields."""
     match one:
-        case Resistance():
+        case StrokeResistance():
             path = tuple({"body": body, "point": point} for body, point in one.path)
             stroke = {"path": path} if path else {"along": dict(one.along)}
             rest = {"rest": np.array(one.rest)} if any(one.rest) else {}
@@ -230,7 +230,7 @@ def entries(one: LeftOut) -> dict[str, Any]:
     return {"of": one.of, "body": one.body, "box": one.box, **medium, **placed}
 
 
-def _written(one: Resistance | TurnResistance) -> dict[str, Any]:
+def _written(one: StrokeResistance | TurnResistance) -> dict[str, Any]:
     numbers: Iterable[tuple[str, Any]] = (
         ("armature", one.armature),
         ("damping", np.array(one.damping) if one.damping else None),

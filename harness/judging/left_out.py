@@ -22,7 +22,7 @@ from screwgauge.reference.left_out import (
     BorneWeight,
     Drag,
     LeftOut,
-    Resistance,
+    StrokeResistance,
     TurnResistance,
     damper_law,
     spring_law,
@@ -219,9 +219,9 @@ class MeasuredForces:
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
     """Kinds of an entry, and body needs for each."""
     match one:
-        case Resistance() if one.path:
+        case StrokeResistance() if one.path:
             yield from _along_path(answer, one)
-        case Resistance():
+        case StrokeResistance():
             there = [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
             for kind, force in _along_stroke(answer, one, there).items():
                 total = np.zeros(_shape(answer))
@@ -254,7 +254,7 @@ def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Arra
     return total
 
 
-def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring]) -> Needed:
+def _along_stroke(answer: Answer, one: StrokeResistance, springs: Iterable[JointSpring]) -> Needed:
     """Kind -> force along the stroke, minus that of the joint's own springs. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
@@ -269,7 +269,7 @@ def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring
     return {kind: force for kind, force in forces.items() if there[kind]}
 
 
-def _resisting(one: Resistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
+def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
     """Kind -> force along the stroke. Shape (n,)."""
     return {
         ARMATURE: one.armature * acceleration,
@@ -279,7 +279,7 @@ def _resisting(one: Resistance, stroke: Array, rate: Array, acceleration: Array)
     }
 
 
-def _along_path(answer: Answer, one: Resistance) -> Iterator[tuple[str, Array]]:
+def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
     """Kinds along a path, and the needs at its ends and bends."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stacked(frames))

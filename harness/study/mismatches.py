@@ -29,7 +29,7 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, first_few
 from screwgauge.reference.files import read_file
-from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
+from screwgauge.reference.left_out import LeftOut, StrokeResistance, TurnResistance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
@@ -149,7 +149,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     mechanism, found = scene.mechanism, list[LeftOut]()
     known_amounts = {(one.coordinate, one.what): one.amount for one in mechanism.resistances}
     for one in left_out_of(source, reading):
-        if isinstance(one, Resistance):
+        if isinstance(one, StrokeResistance):
             along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
             reached = {body for body, _ in one.path} <= mechanism.body_index.keys()
             more = _excess(replace(one, along=along), known_amounts)
@@ -160,7 +160,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     return tuple(found)
 
 
-def _excess(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
+def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> StrokeResistance:
     """Reduce a resistance to what exceeds the description; the amounts in `known` are used up."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one

@@ -22,7 +22,7 @@ from screwgauge.reference.left_out import (
     Drag,
     LeftOut,
     Powers,
-    Resistance,
+    StrokeResistance,
     TurnResistance,
 )
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
@@ -117,7 +117,7 @@ def _of_joint(name: str, joint: JointReading, model: Any | None, where: str) -> 
     laws: dict[str, Any] = {"armature": joint.armature, "damping": damping, "friction": joint.friction}
     if FREEDOMS[joint.kind] == 1:
         if any(laws.values()) or stiffness:
-            yield Resistance(of, {name: 1.0}, **laws, stiffness=stiffness, rest=(joint.rest, joint.rest))
+            yield StrokeResistance(of, {name: 1.0}, **laws, stiffness=stiffness, rest=(joint.rest, joint.rest))
         return
     if stiffness:
         what = f"joint {name} is a {joint.kind} joint with a spring, which cannot be measured"
@@ -161,7 +161,7 @@ def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
         of, fixed = f"tendon {model.tendon(i).name}", shares(model, i)
         if any(laws.values()):
             path = _path(model, i, reading, where) if fixed is None else ()
-            yield Resistance(of, _coordinates(model, fixed or {}), path, **laws, rest=(low, high))
+            yield StrokeResistance(of, _coordinates(model, fixed or {}), path, **laws, rest=(low, high))
 
 
 def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
@@ -195,7 +195,7 @@ def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
         square = float(model.actuator_gear[i, 0]) ** 2
         along = _coordinates(model, joints)
         scaled = tuple(square * c for c in damping)
-        yield Resistance(f"actuator {name}", along, armature=square * armature, damping=scaled)
+        yield StrokeResistance(f"actuator {name}", along, armature=square * armature, damping=scaled)
 
 
 def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
@@ -257,7 +257,7 @@ def convert(
     for one in left_out:
         if isinstance(one, BorneWeight | Drag):
             found += _on_part(one, names["bodies"].get(one.body, one.body), graph)
-        elif isinstance(one, Resistance) and one.path:
+        elif isinstance(one, StrokeResistance) and one.path:
             path = ((names["bodies"].get(body, body), point) for body, point in one.path)
             moved = tuple(_point_on_part(body, point, graph, f"{where}, {one.of}") for body, point in path)
             found.append(replace(one, path=moved))
@@ -283,7 +283,7 @@ def with_resistance(
     amounts = {name: dict.fromkeys(RESISTS, 0.0) for name in mechanism.coordinates}
     rest, gears = list[LeftOut](), list[str]()
     for one in left_out:
-        if not isinstance(one, Resistance) or len(one.along) != 1:
+        if not isinstance(one, StrokeResistance) or len(one.along) != 1:
             rest.append(one)
             continue
         ((name, share),) = one.along.items()
@@ -315,7 +315,7 @@ def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> I
 
 
 def _along_coordinates(
-    one: Resistance, joints: Mapping[str, str], mechanism: Mechanism, graph: Machine, where: str
+    one: StrokeResistance, joints: Mapping[str, str], mechanism: Mechanism, graph: Machine, where: str
 ) -> Iterator[LeftOut]:
     single = {name for name, joint in graph.reading.joints.items() if FREEDOMS[joint.kind] == 1}
     there = single & {name for link in graph.links for name in link.joints}  # a loops file makes hinges balls
