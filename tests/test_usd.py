@@ -118,6 +118,13 @@ def test_moments_stand_along_principal_axes(tmp_path):
     assert found.bodies["a"].inertia == pytest.approx(wished, abs=1e-7)
 
 
+def test_a_body_that_states_mass_and_centre_alone_has_the_moments_of_a_ball(tmp_path):
+    more = "float physics:mass = 2\npoint3f physics:centerOfMass = (0, 0, 1)"
+    found = reading(tmp_path, stage(body("a", more=more) + HINGE)).bodies["a"]
+    assert found.mass == 2.0
+    assert found.inertia == pytest.approx(0.4 * 2.0 * 0.1**2 * np.eye(3))
+
+
 @pytest.mark.parametrize("turns", [("rotX", "rotY"), ("rotY", "rotZ"), ("rotX", "rotZ"), ("rotX", "rotY", "rotZ")])
 def test_angles_of_several_hinges_are_found_beyond_a_right_angle(turns, tmp_path):
     angles = dict(zip(turns, (2.5, -2.0, 0.3) if len(turns) == 2 else (2.5, -1.2, 0.3), strict=False))
