@@ -68,10 +68,10 @@ def test_what_a_second_formulation_contradicts_is_seen(monkeypatch):
     (row,) = screwgauge.check("five-bar", smoke=True).rows
     assert row.ok
     assert "all but tree_force and tree_force_soft" in row.coverage
-    right = lagrange.Motion.needs.func
+    right = lagrange.SolvedMotion.needs.func
     turned = cached_property(lambda at: 1.001 * right(at))
-    turned.__set_name__(lagrange.Motion, "needs")
-    monkeypatch.setattr(lagrange.Motion, "needs", turned)
+    turned.__set_name__(lagrange.SolvedMotion, "needs")
+    monkeypatch.setattr(lagrange.SolvedMotion, "needs", turned)
     (row,) = screwgauge.check("five-bar", smoke=True).rows
     assert row.status == "differ"
     assert row.sentence.startswith("of the second formulation: ")
@@ -131,8 +131,8 @@ def turned(named: tuple[str, BodyReading]) -> tuple[str, BodyReading]:
     ("room", "name", "mistaken"),
     [
         (mujoco, "_links", lambda right: lambda *given: map(turned, right(*given))),
-        (links, "apart", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
-        (bodies, "apart", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
+        (links, "difference", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
+        (bodies, "difference", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
         (known_files, "import_model", lambda right: lambda file: right(Path(known_files.PAIR[1]))),
     ],
     ids=["a turned tensor", "larger values of joints", "larger values of bodies", "an import"],
