@@ -156,13 +156,13 @@ def import_model(
     Raises:
         ScrewgaugeError: It is no model, loops do not close, or a choice does not fit.
     """
-    from screwgauge.models.importing.model import Wanted
+    from screwgauge.models.importing.model import Options
     from screwgauge.scene.default import write_model
     from screwgauge.scene.read import load_scene
 
     chosen = None if independent is None else {name: name for name in independent}
     driven = None if actuated is None else [*actuated]
-    return load_scene(write_model(model, [*constraints], q, Wanted(chosen, driven)))
+    return load_scene(write_model(model, [*constraints], q, Options(independent=chosen, actuated=driven)))
 
 
 def review(

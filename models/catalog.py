@@ -32,7 +32,7 @@ def mechanism_path(
     Args:
         where: What to blame.
         allow: Tensors that are taken though no body has them, besides those that a description allows; of a model file
-            more, see `importing.model.Wanted`.
+            more, see `importing.model.Options`.
         floating: The base of a URDF moves freely.
 
     Raises:

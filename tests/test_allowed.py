@@ -14,7 +14,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from support.command import main
-from support.models import Options, Wanted, import_model
+from support.models import Options, import_model
 from support.repository import edited, worse
 
 HEAD = """mechanism = "four-bar.toml"
@@ -208,10 +208,10 @@ def test_files_outside_the_folder_are_opened_with_leave(name, tmp_path, command)
     with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
         import_model(path)
     for leave in ("../parts/", f"../parts/{file}"):
-        assert "a" in import_model(path, Options(wanted=Wanted(allow=[leave]))).mechanism.body_index
+        assert "a" in import_model(path, Options(allow=[leave])).mechanism.body_index
     assert command("import", path, "-o", tmp_path / "out.toml", "--allow", "../parts/").out
     with pytest.raises(ScrewgaugeError, match="lies outside its folder"):
-        import_model(path, Options(wanted=Wanted(allow=["../other/"])))
+        import_model(path, Options(allow=["../other/"]))
 
 
 def test_a_scene_allows_meshes_and_files_outside(tmp_path):

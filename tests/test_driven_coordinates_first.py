@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.models import Imported, Options, Wanted, description, import_model
+from support.models import Imported, Options, description, import_model
 
 DATA = Path(__file__).parent / "data"
 G = 9.81
@@ -83,8 +83,8 @@ def test_a_motor_beyond_the_freedoms_is_named_with_those_that_it_follows(write):
 
 
 def test_who_chooses_hears_nothing_of_it(write):
-    wanted = Wanted(independent={"tip": "tip", "pivot": "pivot"})
-    imported = import_model(write("boom.xml", BOOM), Options(wanted=wanted))
+    wanted = Options(independent={"tip": "tip", "pivot": "pivot"})
+    imported = import_model(write("boom.xml", BOOM), wanted)
     assert [*imported.mechanism.independent] == ["tip", "pivot"]
     assert not said(imported)
     assert np.isfinite(imported.mechanism.home).all()

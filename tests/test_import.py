@@ -16,7 +16,7 @@ from support.command import main
 from support.errors import ClosureError, DescriptionError
 from support.judging import agreed
 from support.mechanism import Mechanism, load_mechanism
-from support.models import Options, Wanted, description, import_model
+from support.models import Options, description, import_model
 from support.scene import GivenMotion, check_home, sampled
 
 INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
@@ -264,7 +264,7 @@ def test_a_composite_joint_that_a_description_cannot_hold_is_named(axis, origin,
         f'<joint name="yaw" type="continuous"><parent link="cross"/><child link="arm"/><origin xyz="{origin}"/>'
         f'<axis xyz="{axis}"/></joint>',
     )
-    imported = import_model(robot(tmp_path, *parts), Options(floating=True, wanted=Wanted(actuated=[])))
+    imported = import_model(robot(tmp_path, *parts), Options(floating=True, actuated=[]))
     assert [joint.kind for joint in imported.mechanism.joints] == ["F", *kinds]
     named = [sentence for sentence in imported.remarks if "universal joint" in sentence]
     assert len(named) == bool(why)
@@ -290,14 +290,14 @@ def test_a_floating_base_is_independent(tmp_path):
 
 
 def test_choices_are_followed(gripper):
-    wanted = Wanted(independent={"angle": "follower"}, actuated=["follower"])
-    mechanism = import_model(gripper, Options(wanted=wanted)).mechanism
+    wanted = Options(independent={"angle": "follower"}, actuated=["follower"])
+    mechanism = import_model(gripper, wanted).mechanism
     assert dict(mechanism.independent) == {"angle": "follower"}
     assert [joint.name for joint in mechanism.actuators] == ["follower"]
     with pytest.raises(DescriptionError, match="2 coordinates of rank 1 for 1"):
-        import_model(gripper, Options(wanted=Wanted(independent={"a": "follower", "b": "driver"})))
+        import_model(gripper, Options(independent={"a": "follower", "b": "driver"}))
     with pytest.raises(ScrewgaugeError, match="--actuated: unknown hinge or slide 'nobody'"):
-        import_model(gripper, Options(wanted=Wanted(actuated=["nobody"])))
+        import_model(gripper, Options(actuated=["nobody"]))
 
 
 def test_import_writes_both_files_or_none(gripper, tmp_path, command):

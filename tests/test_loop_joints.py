@@ -6,7 +6,7 @@ import pytest
 import screwgauge
 from support.graphs import described, reading_of, sdf_of, wanted
 from support.mechanism import load_mechanism
-from support.models import Imported, Options, description, import_model, write_models
+from support.models import Imported, description, import_model, write_models
 from support.motions import forces, worst
 
 #: Rounding, times the condition of closed loops.
@@ -55,14 +55,14 @@ def test_joints_that_close_loops_keep_names_coordinates_and_limits(name):
 def test_an_sdf_is_the_mechanism_that_it_was_made_of(name, last, tmp_path):
     mechanism, file = load_mechanism(name), tmp_path / f"{name}.sdf"
     file.write_text(sdf_of(mechanism, last), encoding="utf-8")
-    assert deviation(name, import_model(file, Options(wanted=wanted(mechanism))), tmp_path) < FORCES
+    assert deviation(name, import_model(file, wanted(mechanism)), tmp_path) < FORCES
 
 
 @pytest.mark.parametrize(("name", "last"), [("slider-crank", "P"), ("3-upu", "U"), ("3-rps", "S")])
 def test_where_a_file_closes_its_loops_is_no_difference(name, last, tmp_path):
     mechanism, file = load_mechanism(name), tmp_path / "a.sdf"
     file.write_text(sdf_of(mechanism, last), encoding="utf-8")
-    found = import_model(file, Options(wanted=wanted(mechanism))).mechanism
+    found = import_model(file, wanted(mechanism)).mechanism
     write_models(found, tmp_path)
     (tmp_path / "found.toml").write_text(description(found), encoding="utf-8")
     for other in (f"{found.name}.xml", "found.toml"):

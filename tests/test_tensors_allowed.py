@@ -8,7 +8,7 @@ import pytest
 import screwgauge
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
-from support.models import Options, Wanted, check_models, description, import_model, write_models
+from support.models import Options, check_models, description, import_model, write_models
 from support.scene import load_scene
 
 #: Moments of the hand exceed the sum by 4e-4 kg m^2, an eighth.
@@ -141,7 +141,7 @@ def test_run_takes_a_model_file_where_allow_says_so(write, inside, command):
 
 
 def test_what_was_allowed_is_written(write):
-    mechanism = import_model(write("arm.urdf", URDF), Options(wanted=Wanted(allow=["hand.triangle"]))).mechanism
+    mechanism = import_model(write("arm.urdf", URDF), Options(allow=["hand.triangle"])).mechanism
     again = load_mechanism(write("again.toml", description(mechanism)))
     assert np.array_equal(again.body("hand").inertia, mechanism.body("hand").inertia)
 

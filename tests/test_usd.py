@@ -12,7 +12,7 @@ from screwgauge import ScrewgaugeError
 from support.geometry import quaternion, rotation_matrix
 from support.graphs import usd_name, usd_of, wanted
 from support.mechanism import load_mechanism
-from support.models import Imported, Options, Wanted, description, import_model, write_models
+from support.models import Imported, Options, description, import_model, write_models
 from support.motions import forces, worst
 from support.readings import Reading, read
 
@@ -71,7 +71,7 @@ def imported(name: str, last: str, unit: float, tmp_path: Path) -> Imported:
     file.write_text(usd_of(mechanism, last, unit), encoding="utf-8")
     own = wanted(mechanism)
     independent = {label: usd_name(c) for label, c in own.independent.items()}
-    return import_model(file, Options(wanted=Wanted(independent, [usd_name(c) for c in own.actuated])))
+    return import_model(file, Options(independent=independent, actuated=[usd_name(c) for c in own.actuated]))
 
 
 @pytest.mark.parametrize("unit", [1.0, 0.01])

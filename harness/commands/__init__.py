@@ -65,7 +65,7 @@ def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
     from screwgauge.diagnosis.shares import warn_of_order
     from screwgauge.models.files.parts import files_allowed
-    from screwgauge.models.importing.model import Options, Wanted, notes
+    from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 
@@ -75,11 +75,11 @@ def import_(options: argparse.Namespace) -> int:
         return _import_description(options, out)
     independent, actuated = _names(options.independent), _names(options.actuated)
     chosen = None if independent is None else dict(zip(independent, independent, strict=True))
-    wanted = Wanted(chosen, actuated, _names(options.allow) or ())
-    choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
+    files = options.loops, options.reader or "", options.floating, options.meshes
+    choice = Options(*files, chosen, actuated, _names(options.allow) or ())
     imported_model = import_isolated(options.file, choice)
     written = write_imported(imported_model, out, force=options.force)
-    with files_allowed(options.file.parent, wanted.allow):
+    with files_allowed(options.file.parent, choice.allow):
         order = warn_of_order(options.file, imported_model, meshes=options.meshes)
     for line in (*map(str, written), *notes(imported_model), *order):
         say(line)
@@ -103,17 +103,17 @@ def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False)
     """Imports a model file that is named in place of a mechanism or scene, and prints notes on it.
 
     Args:
-        allow: See `models.importing.model.Wanted`.
+        allow: See `models.importing.model.Options`.
         meshes: Mass and inertia are computed from meshes.
     """
     if is_model(name):
-        from screwgauge.models.importing.model import Options, Wanted, keep, notes
+        from screwgauge.models.importing.model import Options, keep, notes
         from screwgauge.reference.files import named_file
         from screwgauge.study.loading import import_isolated
 
         leave = [*(allow or ()), *[MESHES] * meshes]
-        choice = Options(wanted=Wanted(allow=leave))
-        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path, choice), leave)[1]):
+        path = named_file(Path(), name)
+        for sentence in notes(keep(path, import_isolated(path, Options(allow=leave)), leave)[1]):
             complain(f"screwgauge: {sentence}")
     elif allow or meshes:
         what = "--allow and --meshes are for model files"

@@ -21,7 +21,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.formats import key, lines
 from screwgauge.models.home import check_home
 from screwgauge.models.importing import is_model
-from screwgauge.models.importing.model import Imported, Wanted, description, notes
+from screwgauge.models.importing.model import Imported, Options, description, notes
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import G0, GIVEN
 from screwgauge.reference import linear
@@ -301,7 +301,7 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
     )
 
 
-def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, wanted: Wanted) -> Path:
+def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, options: Options) -> Path:
     """Writes the scene of a Pinocchio model to a folder that goes away with the process; see `screwgauge.import_model`.
 
     Raises:
@@ -313,7 +313,7 @@ def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, wan
 
     where = "import_model"
     reading = read_model(model, constraints, None if q is None else np.asarray(q), where)
-    imported = describe(reading, where, wanted, beyond=left_out_of_model(reading, where))
+    imported = describe(reading, where, options, beyond=left_out_of_model(reading, where))
     return write_imported(imported, scratch_folder() / f"{imported.mechanism.name}.toml")[1]
 
 

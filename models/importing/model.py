@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,7 +11,7 @@ from textwrap import wrap
 
 import numpy as np
 
-from screwgauge.models.files.loops import OWN, read_loops
+from screwgauge.models.files.loops import OWN, LoopsFile, read_loops
 from screwgauge.models.files.parts import files_allowed
 from screwgauge.models.formats import body_entries, document, joint_entries, key, lines
 from screwgauge.models.importing import MESHES
@@ -82,14 +82,23 @@ class Imported:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """The wanted independent coordinates (label -> coordinate) and actuated joints; None leaves them to the file.
+class Options:
+    """Options of an import.
 
     Attributes:
+        loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
+        library: Who reads it; by default that of its format.
+        floating: The base of a URDF moves freely.
+        meshes: Mass and inertia are computed from meshes in the folder of an MJCF where they come from these.
+        independent, actuated: Label -> independent coordinate, and actuated joints; None leaves them to the file.
         allow: Tensors that no body has and that are taken, such as ``wrist.triangle``; files and folders that the file
             may name, by their way from its folder, with a ``/``; `MESHES`.
     """
 
+    loops: Path | None = None
+    library: str = ""
+    floating: bool = False
+    meshes: bool = False
     independent: Mapping[str, str] | None = None
     actuated: Sequence[str] | None = None
     allow: Sequence[str] = ()
@@ -99,16 +108,17 @@ class Wanted:
         """Allowed tensors."""
         return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
-    def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
-        """Return the choices, with the given ones where nothing was chosen."""
-        chosen = independent if self.independent is None else self.independent
-        return replace(self, independent=chosen, actuated=actuated if self.actuated is None else self.actuated)
+    def with_choices_of(self, own: LoopsFile) -> Options:
+        """Return the options with the coordinates of a loops file where nothing was chosen."""
+        driven = [joint.coordinates[0] for joint in own.joints if joint.actuated]
+        chosen = own.independent if self.independent is None else self.independent
+        return replace(self, independent=chosen, actuated=driven if self.actuated is None else self.actuated)
 
 
 def describe(
     reading: Reading,
     where: str,
-    wanted: Wanted,
+    options: Options,
     given: Sequence[Joint] = (),
     keyframes: Mapping[str, Mapping[str, float]] | None = None,
     beyond: Sequence[LeftOut] = (),
@@ -132,19 +142,19 @@ def describe(
     if not any(link.articulated for link in graph.links):
         said = " ".join(graph.remarks)
         raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
-    actuated = _driven_joints(graph, wanted.actuated, where)
+    actuated = _driven_joints(graph, options.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
-    leading = {*(actuated or ()), *(wanted.independent or {}).values()}
+    leading = {*(actuated or ()), *(options.independent or {}).values()}
     couplings, followers = solve_couplings(graph.reading.couplings, leading)
     graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
-    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.tensors, where)
+    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, options.tensors, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
-    mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
+    mechanism, odd_choices = choose(mechanism, actuated, options.independent, where)
     mechanism, gears = with_resistance(mechanism, convert(beyond, mechanism, graph, tables, where), reading.actuators)
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
-    if not reading.actuators and wanted.actuated is None:
+    if not reading.actuators and options.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
         driven = few_names(joint.name for joint in mechanism.actuators) or "of which there is none"
@@ -265,25 +275,6 @@ def _joint_name(group: Group, used: set[str]) -> str:
 HOME = "home"
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Options of an import.
-
-    Attributes:
-        loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
-        library: Who reads it; by default that of its format.
-        floating: The base of a URDF moves freely.
-        meshes: Mass and inertia are computed from meshes in the folder of an MJCF where they come from these.
-        wanted: What the user chose to be independent and actuated.
-    """
-
-    loops: Path | None = None
-    library: str = ""
-    floating: bool = False
-    meshes: bool = False
-    wanted: Wanted = field(default_factory=Wanted)
-
-
 def import_model(path: Path, options: Options | None = None) -> Imported:
     """Import the mechanism of a model file.
 
@@ -291,12 +282,12 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
     options = options or Options()
-    with files_allowed(path.parent, options.wanted.allow):
+    with files_allowed(path.parent, options.allow):
         return _imported_model(path, options)
 
 
 def _imported_model(path: Path, options: Options) -> Imported:
-    meshes = options.meshes or MESHES in options.wanted.allow
+    meshes = options.meshes or MESHES in options.allow
     source = prepare(path, floating=options.floating, meshes=meshes)
     library, loops = options.library or libraries_of(source.form)[0], loops_for(path, options.loops)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
@@ -307,10 +298,8 @@ def _imported_model(path: Path, options: Options) -> Imported:
     check_whole(reading, source)
     reading = reading if loops is None else with_loops(reading, loops)
     beyond = left_out_of(source, reading)
-    wanted, given = options.wanted, own.joints if own else ()
-    if own is not None:
-        wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
-    imported = describe(reading, str(path), wanted, given, keyframes, beyond)
+    options = options if own is None else options.with_choices_of(own)
+    imported = describe(reading, str(path), options, own.joints if own else (), keyframes, beyond)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
     return replace(
         imported, remarks=(said, *source.resolved, *reading.remarks, *imported.remarks, *points_off_bodies(source))
@@ -358,12 +347,12 @@ def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = Fal
     """Import a model file as a description in a temporary folder, once for its content.
 
     Args:
-        allow: See `Wanted`; empty, it is as the file was imported last.
+        allow: See `Options`; empty, it is as the file was imported last.
         floating: The base of a URDF moves freely.
     """
     digests, allowed, made = _imported.get((path, floating), ({}, frozenset(), None))
     if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _allowed(made[1].mechanism):
-        options = Options(floating=floating, wanted=Wanted(allow=allow))
+        options = Options(floating=floating, allow=allow)
         made = keep(path, import_model(path, options), allow, floating=floating)
     return made
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.models.check import home_poses
 from screwgauge.models.formats import TENSOR, quaternion, vector_text
-from screwgauge.models.importing.model import Imported, Wanted, describe
+from screwgauge.models.importing.model import Imported, Options, describe
 from screwgauge.models.layout import lay_out
 from screwgauge.models.poses import exponential, matrix, screw
 from screwgauge.models.readings.graph import GraphJoint, read_graph
@@ -72,9 +72,9 @@ def reading_of(mechanism: Mechanism, last: str = "") -> Reading:
     return replace(reading, couplings=couplings_of(mechanism.couplings))
 
 
-def wanted(mechanism: Mechanism) -> Wanted:
+def wanted(mechanism: Mechanism) -> Options:
     """The independent coordinates and actuators of a mechanism."""
-    return Wanted(mechanism.independent, [joint.coordinates[0] for joint in mechanism.actuators])
+    return Options(independent=mechanism.independent, actuated=[joint.coordinates[0] for joint in mechanism.actuators])
 
 
 def described(mechanism: Mechanism, last: str = "") -> Imported:

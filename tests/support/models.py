@@ -13,7 +13,7 @@ from screwgauge.models.check import (
 from screwgauge.models.files.loops import loops_of, read_loops, write_loops
 from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.generate import model_texts, stem, write_models
-from screwgauge.models.importing.model import Imported, Options, Wanted, description, import_model, notes
+from screwgauge.models.importing.model import Imported, Options, description, import_model, notes
 from screwgauge.models.layout import CUTS, lay_out
 from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
 from screwgauge.reference.left_out import BorneWeight
