@@ -76,19 +76,18 @@ def _lists(found: Identification) -> Iterator[Row]:
 
 def _rows(found: Identification) -> list[Row]:
     """A line for each number: what the scene says, how well it was known, is told, and what it is."""
-    values = ["yes" if known else "no" for known in found.known]
-    if found.fit is not None:
-        values = [number(x, 5) for x in found.fit.values]
-    columns = found.names, found.nominal, found.prior, found.after, values
+    values = [""] * len(found.names) if found.fit is None else [number(x, 5) for x in found.fit.values]
+    columns = found.names, found.nominal, found.prior, found.after, found.known, values
     return [
         {
             "name": f"{name} [{unit(name)}]".removesuffix(" []"),
             "nominal": number(nominal, 5),
             "before": number(before, 2),
             "after": number(after, 2),
+            "told": "yes" if told else "no",
             "value": value,
         }
-        for name, nominal, before, after, value in zip(*columns, strict=True)
+        for name, nominal, before, after, told, value in zip(*columns, strict=True)
     ]
 
 

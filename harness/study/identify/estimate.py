@@ -34,7 +34,7 @@ class Unknowns:
     def least(self) -> Array:
         """Where no resistance is below zero. Shape (count,)."""
         first = 10 * len(self.matter.bodies)
-        return np.concatenate([np.full(first, -np.inf), -self.matter.nominal[first:] / self.deviations - TINY])
+        return np.concatenate([np.full(first, -np.inf), -self.matter.nominal[first:] / self.deviations])
 
     def numbers(self, x: Array) -> Array:
         """Numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
@@ -131,7 +131,7 @@ def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array)
         return np.concatenate([R @ unknowns.slopes(x)[1] / noise, np.eye(len(x))])
 
     some = {"xtol": ENOUGH, "ftol": ENOUGH, "gtol": None, "max_nfev": STEPS}
-    found = least_squares(left, x, slopes, bounds=(unknowns.least, np.inf), **some)
+    found = least_squares(left, x, slopes, bounds=(unknowns.least - TINY, np.inf), **some)
     if found.status <= 0:
         raise ScrewgaugeError("the estimate does not settle", "identify", "give a smaller prior, or other data")
     return found.x, _covariance(found.jac)

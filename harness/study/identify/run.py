@@ -16,7 +16,7 @@ from screwgauge.problem import GivenMotion, Report, silent
 from screwgauge.quantities import described
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.parameters import Subject, resisting_joint
+from screwgauge.reference.parameters import Subject
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import Recorded, read_recorded
@@ -116,10 +116,7 @@ class Identification:
         """
         if self.fit is None:
             raise DescriptionError("nothing was measured", "identify", "name a file of forces by --data")
-        values = {
-            name: max(float(x), 0.0) if resisting_joint(name) else float(x)
-            for name, x in zip(self.names, self.fit.values, strict=True)
-        }
+        values = dict(zip(self.names, self.fit.values.tolist(), strict=True))
         return Subject(self.scene.mechanism, self.scene.applied).with_numbers(values).mechanism
 
 
@@ -239,7 +236,7 @@ def _fitted(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fi
     found = estimated(unknowns, rows, noise or NOISE, known=noise is not None)
     left = measured - matrix @ unknowns.features(found.x[:, None])[0]
     return Fit(
-        values=unknowns.numbers(found.x[:, None])[0],
+        values=unknowns.numbers(np.maximum(found.x, unknowns.least)[:, None])[0],
         deviations=_deviations(unknowns.slopes(found.x)[0], found.covariance),
         noise=found.noise,
         error=float(np.sqrt((left[test] ** 2).sum() / (len(left[test]) * independent))),
