@@ -24,7 +24,7 @@ INSIDE, NEW, ENTRY = 1e-7, 1e-5, 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """A change of numbers that no motion shows.
+    """A change of numbers that no motion shows, to first order where a load acts at a centre of mass.
 
     Attributes:
         kind: `MASS`, `FIRST` or `SECOND`: it passes through a joint from one body to the other; `LIST`: it does not.
