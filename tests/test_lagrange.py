@@ -14,9 +14,10 @@ from support.engines import ENGINES, ask, model_files
 from support.errors import ClosureError
 from support.lagrange import Equations, Unfolded, by_energies, over_arrays
 from support.mechanism import load_mechanism
-from support.scene import TABLE, GivenMotion
+from support.scene import TABLE, GivenMotion, scene_names
 from support.tolerances import AGREE, LINEAR, ROUNDING
 
+GIVEN_MOTIONS = [name for name in scene_names() if not load_scene(name).simulated]
 #: All that it gives.
 ASKED = [name for name, one in TABLE.items() if one.of != "observable" and name not in ENGINES["lagrange"].lacks]
 
@@ -25,6 +26,16 @@ def compared(scene, quantities=ASKED, engines=("screw", "lagrange")):
     results = screwgauge.run(scene, engines=engines, quantities=quantities)
     assert not results.failures
     return results
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("name", GIVEN_MOTIONS)
+def test_it_agrees_with_screw_in_every_quantity(name):
+    scene = load_scene(name)
+    results = compared(scene.at(np.linspace(scene.t[0], scene.t[-1], 5)))
+    assert results.exit_status == 0
+    assert results.pairs["max_scaled"].max() < AGREE
+    assert {*results.pairs["quantity"]} >= {"mass_matrix", "axis_moment"}
 
 
 def test_it_admits_what_rounding_leaves_and_no_more():
