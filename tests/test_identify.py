@@ -155,6 +155,20 @@ def table(five_bar, tmp_path):
     return path
 
 
+def test_columns_without_units_are_forces_though_coordinates_have_these_names(five_bar):
+    data = log(five_bar, NOISE, np.random.default_rng(5))
+    short = Recorded(five_bar.t, {name.partition("/")[2]: values for name, values in data.columns.items()})
+    assert identify(five_bar, short).fit.values == pytest.approx(identify(five_bar, data).fit.values)
+
+
+@pytest.mark.parametrize(("numbers", "rank"), [(["right.friction"], 1), (["left.crank.mass"], 1)])
+def test_few_numbers_have_a_rank(numbers, rank, five_bar):
+    """A crank in a horizontal plane turns about its hinge alone."""
+    found = structure(regressor(five_bar, numbers))
+    assert found.rank == rank
+    assert len(found.directions) == found.count - found.rank
+
+
 SMALL = ["--numbers", "right.rod.mass"]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from screwgauge.engines.screw.matter import moments, numbers_of
@@ -20,8 +22,8 @@ FORCE = "actuator_force"
 __all__ = ["FORCE", "PRIOR", "Recorded", "Regressor", "identify", "largest", "structure", "unknown"]
 
 
-def regressor(scene: Scene) -> Regressor:
-    return Regressor(scene, (), PRIOR, SHARE)
+def regressor(scene: Scene, numbers: Sequence[str] = ()) -> Regressor:
+    return Regressor(scene, numbers, PRIOR, SHARE)
 
 
 def drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[str], Array]:

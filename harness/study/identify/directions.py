@@ -67,10 +67,10 @@ def structure(regressor: Regressor, seed: int = 0) -> Structure:
     padded = np.append(values, np.zeros(1 + len(units) - len(values))) / max(values.max(initial=0.0), 1e-300)
     fall = padded[1:] / np.maximum(padded[:-1], LEAST)
     fall[(padded[:-1] < LEAST) | (padded[1:] > MOST)] = np.inf
-    rank = int(np.argmin(fall)) + 1
+    rank = int(np.argmin(fall)) + 1 if values.any() else 0
     found = _Found(regressor.names, units, back[rank:])
     found.add_all(regressor.scene.mechanism)
-    return Structure(len(units), rank, (float(padded[rank - 1]), float(padded[rank])), tuple(found.directions))
+    return Structure(len(units), rank, (float(padded[max(rank - 1, 0)]), float(padded[rank])), tuple(found.directions))
 
 
 class _Found:

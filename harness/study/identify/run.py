@@ -180,13 +180,14 @@ def _measured(scene: Scene, table: Recorded) -> Scene:
     """The scene at the times of a table, and in its motion where the table has one."""
     labels = [*scene.mechanism.independent]
     of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
-    forces = {name: values for name, values in table.columns.items() if name not in of_motion}
-    if of_motion & {*table.columns} and table.file is not None:
+    if table.file is not None and of_motion <= {*table.columns}:  # an actuator may have the name of a coordinate
         drive, _ = read_drive({"csv": table.file.name}, labels, table.file.parent, str(table.file))
         scene = replace(scene, drive=drive)
-    if not forces:
-        raise DescriptionError("has no actuator force", table.where, "name columns as actuators are named")
-    return replace(scene.at(table.t), tables={DATA: replace(table, columns=forces)})
+        forces = {name: values for name, values in table.columns.items() if name not in of_motion}
+        if not forces:
+            raise DescriptionError("has no actuator force", table.where, "name columns as actuators are named")
+        table = replace(table, columns=forces)
+    return replace(scene.at(table.t), tables={DATA: table})
 
 
 def _told(unknowns: Unknowns, matrix: Array, noise: float) -> int:
