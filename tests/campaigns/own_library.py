@@ -172,7 +172,7 @@ def _asked(source: Source, library: str, tree: ReadingTree, states: TreeStates, 
     question = source.path, tuple(tree.reading.bodies), joint_states(tree, states), floating
     with patch.object(module, "prepare", return_value=source):
         try:
-            with patch.object(module, "loaded", return_value=_untouched(source.path, library, floating)):
+            with patch.object(module, f"load_{library}", return_value=_untouched(source.path, library, floating)):
                 answers = module.ask(*question)
         except (ValueError, LookupError):  # a name that the file has twice, or not at all; or a texture is missing
             answers, untouched = module.ask(*question), False
