@@ -1,4 +1,4 @@
-"""Checks the second points of connects, which MuJoCo derives from the pose of the file, against their bodies."""
+"""Checks that the second points of connects, which MuJoCo derives from the file's pose, lie near their bodies."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 
-#: Case of the casebook on these points.
+#: Casebook entry on these points.
 CASE = "connect-anchor-at-qpos0"
-#: How far from its geoms and sites a point is off a body, as a share of the body's reach from its origin.
+#: Distance from all geoms and sites at which a point counts as off a body, as a share of the body's reach.
 OFF = 0.1
 
 
 def points_off_bodies(source: Source) -> Iterator[str]:
-    """Yield a sentence for each connect by anchor whose second point lies off every geom and site of its body.
+    """Yield a message for each anchored connect whose second point lies off every geom and site of its body.
 
-    MuJoCo puts that point where the anchor is in the pose of the file. Bodies with meshes are not judged, as meshes are
-    not read.
+    MuJoCo places that point at the anchor in the file's pose. Bodies with meshes are skipped, since meshes are not
+    read.
     """
     roots = (source.root, *source.attached.values())
     if source.form != "mjcf" or not any(root.find("equality/connect") is not None for root in roots):
@@ -50,7 +50,7 @@ def points_off_bodies(source: Source) -> Iterator[str]:
 
 
 def _mesh_bodies(source: Source) -> tuple[str, ...]:
-    """Names of bodies that have geoms from files, in the models that they are from: attached, they have a prefix."""
+    """Return the names of bodies with geoms from files, as in their own models: attached bodies have a prefix."""
     files = parts(parse(source.path), source.path)
     taken, names = {element.get("name") for part in files for element in part.root.iter()}, list[str]()
     for part in files:
@@ -61,9 +61,9 @@ def _mesh_bodies(source: Source) -> tuple[str, ...]:
 
 
 def _distance(model: Any, data: Any, body: int, point: Array, meshed: tuple[str, ...]) -> tuple[float, float]:
-    """Return the distance of a point of a body from its nearest geom box or site, and how far these reach [m].
+    """Compute the distance of a point of a body from the nearest geom box or site, and how far these reach [m].
 
-    What is fixed to the body counts. Infinite reach if there is nothing, or a mesh.
+    All bodies fixed to the body count. The reach is infinite without geoms and sites, or with a mesh.
     """
     fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]
     if any(model.body(k).name.endswith(meshed) for k in fixed):

@@ -1,4 +1,4 @@
-"""Merges links that nothing moves against each other into bodies, and joints of a reading into other types."""
+"""Merges rigidly connected links into bodies, and converts joints of a reading to other types."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Assembly:
     Attributes:
         bodies: See `Reading.bodies`.
         fixed: See `Reading.fixed`.
-        places: Link -> body (or ground) that it is part of, and its frame in that body. Shape (4, 4).
+        places: Link -> body (or ground) that contains it, and its frame in that body. Shape (4, 4).
     """
 
     bodies: dict[str, BodyReading]
@@ -34,16 +34,16 @@ class Assembly:
 
 
 def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
-    """Merges links that nothing moves against each other.
+    """Merge links that cannot move relative to each other.
 
-    A body is named after its first link from the ground outwards that has mass, or, without any, after the first;
-    among equally far ones the alphabet decides, since each library has an order of its own.
+    A body is named after its massive link nearest to the ground, or after its first link if none has mass; links at
+    equal distance are ordered alphabetically, since each library has its own order.
 
     Args:
-        links: By name, each after the one that carries it.
+        links: Links by name, each after its parent.
 
     Raises:
-        ModelFileError: A body that moves has the name of the ground.
+        ModelFileError: A moving body has the name of the ground.
     """
     groups: dict[str, list[tuple[int, str]]] = {"": []}  # first link -> distance from it, link
     at = {"": ("", 0)}
@@ -69,7 +69,7 @@ def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
 
 
 def _merge(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
-    """Merge links into one body, in the frame of the link that it is named after."""
+    """Merge links into one body, in the frame of the link after which it is named."""
     body = links[named]
     back = np.linalg.inv(body.pose)
     fixed = {name: back @ link.pose for name, link in links.items() if name != named}
@@ -83,27 +83,27 @@ def _merge(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
 
 
 SPHERICAL, FIXED = "SPHERICAL", "FIXED"
-#: Universal joints by type -> the axes of the joint's frame about which they turn, the ground side first.
+#: Type of a universal joint -> the axes of the joint's frame about which it turns, starting from the ground side.
 UNIVERSAL = {f"UJOINT_{one}{two}": (one, two) for one, two in permutations("XYZ", 2)}
 KNOWN = (SPHERICAL, FIXED, *UNIVERSAL)
-#: What a joint has besides its axis. None of it fits the axes of another type.
+#: Properties of a joint other than its axis, none of which applies to the axes of another type.
 _OWN = ("armature", "damping", "friction", "stiffness")
 
 
 def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
-    """Return the reading with joints of other types.
+    """Change the types of joints.
 
-    A spherical or universal joint sits where the old one did, is unlimited, and is at zero where the old one was at
+    A spherical or universal joint keeps the location of the old joint, has no limits, and is at zero in the old joint's
     home. The hinges of a universal joint ``name`` are called ``name_Z`` and ``name_Y``, after the axes of the frame of
-    the link that the old joint carries. A fixed joint is gone, and what it joined is one body. The old names remain
-    names of frames.
+    the link that the old joint carries. A fixed joint disappears, and the bodies that it connects are merged. The old
+    names remain valid as names of frames.
 
     Args:
         types: Joint -> one of `KNOWN`.
-        where: The file that says so, to blame.
+        where: Name of the file that changes the types, for errors.
 
     Raises:
-        ScrewgaugeError: There is no such joint or type, or something else depends on the joint.
+        ScrewgaugeError: A joint or type does not exist, or another item depends on the joint.
     """
     for name, kind in types.items():
         if name not in reading.joints:
@@ -131,7 +131,7 @@ def _lost_properties(joint: JointReading, name: str, kind: str) -> Iterator[str]
 
 
 def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
-    """Refuses a type for a joint that is coupled; one that is fixed may lead others, which then are held."""
+    """Refuse a new type for a coupled joint; a leading joint may become fixed, which holds its followers."""
     for coupling in reading.couplings.values():
         for name in coupling.named:
             if name in types and (name == coupling.joint or types[name] != FIXED):
@@ -140,7 +140,7 @@ def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
 
 
 def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
-    """Return the spherical joint, or the hinges of a universal joint, that replace a joint."""
+    """Build the spherical joint, or the hinges of a universal joint, that replace a joint."""
     centre = reading.joints[name].centre
     if kind == SPHERICAL:
         return {name: JointReading("ball", np.zeros(6), centre)}
@@ -157,7 +157,7 @@ def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> di
 
 
 def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
-    """Return the reading with other joints, none or several, in the place of one joint."""
+    """Replace a joint with any number of joints, or remove it."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
     for each, joint in reading.joints.items():
@@ -168,7 +168,7 @@ def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) 
 
 
 def _weld(reading: Reading, names: list[str], where: str) -> Reading:
-    """Return the reading without some joints, the bodies on their two sides merged."""
+    """Remove joints, merging the bodies on their two sides."""
     if not names:
         return reading
     couplings = {key: _hold(reading, coupling, names) for key, coupling in reading.couplings.items()}
@@ -181,13 +181,13 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
 
 
 def _hold(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
-    """Return a coupling with some joints fixed at home; a joint that follows only these is held."""
+    """Fix some joints of a coupling at home; a joint that depends on these only is held."""
     homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
     return replace(coupling, function=coupling.function.at(homes)) if homes else coupling
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
-    """Yield the links of all bodies, to be merged again; one link of each body carries its mass."""
+    """Yield the links of all bodies for merging them again; one link of each body carries its mass."""
     for name, body in reading.bodies.items():
         near, joints = "" if body.near == GROUND else body.near, body.joints
         if body.first:

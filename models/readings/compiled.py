@@ -1,4 +1,4 @@
-"""MuJoCo's compiler: runs it, words its warnings and errors, lists what a reading does not hold of its arrays."""
+"""Runs MuJoCo's compiler, formats its warnings and errors, and lists the content of its arrays that readings lack."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: What MuJoCo says of a file that others may take -> what to do.
+#: Text in MuJoCo's error about a file that other libraries may accept -> remedy.
 _REMEDIES = {
     "larger than mjMINVAL": "give that link mass and moments of inertia above 1e-15 kg and kg m^2, such as 1e-6 of its "
     "neighbour's, or let Pinocchio read it",
@@ -31,22 +31,22 @@ _REMEDIES = {
 def compile_text(
     text: str, where: str, models: Mapping[str, str] | None = None, meshes: Mapping[str, bytes] | None = None
 ) -> Any:
-    """Compile a model, keeping bodies that are fixed to each other apart; no file is opened.
+    """Compile a model without merging bodies that are fixed to each other; no file is opened.
 
     Args:
-        where: The file to blame.
-        models: File that the text names -> text of the model that it attaches.
-        meshes: File that the text names -> what is in it.
+        where: Name of the file, for errors.
+        models: File named in the text -> text of the model to attach.
+        meshes: File named in the text -> its content.
 
     Raises:
-        ModelFileError: MuJoCo refuses it.
+        ModelFileError: MuJoCo refuses the model.
     """
     import mujoco
 
     attached = {name: model.encode() for name, model in (models or {}).items()}
     try:
         spec = mujoco.MjSpec.from_string(text, include=attached or None, assets=dict(meshes or {}) or None)
-        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
+        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF regardless
         _name_joints(spec)
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
@@ -56,7 +56,7 @@ def compile_text(
 
 
 def _name_joints(spec: Any) -> None:
-    """Names those that MuJoCo itself makes of a composite or flex, as those of a file are named."""
+    """Name the joints that MuJoCo generates for a composite or flex in the same way as unnamed joints of a file."""
     taken = {joint.name for joint in spec.joints}
     for joint in [joint for joint in spec.joints if not joint.name]:
         name = f"{joint.parent.name}_joint"
@@ -69,7 +69,7 @@ def _name_joints(spec: Any) -> None:
 
 @contextmanager
 def collect_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings: its own handler would write MUJOCO_LOG.TXT into the working directory."""
+    """Collect MuJoCo's warnings; its default handler would write MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 
     messages: list[str] = []
@@ -90,12 +90,12 @@ def collect_phrases() -> Iterator[list[str]]:
     phrases += [f"what MuJoCo warns of: {text}" for text in (*messages, *(warning.message for warning in caught))]
 
 
-#: Flags that change torques, motion under motors or the stiffness of constraints, and are in no reading.
+#: Flags that change torques, motion under motors or the stiffness of constraints, and are not part of a reading.
 _OFF, _ON = ("ACTUATION", "CLAMPCTRL", "REFSAFE"), ("OVERRIDE", "INVDISCRETE")
 _FREE, _BALL = 0, 1
-#: Arrays that say the path of a tendon.
+#: Arrays that define the path of a tendon.
 _PATHS = ("wrap_type", "wrap_objid", "wrap_prm", "tendon_adr", "tendon_num", "tendon_type")
-#: Arrays that make a tendon more than a sum of coordinates.
+#: Arrays that give a tendon effects beyond being a sum of coordinates.
 _PULLS = (
     *("stiffness", "stiffnesspoly", "damping", "dampingpoly"),
     *("frictionloss", "armature", "limited", "actfrclimited"),
@@ -103,7 +103,7 @@ _PULLS = (
 
 
 def content(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """Yield the content of a compiled model that a reading does not hold, that of joints first."""
+    """Yield the content of a compiled model that its reading lacks, that of joints first."""
     for kind in kinds().values():
         if kind.of == "joint":
             yield from _of_joints(model, kind)
@@ -122,7 +122,7 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
 
 
 def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
-    """Return the entries of a joint, tendon, actuator or pair in arrays of this MuJoCo; unused ranges are zero."""
+    """Return the entries of a joint, tendon, actuator or pair in the available arrays; unused ranges are zero."""
     entries = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
     for name in entries:
         limited = getattr(model, f"{name.removesuffix('range')}limited", None) if name.endswith("range") else None
@@ -132,7 +132,7 @@ def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
 
 
 def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
-    """Return the numbers of a joint, tendon, actuator or pair, each with a label."""
+    """Return the values of a joint, tendon, actuator or pair, each with a label."""
     out: list[tuple[str, float | str]] = []
     for name, values in _entries(model, arrays, i).items():
         label = name.partition("_")[2]
@@ -142,7 +142,7 @@ def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
 
 
 def _acts(model: Any, arrays: Iterable[str], i: int) -> bool:
-    """True if any of these numbers differs from its neutral value."""
+    """True if any entry of the arrays differs from its neutral value."""
     neutral = table()["neutral"]
     for name, values in _entries(model, arrays, i).items():
         idle = np.zeros(len(values))
@@ -168,7 +168,7 @@ def _wraps(model: Any, tendon: int) -> range:
 
 
 def shares(model: Any, tendon: int) -> dict[int, float] | None:
-    """Return joint -> coefficient of a fixed tendon, none without a tendon; None for another kind of tendon."""
+    """Return joint -> coefficient of a fixed tendon, empty without a tendon; None for another kind of tendon."""
     import mujoco
 
     at = _wraps(model, tendon) if tendon >= 0 else ()
@@ -193,7 +193,7 @@ def _tendon_joints(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...
 
 
 def _tendons(model: Any) -> Iterator[Content]:
-    """Yield the tendons that pull; actuators and equalities report the tendons that they use themselves."""
+    """Yield the tendons that exert forces; tendons used by actuators and equalities are reported with these."""
     kind = kinds()["fixed tendons"]
     own = [name for name in kind.arrays if name not in _PATHS]
     for i in range(model.ntendon):
@@ -207,13 +207,13 @@ def _tendons(model: Any) -> Iterator[Content]:
 
 
 def single_joint(model: Any, actuator: int) -> int | None:
-    """Return the hinge or slide that an actuator drives."""
+    """Return the hinge or slide that an actuator drives; None if it drives something else."""
     joint = int(model.actuator_trnid[actuator, 0])
     return joint if _drives(model, actuator) == "joint" and model.jnt_type[joint] not in (_FREE, _BALL) else None
 
 
 def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
-    """Return joint -> coefficient in the length of an actuator before its gear; none if it drives something else."""
+    """Return joint -> its coefficient in an actuator's length before the gear; empty for other transmissions."""
     joint = single_joint(model, actuator)
     if joint is not None:
         return {joint: 1.0}
@@ -221,7 +221,7 @@ def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
 
 
 def _drives(model: Any, actuator: int) -> str:
-    """Return ``joint``, ``tendon`` (a fixed tendon), or nothing for other transmissions."""
+    """Return ``joint``, ``tendon`` (a fixed tendon), or an empty text for other transmissions."""
     import mujoco
 
     transmission, target = mujoco.mjtTrn(int(model.actuator_trntype[actuator])), int(model.actuator_trnid[actuator, 0])
@@ -232,7 +232,7 @@ def _drives(model: Any, actuator: int) -> str:
     return ""
 
 
-#: What an actuator has besides its law and import puts into the joint that it drives; and its words.
+#: Arrays of an actuator, apart from its force law, that an import adds to the driven joint; and their description.
 OF_JOINTS = ("actuator_armature", "actuator_damping", "actuator_dampingpoly")
 RESISTS = "rotor and damping of actuator"
 
@@ -258,7 +258,7 @@ def _actuators(model: Any) -> Iterator[Content]:
 
 def _pairs(model: Any, assembly: Assembly) -> Iterator[Content]:
     kind = kinds()["contact pairs"]
-    arrays = kind.arrays[2:]  # without the numbers of geoms
+    arrays = kind.arrays[2:]  # without the geom indices
     for i in range(model.npair):
         bodies = [model.geom_bodyid[geom] for geom in (model.pair_geom1[i], model.pair_geom2[i])]
         names = sorted(assembly.places[model.body(b).name][0] if b else GROUND for b in bodies)
@@ -287,7 +287,7 @@ def _options(model: Any) -> Iterator[Content]:
 
 
 def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """Yield the bodies whose parts have their weight compensated by different shares."""
+    """Yield the bodies whose parts have different shares of their weight compensated."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
@@ -301,7 +301,7 @@ def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
 
 
 def _mocap_bodies(model: Any) -> Iterator[Content]:
-    """Yield the mocap bodies that equalities attach to."""
+    """Yield the mocap bodies to which equalities attach."""
     import mujoco
 
     for i in range(model.nbody if model.neq else 0):
@@ -316,7 +316,7 @@ def _mocap_bodies(model: Any) -> Iterator[Content]:
 
 
 def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> CouplingReading:
-    """Convert ``y - y0 = sum P(x - x0)`` to powers of each x: y of joint `one`; a negative number is no joint."""
+    """Convert ``y - y0 = sum P(x - x0)`` to powers of each x, where y is joint `one`; a negative index is no joint."""
     zeros = {joint: float(model.qpos0[model.jnt_qposadr[joint]]) for joint in {one, *polynomials} if joint >= 0}
     names = {joint: model.joint(joint).name for joint in zeros}
     function = PolynomialSum.of({names.get(joint, ""): p for joint, p in polynomials.items()})
@@ -325,7 +325,7 @@ def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> Coupl
 
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:
-    """Convert ``L1 - L10 = P(L2 - L20)`` of fixed tendons to a coupling, if P is linear or of one joint."""
+    """Convert ``L1 - L10 = P(L2 - L20)`` of fixed tendons to a coupling if P is linear or depends on one joint."""
     first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
     p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
     if first is None or second is None:

@@ -1,6 +1,6 @@
-"""Reads files that state links and joints as a graph (SDF, USD): chooses a tree and closes the remaining loops.
+"""Reads formats that define links and joints as a graph (SDF, USD): chooses a tree and closes the remaining loops.
 
-A joint of any kind closes a loop: it carries a copy of its child without mass, which is welded to the child.
+A joint of any kind can close a loop: it carries a massless copy of its child, which is welded to the child.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: The world, where a joint names it in place of a link.
+#: Name of the world where a joint refers to it instead of a link.
 WORLD = ""
-#: Limits that mean none [rad or m]; directions that are that near to a plane are in it.
+#: Magnitude from which a limit counts as infinite [rad or m]; tolerance for treating directions as coplanar.
 _BOUNDLESS, _DEPENDENT = 1e16, 1e-5
 
 
 def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
-    """Return a link that is not in a tree yet. pose: in the world, shape (4, 4)."""
+    """Build a link that is not part of a tree yet. pose: World pose, shape (4, 4)."""
     return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), pose, gravcomp=float(weightless))
 
 
 def bounds(low: float, high: float) -> tuple[float, float]:
-    """Return limits; those far beyond what moves are none."""
+    """Return limits, replacing those far beyond any motion with infinity."""
     low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in (low, high))
     return low, high
 
@@ -55,9 +55,10 @@ class GraphJoint:
 
     Attributes:
         parent, child: Links; `WORLD` for the world.
-        freedoms: Name -> hinge, slide or ball, from the parent outwards, where the parent has it; none if it is fixed.
-        step: Displacement in the world that takes the child into the joint. Shape (4, 4).
-        loop: Whether the file asks for it as one that closes a loop.
+        freedoms: Name -> hinge, slide or ball, from the parent outwards, at the parent's location; empty if it is
+            fixed.
+        step: World displacement that moves the child into the joint. Shape (4, 4).
+        loop: Whether the file requests that it close a loop.
     """
 
     parent: str
@@ -67,7 +68,7 @@ class GraphJoint:
     loop: bool = False
 
     def placed(self, T: Array) -> dict[str, JointReading]:
-        """Return its freedoms where its parent is displaced. T: shape (4, 4)."""
+        """Return its freedoms after a displacement of its parent. T: shape (4, 4)."""
         return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
 
@@ -78,7 +79,7 @@ Mimic = tuple[str, str, str, float, float]
 def _couplings(
     mimics: Iterable[Mimic], joints: Mapping[str, GraphJoint], where: str
 ) -> Iterator[tuple[str, CouplingReading]]:
-    """Yield mimics as couplings by coordinate; one that follows a fixed joint, which stays at 0, is held."""
+    """Yield mimics as couplings by coordinate; a joint that follows a fixed joint, which stays at 0, is held."""
     every = {name for joint in joints.values() for name in joint.freedoms}
     for coordinate, leader, nth, *law in mimics:
         name = next((each for each in (f"{leader}.{nth}", leader) if each in every - {coordinate}), "")
@@ -88,9 +89,10 @@ def _couplings(
 
 
 def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[str, GraphJoint], list[str]]:
-    """Return joints of which several between the same two links are one, and a sentence on these.
+    """Merge several joints between the same two links into a series; return all joints, and messages about the series.
 
-    Those of several freedoms, and those that repeat one, as two hinges of a door do, are no series: they close a loop.
+    Joints of several freedoms, and joints whose freedoms are dependent, such as the two hinges of a door, form no
+    series: they close a loop.
 
     Args:
         rounding: See `read_graph`.
@@ -121,17 +123,18 @@ def read_graph(
     still: Collection[str] = (),
     **rest: Any,
 ) -> Reading:
-    """Chooses a tree, in the order of the file and without joints that are to close loops as far as that can be.
+    """Choose a spanning tree in file order, avoiding joints marked as loop closing as far as possible.
 
     Args:
-        links: Their matter and poses; whatever no joint keeps to the world floats.
-        where: The file, to blame.
-        rounding: Gaps of loops and angles between axes up to this are none [m or rad].
-        still: Links that stand where no joint keeps them to the world, and do not float.
-        rest: What else the `Reading` has.
+        links: Links with mass properties and poses; links without a connection to the world float.
+        where: Name of the file, for errors.
+        rounding: Gaps of loops and angles between axes up to this value count as zero [m or rad].
+        still: Links that stay in place without a joint to the world instead of floating.
+        rest: Further fields of the `Reading`.
 
     Raises:
-        ScrewgaugeError: A body that moves has the name of the ground, a mimic follows no joint, links are too many.
+        ScrewgaugeError: A moving body has the name of the ground, a mimic follows no joint, or there are too many
+            links.
     """
     check_count(len(links), "links", where)
     if not links:
@@ -178,14 +181,14 @@ def read_graph(
 
 
 def _free_name(name: str, names: Collection[str]) -> str:
-    """Return the name, extended by ``_`` while it is taken."""
+    """Return the name, extended by ``_`` until it is unused."""
     while name in names:
         name += "_"
     return name
 
 
 def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Give joints that are parallel or perpendicular but for rounding exact directions: loops depend on it."""
+    """Make directions of joints exactly parallel or perpendicular if they are so up to rounding; loops depend on it."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
@@ -203,7 +206,7 @@ def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, Joi
 
 
 def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReading:
-    """Return the weld of a child to the end of the joint that closes a loop with it, where the child would be."""
+    """Weld a child, at the pose required by a loop-closing joint, to the end of this joint."""
     (body, F), (other, _) = (assembly.places[name] if name else (GROUND, np.eye(4)) for name in (child, end))
     at = np.eye(4) if other == GROUND else assembly.bodies[other].pose
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
@@ -212,8 +215,8 @@ def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReadi
 def _walk(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
     """Yield each link, the joint that reaches it from the world, and whether the link is the joint's parent.
 
-    Of all joints that lead further the first one of the file is taken, those that are to close loops last. A link that
-    none reaches floats, and has no joint.
+    Among the joints that lead further, the first in the file is used, and those that should close loops last. A link
+    that no joint reaches floats.
     """
     touching, carried = defaultdict[str, list[tuple[bool, int, str]]](list), {j.child for j in joints.values()}
     for i, (name, joint) in enumerate(joints.items()):

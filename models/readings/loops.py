@@ -1,4 +1,4 @@
-"""Finds and applies the file beside a URDF that closes its loops: our own loops file or a ``robot.yaml``."""
+"""Finds and applies the file beside a URDF that closes its loops: a screwgauge loops file or a ``robot.yaml``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
     """Return the file that closes the loops of a model file; None if there is none.
 
     Args:
-        given: One that was named, in place of one beside a URDF: of its name, or called ``robot.yaml``.
+        given: The file named by the user; otherwise one beside the URDF with the same name or called ``robot.yaml``.
 
     Raises:
         ScrewgaugeError: The model defines its own loops, or cannot be read.
@@ -38,6 +38,6 @@ def with_loops(reading: Reading, path: Path) -> Reading:
     """Add the closures, motors and spherical joints of the file beside a URDF to its reading.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, or names what the reading does not have.
+        ScrewgaugeError: The file cannot be read, or refers to items that the reading lacks.
     """
     return with_loops_file(reading, path) if path.name.endswith(OWN) else with_robot_yaml(reading, path)

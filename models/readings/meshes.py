@@ -1,4 +1,4 @@
-"""Removes meshes, textures and other files from an MJCF, and finds bodies that take their mass from them."""
+"""Removes meshes, textures and other files from an MJCF, and finds bodies that take their mass from meshes."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
 
 _FROM_FILES = ("mesh", "hfield", "sdf")
-#: Sections of an MJCF that a reading does not hold, and that name what is taken out, or how much memory it takes.
+#: Sections of an MJCF that a reading does not need and that refer to removed elements or set memory sizes.
 _SECTIONS = ("asset", "visual", "sensor", "statistic", "custom", "size")
-#: Elements that read other files without an attribute `file`.
+#: Elements that read files without an attribute `file`.
 _READERS = ("skin",)
 
 
 def _without_sections(root: ET.Element) -> None:
-    """Take `_SECTIONS` out of an MJCF, but for principal moments that the file says in numbers of its own."""
+    """Remove `_SECTIONS` from an MJCF, except for principal moments stored as custom numbers."""
     for section in [section for name in _SECTIONS for section in root.findall(name)]:
         for each in [*section]:
             if not each.get("name", "").startswith(MOMENTS):
@@ -35,16 +35,16 @@ def _without_sections(root: ET.Element) -> None:
 
 
 def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()) -> list[Content]:
-    """Takes them out of an MJCF.
+    """Remove meshes, other files, and all references to them from an MJCF.
 
     Args:
-        moving: What another model attaches of it, and may move: ``body``, ``worldbody``.
+        moving: Tags of elements that another model attaches and may move: ``body``, ``worldbody``.
 
     Returns:
-        What was taken out that has to do with mechanics.
+        The removed content that affects mechanics.
 
     Raises:
-        ModelFileError: Mass of a moving body would come from what is taken out.
+        ModelFileError: The mass of a moving body depends on removed elements.
     """
     content = list[Content]()
     _without_sections(root)
@@ -71,7 +71,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
 
 
 def _idle_plugins(root: ET.Element) -> Iterator[Content]:
-    """Takes plugins out that only what was taken out has used: collisions, sensors."""
+    """Remove plugins that only removed elements, such as collisions and sensors, used."""
     declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
     used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
     for extension in root.findall("extension"):
@@ -83,7 +83,7 @@ def _idle_plugins(root: ET.Element) -> Iterator[Content]:
 
 
 def _without_files(default: ET.Element) -> None:
-    """Takes meshes and materials out of a default class."""
+    """Remove meshes and materials from a default class."""
     for child in list(default):
         if child.tag in ("mesh", "material"):
             default.remove(child)
@@ -93,7 +93,7 @@ def _without_files(default: ET.Element) -> None:
 
 
 def _pairs(root: ET.Element) -> Iterator[Content]:
-    """Takes out pairs of geoms of which one is gone, and what excludes contacts."""
+    """Remove contact pairs with a removed geom, and all contact exclusions."""
     geoms = {geom.get("name") for geom in root.iter("geom")}
     for section in root.iterfind("contact"):
         for row in list(section):
@@ -124,7 +124,7 @@ def _is_zero(value: str | None) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class MeshShape:
-    """A geom with the body that it belongs to, its parent element, its default class, and whether it moves."""
+    """A geom with its body, its parent element, its default class, and whether the body moves."""
 
     geom: ET.Element
     body: ET.Element
@@ -133,11 +133,11 @@ class MeshShape:
     moves: bool
 
     def values(self, classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-        """Attributes of the geom, with the defaults of its class."""
+        """Return the attributes of the geom, completed with the defaults of its class."""
         return {**classes.get(self.around, {}), **self.geom.attrib}
 
     def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:
-        """True if the geom is a mesh, or is read from a file otherwise."""
+        """True if the geom is a mesh or is otherwise read from a file."""
         values = self.values(classes)
         return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
 
@@ -158,7 +158,7 @@ def shapes(root: ET.Element) -> Iterator[MeshShape]:
 
 
 def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
-    """Return default class -> attributes of its geoms; the outermost class is also called by the empty name."""
+    """Return default class -> attributes of its geoms; the outermost class also has the empty name as key."""
     classes: dict[str, dict[str, str]] = {}
     outermost = root.findall("default")
     waiting: list[tuple[ET.Element, dict[str, str]]] = [(default, {}) for default in outermost]
@@ -174,21 +174,22 @@ def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
     return classes
 
 
-#: Sections that say what bodies weigh.
+#: Sections needed to compute the masses of bodies.
 _KEPT = ("compiler", "option", "default", "asset", "worldbody")
 _JOINTS = ("joint", "freejoint", "attach")
 
 
 def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> list[str]:
-    """Gives bodies of which meshes determine the mass an ``<inertial>`` with what MuJoCo makes of the meshes.
+    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with the values that MuJoCo computes from them.
 
     Args:
-        root: Of an MJCF, all bodies of it having names.
-        folder: In which all meshes have to lie.
-        own: It is no model that another one attaches: what no joint moves is fixed to the world, and needs no mass.
+        root: Root element of an MJCF in which all bodies have names.
+        folder: The folder that must contain all meshes.
+        own: True unless another model attaches this one: bodies that no joint moves are then fixed to the world and
+            need no mass.
 
     Returns:
-        Names of these bodies.
+        Names of the bodies that received an ``<inertial>``.
 
     Raises:
         ModelFileError: A mesh lies outside the folder, cannot be read, or is refused by MuJoCo.
@@ -207,7 +208,7 @@ def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> li
         for old in body.findall("inertial"):
             body.remove(old)
         body.insert(0, inertial)
-    for compiler in force:  # it would take geoms all the same, of which the meshes are gone
+    for compiler in force:  # otherwise geoms would still override <inertial>, although their meshes have been removed
         del compiler.attrib["inertiafromgeom"]
     return list(dict.fromkeys(shape.body.get("name", "") for shape in weighing))
 
@@ -224,10 +225,10 @@ def _inertial(model: Any, name: str, path: Path) -> ET.Element:
 
 
 def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
-    """Return a copy with bodies, geoms and meshes alone, and the contents of the mesh files.
+    """Copy the model with bodies, geoms and meshes only; return the copy and the contents of the mesh files.
 
     Args:
-        kept: Identities of the geoms that are to keep their meshes.
+        kept: Values of `id` of the geoms that keep their meshes.
     """
     marks = {id(shape.geom): shape for shape in shapes(root)}
     for number, geom in marks.items():
@@ -253,7 +254,7 @@ def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[E
 
 
 def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Keep the used meshes under names of their own; yield these names and the contents of the files."""
+    """Rename the used meshes to files of their own; yield these file names and their contents."""
     directory, total = _directory(bare), 0
     for asset in bare.iterfind("asset"):
         for element in list(asset):
@@ -277,7 +278,7 @@ def _directory(bare: ET.Element) -> str:
     for compiler in bare.iterfind("compiler"):
         folders |= {key: compiler.attrib.pop(key) for key in folders if key in compiler.attrib}
         strip = compiler.attrib.pop("strippath", str(strip).lower()) == "true"
-        for key in ("texturedir", "settotalmass"):  # what all bodies weigh together is not known here
+        for key in ("texturedir", "settotalmass"):  # the total mass of all bodies is unknown here
             compiler.attrib.pop(key, None)
     if strip:
         for mesh in bare.iterfind("asset/mesh[@file]"):

@@ -36,19 +36,19 @@ from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: In the order of MuJoCo's numbers.
+#: In the order of MuJoCo's enumeration.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
-_BODY = 1  # mjtObj: an equality of bodies, not of sites
-#: Stages that go with all constraints.
+_BODY = 1  # mjtObj: an equality between bodies, not sites
+#: Stages that are disabled together with all constraints.
 _CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
-    """Reads a URDF or MJCF by MuJoCo. Tensors are rebuilt from the principal axes that MuJoCo keeps.
+    """Read a URDF or MJCF with MuJoCo, rebuilding tensors from the principal axes that MuJoCo stores.
 
     Raises:
-        ModelFileError: MuJoCo refuses it.
+        ModelFileError: MuJoCo refuses the file.
     """
     import mujoco
 
@@ -82,10 +82,10 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def load_mujoco(source: Source) -> Any:
-    """Compile a model file, keeping bodies that are fixed to each other apart.
+    """Compile a model file without merging bodies that are fixed to each other.
 
     Raises:
-        ModelFileError: MuJoCo refuses it.
+        ModelFileError: MuJoCo refuses the file.
     """
     try:
         return compile_text(source.text, str(source.path), source.models)
@@ -114,7 +114,7 @@ def is_single(model: Any, joint: int) -> bool:
 
 
 def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]]:
-    """Yield all links. `root`: first link of a URDF, which MuJoCo merges into the world unless it has mass."""
+    """Yield all links. `root`: root link of a URDF, which MuJoCo merges into the world unless it has mass."""
     names = [root, *(model.body(i).name for i in range(1, model.nbody))]
     if root and root not in names[1:]:
         yield root, BARE
@@ -135,7 +135,7 @@ def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]
 
 
 def turn(quaternion: Array) -> Array:
-    """Return the rotation matrix of a quaternion as MuJoCo computes it. Shape (4,) -> (3, 3)."""
+    """Compute the rotation matrix of a quaternion with MuJoCo's own function. Shape (4,) -> (3, 3)."""
     import mujoco
 
     R = np.zeros(9)
@@ -169,7 +169,7 @@ def _equalities(
     closures, couplings = {}, {}
     off = is_disabled(model, "EQUALITY")
     for i in range(model.neq):
-        # those that MuJoCo makes of a URDF's <mimic> have no name
+        # equalities that MuJoCo generates from a URDF's <mimic> are unnamed
         name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
             unread.append(Content("inactive equalities", f"equality {name}, which is not active"))
@@ -192,10 +192,10 @@ def _softness(model: Any, i: int) -> tuple[float, ...]:
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
-    """Return the bodies of an equality, each with its frame there.
+    """Return the two bodies of an equality, each with the equality's frame in it.
 
-    MuJoCo computes the second anchor of a connect at qpos0. Of a weld it keeps the anchor in the second body, then
-    where that anchor and the second body's axes are in the first.
+    MuJoCo computes the second anchor of a connect at qpos0. For a weld it stores the anchor in the second body, and the
+    pose of that anchor with the second body's axes in the first body.
     """
     import mujoco
 
@@ -216,14 +216,14 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
 
 
 def coupling_reading(model: Any, i: int) -> CouplingReading | None:
-    """Convert an equality of joints or fixed tendons to a coupling; None if it is none."""
+    """Convert an equality of joints or fixed tendons to a coupling; None if this is impossible."""
     if int(model.eq_type[i]) == _TENDON:
         return tendon_equality(model, i)
     return joint_equality(model, i) if int(model.eq_type[i]) == _JOINT else None
 
 
 def joint_equality(model: Any, i: int) -> CouplingReading:
-    """Convert ``y - y0 = P(x - x0)``, with the coordinates at qpos0, to a coupling."""
+    """Convert ``y - y0 = P(x - x0)``, where x0 and y0 are the coordinates at qpos0, to a coupling."""
     one, other = (int(joints[i]) for joints in (model.eq_obj1id, model.eq_obj2id))
     return coupling_of(model, one, {other: model.eq_data[i, : POWERS if other >= 0 else 1]})
 

@@ -1,4 +1,4 @@
-"""Reads a URDF or MJCF with Pinocchio, closures of an MJCF included, and captures what its parsers print."""
+"""Reads a URDF or MJCF with Pinocchio, including the closures of an MJCF, and captures its parsers' errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array
 
 @contextmanager
 def capture_errors() -> Iterator[list[str]]:
-    """Collect errors that the block prints, complete after it; nothing printed reaches the terminal."""
+    """Collect the errors that the block prints to stderr, complete after the block; suppress the output itself."""
     errors: list[str] = []
     sys.stderr.flush()
     kept = os.dup(2)
@@ -45,22 +45,22 @@ def capture_errors() -> Iterator[list[str]]:
             errors += dict.fromkeys(match[1].strip() for match in matches if match)
 
 
-#: A limit beyond which there is none: parsers write the largest numbers of several types.
+#: Magnitude from which a limit counts as infinite: parsers write the largest numbers of several types.
 _UNLIMITED = 1e20
-#: Joints of Pinocchio -> kind. All others are hinges and slides, or several of them.
+#: Class of a Pinocchio joint -> kind. All other joints are hinges and slides, or composed of them.
 _KINDS = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Parts of a planar joint, named as in MuJoCo, and how many coordinates they have: of the angle cosine and sine.
+#: Parts of a planar joint, named as in MuJoCo, and their numbers of coordinates: cosine and sine for the angle.
 _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """An elementary joint of a Pinocchio model.
+    """A single-kind part of a Pinocchio joint.
 
     Attributes:
-        joint: Number of the joint that it is part of.
-        kind: ``free``, ``ball``, or empty: the Jacobian distinguishes hinge and slide.
-        q, n_q, v: Where it is among the coordinates and velocities.
+        joint: Index of the joint to which it belongs.
+        kind: ``free``, ``ball``, or empty: the Jacobian then distinguishes hinge and slide.
+        q, n_q, v: Index of its first coordinate, number of coordinates, index of its first velocity.
     """
 
     name: str
@@ -72,10 +72,10 @@ class Part:
 
 
 def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
-    """Reads a URDF or MJCF by Pinocchio.
+    """Read a URDF or MJCF with Pinocchio.
 
     Raises:
-        ModelFileError: Pinocchio refuses it.
+        ModelFileError: Pinocchio refuses the file.
     """
     model = load_pinocchio(source)
     q, parts = start(model), list(elementary(model, source))
@@ -101,7 +101,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def load_pinocchio(source: Source) -> Any:
-    """Load the model.
+    """Load a model file with Pinocchio.
 
     Raises:
         ModelFileError: Pinocchio refuses the file, or drops a part of it.
@@ -117,10 +117,10 @@ def load_pinocchio(source: Source) -> Any:
                 with as_file(source.root) as path:
                     model = pinocchio.buildModelFromMJCF(path)
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
-        # an exception of Boost begins with its place in the sources
+        # exceptions of Boost begin with the location in the sources
         reason = "; ".join(errors) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "correct the file") from None
-    if errors:  # it would go on without mass and inertia
+    if errors:  # Pinocchio would continue without mass and inertia
         raise ModelFileError(
             f"Pinocchio drops what it cannot read ({'; '.join(errors)})", str(source.path), "correct the file"
         )
@@ -128,9 +128,9 @@ def load_pinocchio(source: Source) -> Any:
 
 
 def start(model: Any) -> Array:
-    """Return the neutral coordinates, free bodies at the pose that the MJCF gives them.
+    """Return the neutral coordinates, with free bodies at the poses that the MJCF defines.
 
-    Pinocchio keeps that as ``qpos0``, and gives the joint of a turned body a placement besides.
+    Pinocchio stores these poses as ``qpos0``, and also gives the joint of a rotated body a placement.
     """
     import pinocchio
 
@@ -144,7 +144,7 @@ def start(model: Any) -> Array:
 
 
 def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
-    """Yield all elementary joints, from the ground outwards."""
+    """Yield the parts of all joints, from the ground outwards."""
     for i, (name, joint) in enumerate(zip(model.names, model.joints, strict=True)):
         short = joint.shortname()
         if i == 0:
@@ -159,12 +159,12 @@ def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
 
 
 def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
-    """Yield the elementary joints of a composite one, named as in the file if the numbers match, else numbered."""
+    """Yield the parts of a composite joint, named as in the file if their numbers match, otherwise numbered."""
     import pinocchio
 
     joint = model.joints[i]
     subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
-    # three slides at once have no joints of their own
+    # a joint of three translations has no sub-joints
     subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
     bodies = [f for f in model.frames if f.parentJoint == i and f.type == pinocchio.FrameType.BODY]
     names = [name for body in bodies for name in (source.joints_of(body.name) if source else ())]
@@ -175,9 +175,9 @@ def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
 
 
 def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
-    """Return the world placement of each joint and the Jacobian [linear; angular] at the world origin, (6, n_v).
+    """Compute the world placement of each joint and the Jacobian [linear; angular] at the world origin, (6, n_v).
 
-    Without Pinocchio's data, which grow with the cube of the velocities: it takes half a minute to make those of 490.
+    Avoids Pinocchio's Data, whose size grows with the cube of the velocities: creating it takes half a minute for 490.
     """
     import pinocchio
 
@@ -191,7 +191,7 @@ def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
 
 
 def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[str, BodyReading]]:
-    """Yield every link; links and joints may share a name, so frames are identified by number."""
+    """Yield every link; links and joints may share a name, so frames are identified by index."""
     import pinocchio
 
     names = {i: tuple(part.name for part in parts if part.joint == i) for i in range(1, model.njoints)}
@@ -213,10 +213,10 @@ def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[s
 
 
 def _inertias(model: Any) -> dict[int, Any]:
-    """Return frame number -> inertia, in the link's frame, of each moving link with mass or inertia.
+    """Return frame index -> inertia, in the link's frame, of each moving link with mass or inertia.
 
-    Pinocchio adds a link behind a fixed joint to the moving link before it, and keeps its share in the frame of the
-    fixed joint.
+    Pinocchio adds a link behind a fixed joint to the moving link before it, and stores the link's share in the frame of
+    the fixed joint.
     """
     import pinocchio
 
@@ -230,7 +230,7 @@ def _inertias(model: Any) -> dict[int, Any]:
         else:
             Y = model.inertias[frame.parentJoint]
             merged = [f.placement.act(f.inertia) for f in fixed if f.parentJoint == frame.parentJoint]
-            # What rounding leaves of a massless link must not pass for a body.
+            # The rounding error left for a massless link must not be taken for a body.
             if Y.mass and abs(Y.mass - sum(share.mass for share in merged)) <= 1e-12 * abs(Y.mass):
                 continue
             for share in merged:
@@ -242,7 +242,7 @@ def _inertias(model: Any) -> dict[int, Any]:
 
 
 def _planar_axes(source: Source) -> Iterator[str]:
-    """Yield planar joints whose plane Pinocchio ignores: it uses that of x and y, URDF's default is y and z."""
+    """Yield planar joints whose plane Pinocchio ignores: it always uses x and y, while URDF's default is y and z."""
     for joint in source.root.iterfind("joint"):
         axis = joint.find("axis")
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
@@ -251,25 +251,25 @@ def _planar_axes(source: Source) -> Iterator[str]:
 
 
 def _ignored_quaternions(source: Source) -> Iterator[str]:
-    """Yield a phrase if the parser ignores quaternions: it reads them from version 1.1 on; the default is 1.0."""
+    """Yield a message if the parser ignores quaternions: it reads them from version 1.1 on; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
         yield "origin quat_xyzw, as the file is not of version 1.1"
 
 
 def joint_reading(model: Any, placed: Any, part: Part, column: Array, home: Mapping[str, float]) -> JointReading:
-    """Convert an elementary joint to a reading.
+    """Convert a part of a Pinocchio joint to a reading.
 
     Args:
         placed: World placement of the joint.
-        column: Of the Jacobian [linear; angular] at the world origin. Shape (6,).
+        column: Column of the Jacobian [linear; angular] at the world origin. Shape (6,).
     """
     centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
-    if kind == "hinge":  # the point of its axis next to the joint, which may be one of several
+    if kind == "hinge":  # use the point of its axis nearest to the joint, which may have several parts
         centre = np.cross(axis[:3], axis[3:]) + axis[:3] * (axis[:3] @ centre)
     limits = float(model.lowerPositionLimit[part.q]), float(model.upperPositionLimit[part.q])
-    counts = not part.kind and part.n_q == 1  # a cosine has limits of its own
+    counts = not part.kind and part.n_q == 1  # the limits of a cosine do not apply
     return JointReading(
         kind=kind,
         screw=np.zeros(6) if part.kind else axis,
@@ -292,10 +292,10 @@ _JOINED = ("body1", "body2", "site1", "site2")
 
 @contextmanager
 def as_file(root: ET.Element) -> Iterator[str]:
-    """Write an MJCF to a temporary file, since Pinocchio reads no text; return its path.
+    """Write an MJCF to a temporary file and yield its path, since Pinocchio reads no text.
 
-    Without its keyframes: of a model of which it drops a part, Pinocchio would refuse those of the whole. And without
-    the models that it attaches, which Pinocchio drops.
+    Keyframes are omitted, since Pinocchio refuses those of a model of which it drops a part; so are attached models,
+    which Pinocchio drops.
     """
     root = copy.copy(root)
     for section in (*root.findall("keyframe"), *root.findall("asset")):
@@ -307,10 +307,10 @@ def as_file(root: ET.Element) -> Iterator[str]:
 
 
 def _number_closures(root: ET.Element, known: Collection[str], unread: list[Content]) -> list[tuple[str, str]]:
-    """Gives closures between frames that are known names in their order, and removes the others.
+    """Rename closures between known frames in file order, and remove the others.
 
     Returns:
-        Kind and former name of each.
+        Kind and original name of each remaining closure.
     """
     named = list[tuple[str, str]]()
     for section in root.iterfind("equality"):
@@ -325,10 +325,10 @@ def _number_closures(root: ET.Element, known: Collection[str], unread: list[Cont
 
 
 def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
-    """Return the closures by name.
+    """Read the closures of an MJCF, by name.
 
-    Pinocchio 4.1 crashes on those of bodies that it has dropped, and gives sites of bodies that do not move a placement
-    of uninitialised memory: such closures it is not shown, and they are added to `unread`.
+    Pinocchio 4.1 crashes on closures of bodies that it has dropped, and reads the placement of sites on fixed bodies
+    from uninitialised memory: such closures are removed first and added to `unread`.
     """
     import pinocchio
 
@@ -346,7 +346,7 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Cont
         unread.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))
         return {}
     kinds = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
-    # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above
+    # Pinocchio discards the names; it lists points first, each kind in the order of the names set above
     named.sort(key=lambda entry: entry[0])
     if [kind for kind, _ in named] != kinds:
         named = [(kind, f"{kind}_{i + 1}") for i, kind in enumerate(kinds)]

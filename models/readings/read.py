@@ -28,15 +28,15 @@ from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_
 from screwgauge.reference.lint import Hinge, Solid, of_bodies, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
 
-#: Type of a joint in URDF -> kind; `fixed` has none.
+#: Type of a joint in URDF -> kind; `fixed` is absent.
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
 
 
 def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
-    """Reads a URDF by yourdfpy.
+    """Read a URDF with yourdfpy.
 
     Raises:
-        ModelFileError: yourdfpy refuses it, or it has a planar joint.
+        ModelFileError: yourdfpy refuses the file, or the file has a planar joint.
     """
     import yourdfpy
 
@@ -46,7 +46,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         robot = yourdfpy.URDF.load(io.BytesIO(_without_mimics(source.root)), **options)
         robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
         joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
-    except Exception as error:  # it raises what its own parts raise
+    except Exception as error:  # yourdfpy passes on exceptions of its dependencies
         reason = f"{type(error).__name__}: {error}"
         raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "correct the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
@@ -63,7 +63,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def _without_mimics(root: ET.Element) -> bytes:
-    """Return the file without `<mimic>`: yourdfpy would move those joints, and couplings are read separately."""
+    """Remove every `<mimic>` from the file: yourdfpy would move those joints, and couplings are read separately."""
     root = copy.deepcopy(root)
     for joint in root.iterfind("joint"):
         for mimic in joint.findall("mimic"):
@@ -112,14 +112,14 @@ def _joint(robot: Any, joint: Any, home: float) -> JointReading:
     )
 
 
-#: Links and joints that are named; the others are counted.
+#: Number of links and joints that are named; further ones are counted.
 _NAMED = 3
 
 
 def unread_content(source: Source, reading: Reading) -> tuple[Content, ...]:
-    """List the content that the reading does not hold; missing links and joints come first.
+    """List the content that the reading lacks; dropped links and joints come first.
 
-    Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
+    The text of an MJCF compiled by MuJoCo is not searched: its arrays contain everything the text defines.
     """
     known = source.form == "mjcf" and reading.library == "mujoco"
     roots = () if known else (source.root, *source.attached.values())
@@ -132,7 +132,7 @@ def unread_content(source: Source, reading: Reading) -> tuple[Content, ...]:
 
 
 def _content(source: Source, extra: Extra) -> Content:
-    """Convert an extra element to content; values are kept for a URDF only, as MJCF classes add to elements."""
+    """Convert an extra to content; values are omitted for MJCF, whose classes add to elements."""
     kind = kind_of(extra.what)
     if source.form == "mjcf" or extra.element is None:
         return Content(kind, extra.what, extra.whose)
@@ -140,13 +140,13 @@ def _content(source: Source, extra: Extra) -> Content:
     of = (("joints", joint, 1.0),) if joint != extra.whose else ()
     value = extra.element.get(extra.attribute) if extra.attribute else None
     values: Values = tuple(_canonical(extra.element)) if value is None else ((extra.attribute, _number(value)),)
-    if extra.what == "limit effort" and isinstance(effort := _number(value or ""), float):  # as MuJoCo keeps it
+    if extra.what == "limit effort" and isinstance(effort := _number(value or ""), float):  # as MuJoCo stores it
         values = ("actfrcrange[0]", -effort), ("actfrcrange[1]", effort)
     return Content(kind, extra.what, extra.whose, of, values)
 
 
 def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
-    """Yield the numbers and texts of an element and its children, independent of spacing and order of attributes."""
+    """Yield the numbers and texts of an element and its children, independent of spacing and attribute order."""
     yield "element", element.tag
     for name, value in sorted(element.attrib.items()):
         yield from ((name, _number(word)) for word in value.split())
@@ -163,7 +163,7 @@ def _number(text: str) -> float | str:
 
 
 def _removed_content(source: Source, reading: Reading) -> Iterator[Content]:
-    """Yield what was removed before a library read the file; only MuJoCo would take mass from meshes."""
+    """Yield the content removed before a library read the file; only MuJoCo would take mass from meshes."""
     for each in source.content:
         idle = each.kind == "mass from meshes" and reading.library != "mujoco"
         yield replace(each, kind="put in place") if idle else each
@@ -186,7 +186,7 @@ def dropped_parts(source: Source, reading: Reading) -> list[Content]:
 
 
 def implausible(reading: Reading) -> tuple[str, ...]:
-    """Return sentences on implausible bodies and joints."""
+    """List messages about implausible bodies and joints."""
     return (*of_bodies([*_solids(reading)]), *too_far(_hinges(reading)))
 
 
@@ -223,13 +223,13 @@ def _hinges(reading: Reading) -> Iterator[Hinge]:
 
 
 def _read_here(source: Source) -> Reading:
-    """Reads an SDF or USD."""
+    """Read an SDF or USD file."""
     if source.form == "usd":
         return read_usd(source.path, source.name)
     return read_sdf(source.root, source.name, str(source.path))
 
 
-#: Library -> the formats that it reads, its own first, and how.
+#: Library -> the formats that it reads, its native one first, and its reader.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {
     "pinocchio": (("urdf", "mjcf"), read_pinocchio),
     "mujoco": (("mjcf", "urdf"), read_mujoco),
@@ -242,27 +242,27 @@ def libraries_for(path: Path) -> tuple[str, ...]:
     """List the installed libraries that read a model file, that of its format first.
 
     Raises:
-        ScrewgaugeError: It is no model, or one that is refused before a library sees it.
+        ScrewgaugeError: The file is not a model, or is refused before a library reads it.
     """
     return libraries_of(prepare(path).form)
 
 
 def libraries_of(form: str) -> tuple[str, ...]:
-    """List the installed libraries that read a format, its own first."""
+    """List the installed libraries that read a format, those native to it first."""
     able = [name for name, (forms, _) in LIBRARIES.items() if form in forms and find_spec(name)]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
 
 
 def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, floating: bool = False) -> Reading:
-    """Reads a model file in this process; a library that crashes takes it with it.
+    """Read a model file in this process; a crash of the library also ends the process.
 
     Args:
         library: One of `LIBRARIES`.
         home: Coordinates of hinges and slides at home [rad or m]; those of the file by default.
-        floating: The base of a URDF moves freely.
+        floating: Give a URDF a floating base.
 
     Raises:
-        UnknownNameError: There is no such library.
+        UnknownNameError: The library does not exist.
         ScrewgaugeError: The file cannot be read, by this library or at all.
     """
     if library not in LIBRARIES:
@@ -271,7 +271,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
 
 
 def read_source(source: Source, library: str, *, home: Mapping[str, float] | None = None) -> Reading:
-    """Reads a prepared model file in this process."""
+    """Read a prepared model file in this process."""
     (forms, reader), path = LIBRARIES[library], source.path
     if source.form not in forms:
         raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "choose another library")
@@ -287,10 +287,10 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
 
 
 def _check(reading: Reading, where: str, form: str) -> None:
-    """Refuses what moves nothing, is not finite, or has negative mass.
+    """Refuse a reading without freedoms, with values that are not finite, or with negative mass.
 
     Raises:
-        ModelFileError: So it is.
+        ModelFileError: The reading has one of these defects.
     """
     if not reading.joints:
         remedy = f"give it a joint{', or let its base move freely (--floating of import)' * (form == 'urdf')}"

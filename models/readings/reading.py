@@ -1,8 +1,8 @@
-"""The content of a model file in terms that belong to no format, library or engine.
+"""The content of a model file in a form independent of formats, libraries and engines.
 
-Links that nothing moves against each other are one body, and joints are screws in the world at the home coordinates, so
-that nothing depends on how a format splits bodies, joints and frames. A body's pose is the product of exponentials of
-the joints before it, from the ground outwards, and of its pose at home (Lynch, Park: Modern Robotics, 4.1).
+Rigidly connected links form one body, and joints are screws in the world at the home coordinates; nothing therefore
+depends on how a format splits bodies, joints and frames. A body's pose is the product of exponentials of the joints
+before it, from the ground outwards, and of its home pose (Lynch, Park: Modern Robotics, 4.1).
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyReading(Matter):
-    """A moving body with the links fixed to it; its mass properties are those of the whole, in its own frame.
+    """A moving body with the links fixed to it; its mass properties include these links and are in its own frame.
 
-    A single link, before links are merged into bodies, is one without joints where it is fixed to `near`, which then is
-    a link, or empty for the world.
+    Before links are merged into bodies, it represents a single link: `near` is then a link, or empty for the world, and
+    `joints` is empty if the link is fixed to `near`.
 
     Attributes:
-        near: Body (or ground) on its ground side.
-        joints: Names of the joints between the two, from `near` outwards; one at least.
+        near: Parent body (or ground), on the ground side.
+        joints: Names of the joints between the two, from `near` outwards; at least one.
         pose: World pose at the home coordinates. Shape (4, 4).
-        gravcomp: Share of its weight that something compensates.
-        fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
-        first: Link that the last of the joints carries; empty where that is the one that the body is named after.
-        parts: Name of each further link with mass or inertia that is one with it -> its matter, in the body's frame.
-        copy_of: Body of a description of which this is a share, cut off to open a loop; empty of all others.
+        gravcomp: Share of its weight that is compensated.
+        fixed: Name of each link merged into it -> frame of that link in the body's frame, shape (4, 4).
+        first: Link that the last joint carries; empty if the body is named after that link.
+        parts: Name of each further link with mass or inertia merged into it -> its mass properties, in the body's
+            frame.
+        copy_of: Body of a description of which this is a copy, made to open a loop; empty for all other bodies.
     """
 
     near: str
@@ -61,11 +62,11 @@ class BodyReading(Matter):
         return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
 
 
-#: The library that reads what no other one does.
+#: Library name for files that screwgauge reads itself.
 OWN = "screwgauge"
-#: Limits of a coordinate that has none.
+#: Limits of a coordinate without limits.
 FREE = (-math.inf, math.inf)
-#: A link without mass, fixed to the world.
+#: A massless link fixed to the world.
 BARE = BodyReading(0.0, np.zeros(3), np.zeros((3, 3)), "", (), np.eye(4))
 
 
@@ -75,12 +76,13 @@ class JointReading:
 
     Attributes:
         kind: One of `FREEDOMS`.
-        screw: Of a hinge or slide: unit screw [angular; linear at the world origin] at home, shape (6,); else zeros.
-        centre: A point on a hinge's axis, or where a ball or free joint sits, in the world at home [m]. Shape (3,).
-        home: Coordinate at home, as the file counts it [rad or m]; 0 of a ball or free joint.
-        limits: Lowest and highest coordinate, infinite where free. Shape (2,).
+        screw: Unit screw of a hinge or slide [angular; linear at the world origin] at home, shape (6,); else zeros.
+        centre: A point on a hinge's axis, or the location of a ball or free joint, in the world at home [m]. Shape
+            (3,).
+        home: Coordinate at home, as the file counts it [rad or m]; 0 for a ball or free joint.
+        limits: Lowest and highest coordinate, infinite without limits. Shape (2,).
         armature: [kg m^2 or kg]; damping [N m s/rad or N s/m]; friction [N m or N]; stiffness [N m/rad or N/m] about
-            the coordinate `rest`. Of each freedom alike.
+            the coordinate `rest`. Each applies to all freedoms of the joint.
     """
 
     kind: str
@@ -102,12 +104,12 @@ class JointReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosureReading:
-    """A constraint between two frames that makes their origins (``point``) or the whole frames (``weld``) coincide.
+    """A constraint between two frames that makes their origins (``point``) or whole frames (``weld``) coincide.
 
     Attributes:
-        first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
-        softness: MuJoCo's solref and solimp, seven numbers, and of a weld torquescale; none where it is kept exactly.
-        derived: The file has no second frame: it is where the first one is at home.
+        first, second: Bodies or ground; the constraint's frames in them, shape (4, 4).
+        softness: MuJoCo's solref and solimp, seven numbers, and for a weld torquescale; empty for a hard constraint.
+        derived: The file defines no second frame: it coincides with the first one at home.
     """
 
     kind: str
@@ -124,9 +126,9 @@ class CouplingReading:
     """A coupling: one coordinate is a sum of polynomials of others, as for mimic joints, gears, screws, belts.
 
     Attributes:
-        joint: Name of a hinge or slide.
-        function: Of coordinates of hinges and slides as the file counts them; constant where the joint is held.
-        softness: As that of a `ClosureReading`.
+        joint: Name of the dependent hinge or slide.
+        function: Function of coordinates of hinges and slides as the file counts them; constant if the joint is held.
+        softness: See `ClosureReading`.
     """
 
     joint: str
@@ -134,7 +136,7 @@ class CouplingReading:
     softness: tuple[float, ...] = ()
 
     def solved(self, joint: str) -> CouplingReading:
-        """Return the coupling solved for another of its joints, itself if it is not linear in that joint."""
+        """Solve the coupling for another of its joints; return it unchanged if it is not linear in that joint."""
         if not self.function.is_linear_in(joint):
             return self
         return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
@@ -157,19 +159,20 @@ class Reading:
     """The content of a model file.
 
     Attributes:
-        name: Of the model.
-        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; `OWN` of a description and of formats that are read here.
-        bodies: All bodies that move, each after the one before it.
-        joints: By name.
-        fixed: Links that are one with the ground -> frame in the world, shape (4, 4).
-        closures, couplings: By name.
-        actuators: By name.
-        gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
-        medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
-        content: What the file says beyond that, and what the library does not make anything of.
-        form: ``urdf``, ``mjcf`` or ``sdf``; empty of a description.
-        remarks: How the file was made whole, a sentence each.
-        frames: Joint of the file that is none of `joints`, being fixed, say -> link that it carries.
+        name: Name of the model.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; `OWN` for a description and for formats that screwgauge reads
+            itself.
+        bodies: All moving bodies, each after its parent.
+        joints: Joints by name.
+        fixed: Link merged into the ground -> its frame in the world, shape (4, 4).
+        closures, couplings: Closures and couplings by name.
+        actuators: Actuators by name.
+        gravity: Gravity in world axes [m/s^2], shape (3,); None if the format cannot define it.
+        medium: Density [kg/m^3] and viscosity [Pa s] of the surrounding medium.
+        content: Further content of the file, including what the library ignores.
+        form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``; empty for a description.
+        remarks: Sentences on how incomplete data were completed.
+        frames: Joint of the file that is not in `joints`, for example a fixed one -> link that it carries.
     """
 
     name: str
@@ -193,9 +196,9 @@ class Reading:
         return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
-        """Return the body (or ground) that contains a link, or the link that a joint carries, and its frame there.
+        """Return the body (or ground) that contains a link, or the link that a joint carries, with its frame there.
 
-        None where there is neither.
+        Return None if neither exists.
         """
         return self._place(name) or self._place(self.carried(name))
 
@@ -208,17 +211,17 @@ class Reading:
         return None
 
     def has_link(self, name: str) -> bool:
-        """True if there is a link of that name."""
+        """True if there is a link with that name."""
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:
-        """Return the link that a joint carries; empty if there is no such joint or it is not the last before a link."""
+        """Return the link that a joint carries; empty if there is none or the joint is not the last before it."""
         if joint in self.frames:
             return self.frames[joint]
         return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
 
     def moved_by(self, joint: str) -> str:
-        """Return the body that a joint moves, alone or with others."""
+        """Return the body that a joint moves, alone or with other joints."""
         return next(name for name, body in self.bodies.items() if joint in body.joints)
 
     @property
@@ -260,17 +263,17 @@ def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Convert the couplings of a description to readings, by name."""
-    read = (one for one in couplings if not isinstance(one, Fixing))  # whose joint is none of a reading
+    read = (one for one in couplings if not isinstance(one, Fixing))  # readings lack the joint of a Fixing
     return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 
 def collapse(reading: Reading, keep: Collection[str] = ()) -> Reading:
-    """Remove bodies without mass and inertia that carry one further body and no closure.
+    """Remove bodies without mass and inertia that carry exactly one further body and no closure.
 
-    The joints of such a body come before those of the body that it carries; links fixed to it are gone.
+    The joints of such a body are prepended to those of the body that it carries; links fixed to it are lost.
 
     Args:
-        keep: Bodies that stay all the same.
+        keep: Bodies that stay regardless.
     """
     closed = {name for closure in reading.closures.values() for name in (closure.first, closure.second)}
     carried = Counter(body.near for body in reading.bodies.values())
@@ -295,7 +298,7 @@ def rename(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
     """Rename parts of a reading.
 
     Args:
-        names: ``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators`` -> name -> other name.
+        names: ``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators`` -> name -> new name.
     """
     bodies, joints, closures, couplings, actuators = (
         {**{name: name for name in getattr(reading, kind)}, **names.get(kind, {})}

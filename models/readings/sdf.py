@@ -19,7 +19,7 @@ from screwgauge.models.readings.reading import FREE, BodyReading, JointReading, 
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.rotations import Array
 
-#: Type of a joint -> its freedoms; a screw's second one follows the first.
+#: Type of a joint -> its freedoms; the second freedom of a screw follows the first.
 _KINDS = {
     "fixed": (),
     "revolute": ("hinge",),
@@ -30,35 +30,35 @@ _KINDS = {
     "ball": ("ball",),
     "screw": ("hinge", "slide"),
 }
-#: Density of shapes whose file says none [kg/m^3], gravity of a world that says none.
+#: Default density of shapes [kg/m^3], default gravity of a world.
 _WATER, _GRAVITY = 1000.0, "0 0 -9.8"
-#: What a joint's reading has -> element of its dynamics.
+#: Property of a joint's reading -> element of the joint's dynamics.
 _DYNAMICS = {
     "damping": "damping",
     "friction": "friction",
     "stiffness": "spring_stiffness",
     "rest": "spring_reference",
 }
-#: What tells the lengths of a shape, but for those that have names of their own; cosine of axes of one direction.
+#: Element with all lengths of a shape, for shapes without separate elements; cosine above which axes are parallel.
 _WHOLE, _ALONG = {"box": "size", "ellipsoid": "radii"}, 1.0 - 1e-9
-#: What links state of their inertial -> what is said of them.
+#: Way in which links define mass properties -> message about them.
 _STATED = {
     "shapes": "Mass and inertia of {} are those of their shapes.",
     "nothing": "SDF gives 1 kg and 1 kg m^2 to what states no mass: {}.",
     "mass alone": "SDF gives 1 kg m^2 to what states no moments of inertia: {}.",
 }
-#: Links that a sentence names.
+#: Number of links that a sentence names.
 _NAMED = 6
 
 
 def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
-    """Reads all models of a file, includes put in their place: all links, and joints at their zero in its pose.
+    """Read all models of a file with merged includes: all links, and joints with zero coordinates in the file's pose.
 
     Args:
-        name: Of the reading where no model moves alone.
+        name: Name of the reading if not exactly one model moves.
 
     Raises:
-        ScrewgaugeError: A number, a frame or a kind of joint cannot be read.
+        ScrewgaugeError: A number, frame or kind of joint cannot be read.
     """
     world = root.find("world")
     top = root if world is None else world
@@ -87,26 +87,26 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
     )
     for n, body in reading.bodies.items():
-        if body.gravcomp % 1.0:  # the weight of the rest acts in another centre of mass
+        if body.gravcomp % 1.0:  # the weight of the other links acts at a different centre of mass
             remedy = "give <gravity> to all links that are fixed to each other, or to none"
             raise ModelFileError(f"switches off the weight of a part of body {n}", where, remedy)
     return reading
 
 
 def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
-    """Yield the worlds and models that stand beside the first world."""
+    """Yield the worlds and models beside the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
     return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
 
 
 def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
-    """Yield the axes of ball joints, which have no axis for their numbers."""
+    """Yield the axes of ball joints, to whose values no axis corresponds."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
     return (Content(OTHER, f"axis of ball joint {name}, which has none") for name in balls)
 
 
 def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
-    """Yield sentences on links that do not state their mass properties."""
+    """Yield messages about links without explicit mass properties."""
     stated = dict[str, list[str]]()
     for name, element in links.items():
         inertial = ET.Element("inertial") if (found := element.find("inertial")) is None else found
@@ -117,7 +117,7 @@ def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
 
 
 def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
-    """Return the mass properties and pose of a link; without an inertial SDF gives it 1 kg and 1 kg m^2."""
+    """Return the mass properties and pose of a link; without an inertial, SDF defines 1 kg and 1 kg m^2."""
     element, inertial = frame.element, frame.element.find("inertial")
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
@@ -136,7 +136,7 @@ def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
 
 
 def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frames: Frames) -> Matter:
-    """Return the mass properties of a shape in the frame of its link; none for a plane."""
+    """Return the mass properties of a shape in the frame of its link; `NOTHING` for a plane."""
     shape = next(iter(collision.find("geometry") or ()), ET.Element("missing shape"))
     if shape.tag == "plane":
         return NOTHING
@@ -154,7 +154,7 @@ def _shape(name: str, frame: Frame, collision: ET.Element, density: float, frame
 
 @dataclass(frozen=True, slots=True)
 class _Joint:
-    """A joint of a file."""
+    """A joint of an SDF file."""
 
     full: str
     frame: Frame
@@ -172,12 +172,12 @@ class _Joint:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of its freedoms: its own, or of several numbered ones."""
+        """Names of its freedoms: its own name, or numbered names for several freedoms."""
         count = len(_KINDS.get(self.kind, ()))
         return (self.name,) if count == 1 else tuple(f"{self.name}.{i + 1}" for i in range(count))
 
     def axis(self, i: int) -> ET.Element:
-        """Return the element with the numbers of a freedom; a screw has one axis, for its hinge."""
+        """Return the element with the values of a freedom; a screw has one axis, for its hinge."""
         axis = self.frame.element.find("axis2" if i and self.kind != "screw" else "axis")
         return ET.Element("axis") if axis is None else axis
 
@@ -229,7 +229,7 @@ class _Joint:
                 yield name, most
 
     def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
-        """Yield the coordinates that follow others; of a gearbox, the hinge that follows the other one."""
+        """Yield the coordinates that follow others; for a gearbox, the hinge that follows the other hinge."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
             (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))

@@ -34,11 +34,11 @@ from screwgauge.reference.lint import DEGREES, TURNED, in_degrees
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf", "usd": "usd"}
-#: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
+#: Elements of an unexpanded xacro file; calls of undefined macros remain even after expansion.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
 #: A decimal number.
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-#: Bodies that a sentence names.
+#: Number of bodies that a sentence names.
 _NAMED = 6
 
 
@@ -48,10 +48,10 @@ class Source:
 
     Attributes:
         form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``.
-        root: All of it that a library is to see.
-        content: What was taken out or changed.
-        attached: File of an MJCF that another one attaches, by a name of its own -> what a library is to see of it.
-        resolved: What MuJoCo does with the file before a library reads it, a sentence each.
+        root: Root element, with everything that a library should read.
+        content: Content that was removed or changed.
+        attached: Key of a file that an MJCF attaches -> its root element, as a library should read it.
+        resolved: Sentences on what MuJoCo computed from the file before a library reads it.
     """
 
     path: Path
@@ -73,28 +73,28 @@ class Source:
 
     @property
     def models(self) -> dict[str, str]:
-        """File that the text attaches -> its text."""
+        """Key of an attached file -> its text."""
         return {file: ET.tostring(root, encoding="unicode") for file, root in self.attached.items()}
 
     @property
     def root_link(self) -> str:
-        """Name of the first link of a URDF; empty of an MJCF."""
+        """Name of the root link of a URDF; empty for an MJCF."""
         return root_link(self.root) if self.form == "urdf" else ""
 
     @property
     def mimics(self) -> dict[str, CouplingReading]:
-        """Joints of a URDF that follow another one, by name; a joint that follows a fixed joint is held."""
+        """Couplings of a URDF's mimic joints, by joint; a joint that follows a fixed joint is held."""
         return mimics(self.root, str(self.path)) if self.form == "urdf" else {}
 
     @property
     def fixed_joints(self) -> dict[str, str]:
-        """Fixed joint of a URDF -> the link that it carries; none for an MJCF."""
+        """Fixed joint of a URDF -> the link that it carries; empty for an MJCF."""
         return fixed_joints(self.root) if self.form == "urdf" else {}
 
     def names(self, what: str) -> list[str]:
-        """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made.
+        """List the names of its links, bodies or moving joints; for an MJCF, without elements that are replicated.
 
-        None of a file that is read here, where nothing is dropped.
+        The list is empty for formats that screwgauge reads itself, since nothing is dropped there.
         """
         if self.form in ("sdf", "usd"):
             return []
@@ -106,7 +106,7 @@ class Source:
         return [element.get("name", "") for element in elements]
 
     def joints_of(self, body: str) -> list[str]:
-        """Names of the joints of a body of an MJCF, from the ground outwards."""
+        """List the joints of a body of an MJCF, from the ground outwards."""
         for element in self.root.iter("body"):
             if element.get("name") == body:
                 return [joint.get("name", "") for joint in joints_in(element)]
@@ -114,14 +114,15 @@ class Source:
 
 
 def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Source:
-    """Reads a model file and takes out what a library must not see.
+    """Read a model file and remove everything that a library must not read.
 
     Args:
-        floating: The base of a URDF moves freely.
-        meshes: MuJoCo computes mass and inertia of bodies of an MJCF from their meshes, if these lie in its folder.
+        floating: Give a URDF a floating base.
+        meshes: Let MuJoCo compute mass and inertia of bodies of an MJCF from meshes in its folder.
 
     Raises:
-        ScrewgaugeError: It cannot be read, is no model, or asks for what is not done here; says what to do.
+        ScrewgaugeError: The file cannot be read, is not a model, or requires an unsupported step; the message names a
+            remedy.
     """
     root = elements(stage_of(path)) if is_usd(path) else parse(path)
     if any(element.tag in _OF_XACRO for element in root.iter()):
@@ -144,19 +145,19 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
 
 
 def form_of(path: Path) -> str:
-    """Return the format, from the root element or the ending of a USD; empty for anything else.
+    """Return the format, from the root element or the suffix of a USD; empty for anything else.
 
     Raises:
-        ScrewgaugeError: It cannot be read, or is no XML.
+        ScrewgaugeError: The file cannot be read, or is not XML.
     """
     return "usd" if is_usd(path) else FORMATS.get(parse(path).tag, "")
 
 
 def check_names(root: ET.Element, form: str, where: str) -> None:
-    """Refuses names that two links or two joints share, of which most libraries keep one in silence.
+    """Refuse names shared by two links or two joints, of which most libraries silently keep one.
 
     Raises:
-        ModelFileError: There are such names, or there is no link or body at all, or one without a name.
+        ModelFileError: There are such names, a link or body has no name, or there is none at all.
     """
     kinds: dict[str, tuple[str, ...]] = {"body": ("body",), "joint": ("joint", "freejoint")}
     if form == "urdf":
@@ -179,7 +180,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
     check_numbers(root, str(path))
     content = without_shapes(root)
     if "name" not in root.attrib:
-        root.set("name", path.stem)  # which some readers refuse to do without
+        root.set("name", path.stem)  # some readers refuse a model without a name
         content.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
@@ -187,7 +188,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
 
 
 def _turn_warnings(root: ET.Element) -> Iterator[str]:
-    """Yield sentences on origins of a URDF and poses of an SDF that turn by several turns."""
+    """Yield messages about origins of a URDF and poses of an SDF with angles of several turns."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
             text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])
@@ -234,10 +235,10 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
     """Write copies of an MJCF and the files that it attaches, with the mass and inertia that meshes define.
 
     Args:
-        folder: Where to write it.
+        folder: Folder for the copies.
 
     Returns:
-        The copy; None where no mass comes from meshes.
+        The copy; None if no mass comes from meshes.
 
     Raises:
         ScrewgaugeError: See `prepare`.
@@ -252,7 +253,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         name_all(part.root, taken)
         names += weigh(part.root, part.path, home, own=part.root is root)
         at = path.name if part.root is root else part.path.relative_to(home)
-        for model in part.root.iterfind("asset/model"):  # without links, of which the copy has none
+        for model in part.root.iterfind("asset/model"):  # with symbolic links resolved, since the copy has none
             file = part.models[model.get("name", "")]
             model.set("file", os.path.relpath(file, part.path.resolve().parent))
         copy = folder / at
@@ -262,7 +263,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
 
 
 def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
-    """Names the models that a file attaches by the keys of theirs."""
+    """Refer to the models that a file attaches by their keys."""
     if part.models:
         asset = ET.SubElement(part.root, "asset")
         for name, file in part.models.items():
@@ -305,7 +306,7 @@ def _joints(source: Source, *, by_names: bool) -> tuple[str, ...]:
 
 
 def _bodies(elements: Iterable[ET.Element]) -> Iterator[Branch]:
-    """Yield the bodies directly inside some elements, those in frames included."""
+    """Yield the bodies directly inside the given elements, including those in frames."""
     for child in chain.from_iterable(elements):
         if child.tag == "frame":
             yield from _bodies([child])

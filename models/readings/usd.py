@@ -32,12 +32,12 @@ from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReadin
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array, quaternion_rotation, sequence_angles
 
-#: Gaps and turns that are the rounding of 32 bits [m or rad]; density that a file leaves open [kg/m^3]; gravity.
+#: Gaps and rotations due to rounding to 32 bits [m or rad]; default density [kg/m^3]; default gravity.
 ROUNDING, _WATER, _GRAVITY = 1e-6, 1000.0, 9.81
 _SLIDES, _TURNS = ([f"{kind}{axis}" for axis in AXES] for kind in ("trans", "rot"))
-#: What UsdPhysics has for a vector that is not stated.
+#: Default of UsdPhysics for an unspecified vector.
 _UNSTATED = (-math.inf,) * 3
-#: Type of a joint -> its freedoms in the axes of its frames, in the order in which they follow each other.
+#: Type of a joint -> its freedoms in the axes of its frames, in the order of their application.
 _KINDS = {
     "Revolute": ("rot{}",),
     "Prismatic": ("trans{}",),
@@ -45,7 +45,7 @@ _KINDS = {
     "Fixed": (),
     "": (*_SLIDES, *_TURNS),
 }
-#: What a joint's reading has -> attributes.
+#: Property of a joint's reading -> attributes.
 _PASSIVE = {
     "armature": ("newton:armature", "physxJoint:armature", "mjc:armature"),
     "damping": ("newton:damping", "mjc:damping"),
@@ -53,19 +53,19 @@ _PASSIVE = {
     "stiffness": ("mjc:stiffness",),
 }
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
-#: Shapes of which mass may come -> as `uniform` calls them.
+#: Shapes that can define mass -> their names in `uniform`.
 _SHAPES = {name: name for name in ("cylinder", "capsule", "cone", "mesh")} | {"cube": "box", "sphere": "ellipsoid"}
-#: Where MuJoCo's schema says that a shape is a shell.
+#: Attribute of MuJoCo's schema that makes a shape a shell.
 _SHELL = "mjc:shellinertia"
-#: How far a rotation may be from one; units between this and its inverse [m, kg].
+#: Tolerance for the orthonormality of a rotation; bound on units and their inverses [m, kg].
 _SQUARE, _LARGEST = 1e-4, 1e9
 
 
 def read_usd(path: Path, name: str) -> Reading:
-    """Reads all rigid bodies of a stage, and the joints between them; coordinates at home are those of its poses.
+    """Read all rigid bodies of a stage, and the joints between them; home is the pose of the stage.
 
     Raises:
-        ScrewgaugeError: The stage cannot be read, or holds what no reading does.
+        ScrewgaugeError: The stage cannot be read, or contains something that a reading cannot represent.
     """
     from pxr import Usd, UsdGeom, UsdPhysics
 
@@ -103,7 +103,7 @@ def read_usd(path: Path, name: str) -> Reading:
 
 
 def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, ActuatorReading]:
-    """Return the actuators of Newton and MuJoCo that drive a single freedom. joints: by their paths."""
+    """Return the actuators of Newton and MuJoCo that drive a single freedom. joints: keyed by their paths."""
     driven = dict[Any, Any]()
     for prim in prims:
         for relationship in ("newton:targets", "mjc:target"):
@@ -114,7 +114,7 @@ def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, 
 
 
 def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
-    """Yield sentences on joints whose two frames do not coincide."""
+    """Yield messages about joints whose two frames do not coincide."""
     small = {name: gap for name, gap in gaps.items() if 0.0 < gap <= ROUNDING}
     if (most := max(small.values(), default=0.0)) > ROUNDING**2:
         yield f"Frames of {first_few(small, 3)} are up to {most:.1g} m or rad apart on their bodies: they are closed."
@@ -136,7 +136,7 @@ class _Stage:
     content: list[Content] = field(default_factory=list)
 
     def joint(self, prim: Any, name: str) -> _Joint | None:
-        """Return a joint that constrains something; None for others."""
+        """Return a joint with constraints; None for a joint that constrains nothing."""
         kind = str(prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
         off = not value(prim, "physics:jointEnabled", True)
         if off or kind == "Distance":
@@ -165,7 +165,7 @@ class _Stage:
         return bounds(low, high)
 
     def scaled(self, token: str, x: float) -> float:
-        """Convert a coordinate to SI."""
+        """Convert a coordinate to SI units."""
         return math.radians(x) if token in _TURNS else self.unit * x
 
     def placed(self, prim: Any) -> tuple[Array, Array]:
@@ -179,13 +179,13 @@ class _Stage:
         return matrix(self.unit * M[:3, 3], R), scale
 
     def body_of(self, prim: Any) -> str:
-        """Return the body that contains a prim; `WORLD` if it does not move."""
+        """Return the body that contains a prim; `WORLD` if the prim does not move."""
         while prim and not prim.IsPseudoRoot() and prim.GetPath() not in self.bodies:
             prim = prim.GetParent()
         return self.bodies.get(prim.GetPath(), WORLD) if prim else WORLD
 
     def side(self, joint: Any, k: int) -> tuple[str, Array]:
-        """Return the body on one side of a joint, and the joint's frame there in the world. Shape (4, 4)."""
+        """Return the body on one side of a joint, and the joint's frame on that side in the world. Shape (4, 4)."""
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not (prim and prim.IsActive()):
@@ -205,7 +205,7 @@ class _Stage:
             inside = (each for each in prims(prim) if self.body_of(each) == name)
             shapes = [each for each in inside if value(each, "physics:collisionEnabled")]
             whole = join(self.shape(each, T, name, density) for each in shapes)
-            if not whole.mass:  # what OpenUSD takes then
+            if not whole.mass:  # OpenUSD's default in this case
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
                 what = f"mass or inertia of body {name}, which states none: of a ball of {r:g} m, 1 kg unless stated"
@@ -216,7 +216,7 @@ class _Stage:
         return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
-        """Return the mass properties of a body or collider: stated values, completed from its shapes."""
+        """Return the mass properties of a body or collider: specified values, completed from its shapes."""
         mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
         moments = numbers(prim, "physics:diagonalInertia", default=(0.0,) * 3)
@@ -229,7 +229,7 @@ class _Stage:
         return Matter(mass or shapes.mass, self.unit * scale * com if np.isfinite(com).all() else shapes.com, inertia)
 
     def shape(self, prim: Any, body: Array, name: str, density: float) -> Matter:
-        """Return the mass properties of a collider in the frame of its body. body: pose of the body, shape (4, 4)."""
+        """Compute the mass properties of a collider in the frame of its body. body: pose of the body, shape (4, 4)."""
         from pxr import UsdGeom, UsdShade
 
         if not prim.IsA(UsdGeom.Gprim):
@@ -238,7 +238,7 @@ class _Stage:
         kind = "shell" if hollow else str(prim.GetTypeName()).lower()
         size = self.unit * np.abs(scale)
         axis = AXES.index(axis_of(prim, "axis", "Z"))
-        turn = np.roll(np.eye(3), axis + 1, axis=0)  # z of the shape becomes its axis
+        turn = np.roll(np.eye(3), axis + 1, axis=0)  # maps z of the shape to its axis
         across, along = float(np.delete(size, axis).max()), float(size[axis])
         if kind not in _SHAPES:
             what = f"mass of body {name} would come from a {kind or 'shape'}, which is not computed"
@@ -258,7 +258,7 @@ class _Stage:
         return displace(self.stated(prim, scale, displace(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
-        """Return the gravity of a stage; None without a scene if z is up, as is usual. Shape (3,)."""
+        """Return the gravity of a stage; None without a scene if the z axis points up. Shape (3,)."""
         from pxr import UsdGeom
 
         axis = str(UsdGeom.GetStageUpAxis(self.stage))
@@ -275,7 +275,7 @@ class _Stage:
 
 
 def _turn(q: Array) -> Array:
-    """Return the rotation by a quaternion (w, x, y, z); the identity for a zero quaternion. Shape (3, 3)."""
+    """Compute the rotation of a quaternion (w, x, y, z); the identity for a zero quaternion. Shape (3, 3)."""
     return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else np.eye(3)
 
 
@@ -285,7 +285,7 @@ class _Joint:
 
     Attributes:
         kind: One of `_KINDS`.
-        limits: Token of each freedom that it leaves -> limits [rad or m], in the order in which they follow each other.
+        limits: Token of each remaining freedom -> limits [rad or m], in the order of their application.
     """
 
     prim: Any
@@ -296,18 +296,18 @@ class _Joint:
 
     @property
     def is_ball(self) -> bool:
-        """True if the joint rotates about all axes and does not translate."""
+        """True if the joint rotates freely about all axes and does not translate."""
         return [*self.limits] == _TURNS and {*self.limits.values()} == {FREE}
 
     @property
     def coordinates(self) -> dict[str, str]:
-        """Token of each freedom -> its name; a ball has one."""
+        """Token of each freedom -> its name; a ball has one entry."""
         several = len(self.limits) > 1 and not self.is_ball
         names = {token: f"{self.name}.{token}" if several else self.name for token in self.limits}
         return {_TURNS[0]: self.name} if self.is_ball else names
 
     def placed(self) -> tuple[GraphJoint, float]:
-        """Return the joint between its bodies, and the distance of its two frames [m or rad]."""
+        """Return the joint as an edge between its bodies, and the gap between its two frames [m or rad]."""
         (parent, X), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
         home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
         for token, name in self.coordinates.items():
@@ -324,7 +324,7 @@ class _Joint:
         return GraphJoint(parent, child, freedoms, X @ np.linalg.inv(F), loop), gap
 
     def home(self, T: Array) -> dict[str, float]:
-        """Return the coordinates by which one frame stands in the other. T: shape (4, 4)."""
+        """Compute the joint coordinates from the pose of the second frame in the first. T: shape (4, 4)."""
         turning = [_TURNS.index(token) for token in self.limits if token in _TURNS]
         order = [*turning, *(i for i in range(3) if i not in turning)]
         P = np.eye(3)[order]
@@ -334,7 +334,7 @@ class _Joint:
         return named | dict(zip(_SLIDES, T[:3, 3].tolist(), strict=True))
 
     def passive(self, token: str) -> dict[str, float]:
-        """Return the passive properties of a freedom, in SI and per radian."""
+        """Return the passive properties of a freedom, in SI units and per radian."""
         turns, unit = token in _TURNS, self.stage.unit
         size = self.stage.kilo * unit ** (2 if turns else 0)
         found = {what: size * number(self.prim, *names) for what, names in _PASSIVE.items()}
@@ -362,13 +362,13 @@ class _Joint:
                 yield force_limits(name, self.stage.kilo * per * most)
 
     def target(self, relationship: str) -> Any:
-        """Return the path that a relationship names; None if it names nothing."""
+        """Return the path of a relationship's first target; None if it has none."""
         return next(iter(self.prim.GetRelationship(relationship).GetForwardedTargets()), None)
 
     def laws(self) -> Iterator[tuple[Any, str, str, float, float, bool]]:
         """Yield mimic laws: leading joint, own freedom, its freedom, constant, slope, whether they count degrees.
 
-        Those of PhysX count only if there is none of Newton's.
+        PhysX laws are used only if there is no Newton law.
         """
         read = partial(number, self.prim)
         if (to := self.target("newton:mimicJoint")) and value(self.prim, "newton:mimicEnabled", True):
@@ -382,7 +382,7 @@ class _Joint:
             yield self.target(f"{of}:referenceJoint"), token, axis, constant, slope, True
 
     def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
-        """Yield the coordinates that follow others. joints: by their paths."""
+        """Yield the coordinates that follow others. joints: keyed by their paths."""
         for path, token, axis, constant, slope, degrees in self.laws():
             leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
