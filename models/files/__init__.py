@@ -1,1 +1,1 @@
-"""Reads the text of model files and edits it, one module for each format."""
+"""Reads and edits the text of model files, with one module per format."""

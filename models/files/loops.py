@@ -1,4 +1,4 @@
-"""Loops files, which close the loops of a URDF: writes them, reads them, applies them to a reading."""
+"""Loops files, which close the loops of a URDF: writes and reads them, and applies them to a reading."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from screwgauge.reference.resistance import RESISTS, rotors_of
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, read_toml, required
 
-#: How the name of a loops file of our own ends.
+#: Suffix of loops files in screwgauge's own format.
 OWN = ".loops.toml"
 _TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "couplings", "closures")
 _SIDES = ("parent", "child")
-#: Type of a closure -> what it names on each side, and how many.
+#: Type of a closure -> the entries that locate it on each side, and their number.
 _CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 1)}
 
 
@@ -38,12 +38,12 @@ class LoopsFile:
     Attributes:
         mechanism: Name of the mechanism.
         cut: ``minimal`` or ``full``.
-        bodies: Bodies of the description, ground and copies not among them.
+        bodies: Bodies of the description, without ground and copies.
         tree: Coordinates of the tree, in tree order.
         joints: All joints of the description, cut ones included.
         independent: Label -> coordinate.
-        axial: Joint and direction (child axes, shape (3,)) of the rule ``spherical_axial``.
-        couplings: Tree coordinates that are polynomials of others.
+        axial: Joint and direction (in child axes, shape (3,)) of the rule ``spherical_axial``.
+        couplings: Tree coordinates that are polynomials of other coordinates.
     """
 
     mechanism: str
@@ -58,12 +58,12 @@ class LoopsFile:
 
     @property
     def home(self) -> dict[str, float]:
-        """Coordinates of all joints at home [rad or m]."""
+        """Coordinates of all joints in the home pose [rad or m]."""
         return {name: float(q) for joint in self.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
-    """Return the loops file of a cut mechanism."""
+    """Build the loops file of a cut mechanism."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
     named = mechanism.independent, mechanism.axial, mechanism.couplings
@@ -71,7 +71,7 @@ def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
 
 
 def write_loops(mechanism: Mechanism, cut: str) -> str:
-    """Return the text (TOML) of the loops file of a cut mechanism."""
+    """Write the loops file of a cut mechanism as TOML."""
     file = loops_of(mechanism, cut)
     head = {"mechanism": file.mechanism, "cut": file.cut, "bodies": file.bodies, "tree": file.tree}
     top = ["# What the URDF beside this file cannot say; written by screwgauge models.", *lines(head)]
@@ -99,10 +99,10 @@ def _closure_entries(closure: Closure) -> dict[str, Any]:
 
 
 def read_loops(path: Path) -> LoopsFile:
-    """Reads a loops file.
+    """Read a loops file.
 
     Raises:
-        ModelFileError: It cannot be read, or an entry is missing, unknown or wrong.
+        ModelFileError: The file cannot be read, or an entry is missing, unknown or wrong.
     """
     where = str(path)
     try:
@@ -197,7 +197,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
 
 
 def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
-    """Convert closures to readings, named like the constraints of our MJCF; a pair of points gives two."""
+    """Convert closures to readings, named like the constraints of the written MJCF; a pair of points gives two."""
     found = {}
     for closure in closures:
         kind = "weld" if closure.type == "weld" else "point"
@@ -209,7 +209,7 @@ def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
 
 
 def with_loops_file(reading: Reading, path: Path) -> Reading:
-    """Return a reading with the closures, couplings and motors of a loops file."""
+    """Add the closures, couplings and motors of a loops file to a reading."""
     file, closures = read_loops(path), {}
     for name, one in closure_readings(file.closures).items():
         first, T1 = place_in(reading, one.first, path)
@@ -224,7 +224,7 @@ def with_loops_file(reading: Reading, path: Path) -> Reading:
 
 
 def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    """Return the body of a link, or of the link that a joint carries, and the frame of that link in it."""
+    """Return the body that contains a link, or the link that a joint carries, and the link's frame in that body."""
     place = reading.place(name)
     if place is None:
         links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]
@@ -235,7 +235,7 @@ def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
 
 
 def motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, ActuatorReading]:
-    """Return an actuator for each hinge or slide that is driven. `driven`: actuator -> joint."""
+    """Build an actuator for each driven hinge or slide. `driven`: actuator -> joint."""
     for name in driven.values():
         single = [joint for joint, each in reading.joints.items() if each.kind in ("hinge", "slide")]
         if name not in single:

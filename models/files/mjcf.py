@@ -1,4 +1,4 @@
-"""Reads the text of an MJCF body by body, in its own numbers, and edits it."""
+"""Reads the text of an MJCF body by body, in the file's own units, and edits it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 
-#: What a joint's reading has -> attribute.
+#: Property of a joint's reading -> attribute.
 JOINT = {
     "home": "ref",
     "limits": "range",
@@ -26,16 +26,16 @@ JOINT = {
     "stiffness": "stiffness",
     "rest": "springref",
 }
-#: Attribute -> its part of a constraint's softness.
+#: Attribute -> its slice of a constraint's softness.
 SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
-#: Settings of the compiler that change mass properties after they were read.
+#: Compiler settings that change mass properties after reading them.
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
 _AXES = np.eye(3)
-#: Ways to write an orientation; one at a time may be there.
+#: Attributes that define an orientation; an element may have only one of them.
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
-#: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
+#: Sections whose elements refer to bodies, joints or their content, and would dangle once these are removed.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
 
 
@@ -65,7 +65,7 @@ def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
 
 
 def _joints(body: str, element: Element) -> dict[str, Element]:
-    """Return the joints of a body by name; unnamed ones get the names of `files.parts`."""
+    """Return the joints of a body by name; unnamed joints get the names that `files.parts` assigns."""
     moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
     return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
 
@@ -81,7 +81,7 @@ def compilers(xml: XmlText) -> dict[str, str]:
 
 
 def pose(element: Element, compiler: Mapping[str, str]) -> Array:
-    """Return the placement by the attributes of an element of an MJCF. Shape (4, 4)."""
+    """Return the placement that the attributes of an MJCF element define. Shape (4, 4)."""
     return matrix(numbers(element.get("pos")), _rotation(element.attributes, compiler))
 
 
@@ -97,7 +97,7 @@ def _rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
         R = np.eye(3)
         for letter, angle in zip(compiler.get("eulerseq", "xyz"), numbers(given["euler"]) * unit, strict=True):
             turn = rotation(_AXES["xyz".index(letter.lower())], angle)
-            R = R @ turn if letter.islower() else turn @ R  # capitals: about axes that stay
+            R = R @ turn if letter.islower() else turn @ R  # capitals: about fixed axes
         return R
     if "xyaxes" in given:
         x, y = numbers(given["xyaxes"]).reshape(2, 3)
@@ -129,7 +129,7 @@ def _matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, 
 
 
 def place(xml: XmlText, link: TextLink, T: Array) -> None:
-    """Gives a body another placement on the one before it."""
+    """Set the placement of a body relative to its parent."""
     new = relative(link.base, T)
     old = pose(link.element, compilers(xml))
     if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
@@ -139,21 +139,21 @@ def place(xml: XmlText, link: TextLink, T: Array) -> None:
 
 
 def orient(xml: XmlText, element: Element, R: Array) -> None:
-    """Gives an element another orientation, as a quaternion, whichever way it was written."""
+    """Set the orientation of an element as a quaternion, in whatever form it was written."""
     xml.set(element, **dict.fromkeys(name for name in ORIENTATIONS if name in element.attributes))
     xml.set(element, quat=vector_text(quaternion(R)))
 
 
 def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
-    """Gives a joint another axis, through another point, in the frame of its body."""
+    """Set the axis of a joint and a point on it, in the frame of its body."""
     xml.set(joint, axis=vector_text(axis), pos=vector_text(point))
 
 
 def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
-    """Gives a body other mass properties; only what differs is written.
+    """Set the mass properties of a body, writing only those that differ.
 
     Args:
-        plain: All of them, the tensor in the axes of the body.
+        plain: Write all of them, with the tensor in the axes of the body.
     """
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
     mass, pos = number_text(matter.mass), vector_text(matter.com)
@@ -177,7 +177,7 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
 
 
 def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
-    """Writes a tensor in the axes of the body, however MuJoCo takes it; beside a full one it admits no orientation.
+    """Write a tensor in the axes of the body, in any form MuJoCo accepts; a full tensor excludes an orientation.
 
     Args:
         J: Shape (3, 3).
@@ -191,7 +191,7 @@ def check_matter(xml: XmlText) -> None:
     """Refuse an MJCF whose compiler changes written mass properties.
 
     Raises:
-        UnpatchableError: They are not.
+        UnpatchableError: The mass properties in use are not those written.
     """
     settings = compilers(xml)
     if settings.get("inertiafromgeom") == "true":
@@ -202,7 +202,7 @@ def check_matter(xml: XmlText) -> None:
 
 
 def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
-    """Gives a joint another property; angles as the file counts them."""
+    """Set a property of a joint, converting angles to the file's unit."""
     turns = joint.get("type") != "slide"
     unit = 180.0 / np.pi if turns and compilers(xml).get("angle") != "radian" and what in _ANGLES else 1.0
     if what != "limits":
@@ -219,7 +219,7 @@ def tell_body(xml: XmlText, body: Element, gravcomp: float) -> None:
 
 
 def tell_model(xml: XmlText, **settings: ArrayLike) -> None:
-    """Gives the model another gravity, density or viscosity."""
+    """Set the gravity, density or viscosity of the model."""
     texts = {name: vector_text(value) for name, value in settings.items()}
     option = [element for element in xml.root.children if element.tag == "option"][-1:]
     if option:
@@ -229,7 +229,7 @@ def tell_model(xml: XmlText, **settings: ArrayLike) -> None:
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
-    """Gives coupled joints another function."""
+    """Set the function that couples joints."""
     function = coupling.function
     for equality in (each for part in xml.root.iter("equality") for each in part.children):
         if equality.tag == "joint" and equality.get("joint1") == coupling.joint and len(function.terms) < 2:
@@ -246,7 +246,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 
 def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
-    """Return joint -> its element in the fixed tendon that an equality holds constant; empty for other equalities."""
+    """Return joint -> its element in the fixed tendon that an equality keeps constant; empty for other equalities."""
     if equality.tag != "tendon" or equality.get("tendon2"):
         return {}
     tendons = (each for part in xml.root.iter("tendon") for each in part.children if each.tag == "fixed")
@@ -255,21 +255,21 @@ def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
 
 
 def drive(xml: XmlText, name: str, gear: float) -> None:
-    """Gives an actuator another gear ratio."""
+    """Set the gear ratio of an actuator."""
     xml.set(_entry(xml, "actuator", name), gear=number_text(gear))
 
 
 def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
-    """Gives a constraint another softness."""
+    """Set the softness of a constraint."""
     values = {word: vector_text(part) for word, place in SOFTNESS.items() if (part := np.array(softness[place])).size}
     xml.set(_entry(xml, "equality", name), **values)
 
 
 def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]) -> None:
-    """Gives a closure other frames.
+    """Set the frames of a closure.
 
     Args:
-        ends: Of every closure, the two frames in the world. Shape (4, 4) each.
+        ends: Closure -> its two frames in the world. Shape (4, 4) each.
         frames: Body -> its frame in the world. Shape (4, 4).
     """
     entry = _entry(xml, "equality", name)
@@ -290,14 +290,14 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
 
 
 def _differ(one: Array, other: Array, tag: str) -> bool:
-    """True if two frames differ; of a connect, if their origins differ."""
+    """True if two frames differ; for a connect, if their origins differ."""
     return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
 
 def _put_site(
     xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
 ) -> None:
-    """Places a site in the world, if nothing uses it but closures that want it there."""
+    """Move a site to a pose in the world if only closures that require this pose use it."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
     if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
         raise UnpatchableError(f"site '{name}' does not stand in a body of the file itself, or not by its pos")
@@ -312,7 +312,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Return actuators or constraints by name; unnamed ones are named by position (`files.parts`) in a single file."""
+    """Return actuators or constraints by name; in a single file, unnamed ones are numbered as in `files.parts`."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)
@@ -326,7 +326,7 @@ def _entry(xml: XmlText, section: str, name: str) -> Element:
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Keep the default class of a body whose parent is removed, since the body stays in its place."""
+    """Keep the default class of a body whose parent is removed; the body itself stays in the same place in the text."""
     element, above = link.element, link.element.parent
     while above is not None and above is not near.element and not element.get("childclass"):
         if above.get("childclass"):
@@ -336,7 +336,7 @@ def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
 
 
 def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Takes bodies out with all that is in them."""
+    """Remove bodies with everything in them."""
     names = set()
     for link in gone:
         xml.replace(link.element)
@@ -345,7 +345,7 @@ def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
 
 
 def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Takes bodies out, but not the bodies in them."""
+    """Remove bodies but keep their child bodies."""
     names = set()
     for link in gone:
         xml.unwrap(link.element)
@@ -362,13 +362,13 @@ def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
 
 
 def _names(elements: Iterable[Element]) -> set[str]:
-    """Names that others may refer to."""
+    """Return the names of elements that other elements may refer to."""
     kinds = ("body", "joint", "freejoint", "geom", "site", "camera")
     return {element.get("name") for element in elements if element.tag in kinds} - {""}
 
 
 def _forget(xml: XmlText, names: set[str]) -> None:
-    """Takes out all that refers to some names, and all that refers to that."""
+    """Remove all elements that refer to the given names, and in turn all that refer to removed elements."""
     parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
     while lost := [part for room, part in parts if room.tag == "keyframe" or names & _references(part)]:
         parts = [(room, part) for room, part in parts if part not in lost]
@@ -378,7 +378,7 @@ def _forget(xml: XmlText, names: set[str]) -> None:
 
 
 def _references(part: Element) -> set[str]:
-    """Names in an element but its own."""
+    """Return the names that an element and its children contain, without its own."""
     return set().union(*map(_values, (part, *part.children)))
 
 

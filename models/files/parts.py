@@ -1,4 +1,4 @@
-"""Merges the files that an MJCF includes, finds those that it attaches, and names unnamed elements."""
+"""Merges the files that an MJCF includes, finds the files that it attaches, and names unnamed elements."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from screwgauge.models.files.xml import parse
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count
 
-#: What a constraint or actuator without a name is called by.
+#: Pattern of the names given to unnamed constraints and actuators.
 NUMBERED = re.compile(r"[a-z]+_\d+_*")
 
 
 def name_all(root: ET.Element, taken: set[str | None]) -> None:
-    """Names bodies, joints, equality constraints and actuators: ``body_2``, ``arm_joint``, ``connect_1``.
+    """Assign names to unnamed bodies, joints, constraints and actuators, such as ``body_2``, ``connect_1``.
 
     Args:
-        taken: Names that are not given; those that are given are added.
+        taken: Names already in use; the assigned names are added to it.
     """
 
     def name(element: ET.Element, wanted: str) -> None:
@@ -46,7 +46,7 @@ def name_all(root: ET.Element, taken: set[str | None]) -> None:
 
 
 def joints_in(body: ET.Element) -> list[ET.Element]:
-    """List the joints of a body, those in frames included, in their order."""
+    """List the joints of a body in file order, including those in frames."""
     joints, waiting = list[ET.Element](), [*body]
     while waiting:
         element = waiting.pop(0)
@@ -57,7 +57,7 @@ def joints_in(body: ET.Element) -> list[ET.Element]:
     return joints
 
 
-#: What makes bodies of an MJCF without naming them.
+#: Elements that generate bodies of an MJCF without naming them.
 MAKERS = ("replicate", "composite", "flexcomp")
 
 
@@ -72,7 +72,7 @@ class Part:
     """A file with its includes merged.
 
     Attributes:
-        models: Name by which it attaches another file, empty for that which the other one gives itself -> its path.
+        models: Name under which it attaches another file (empty if that file defines the name) -> path of that file.
         included: Names of included files.
     """
 
@@ -83,14 +83,14 @@ class Part:
 
 
 def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part]:
-    """List the file and all files that it attaches, each once and after those that it attaches itself.
+    """List a file and all files that it attaches, each once and after the files that it attaches itself.
 
     Args:
-        root: Of the file.
-        folder: In which all files have to lie; by default that of the file.
+        root: Root element of the file.
+        folder: The folder that must contain all files; by default that of the file.
 
     Raises:
-        ScrewgaugeError: A file lies outside the folder, cannot be read, is no MJCF, or includes or attaches itself.
+        ScrewgaugeError: A file lies outside the folder, cannot be read, is not an MJCF, or includes or attaches itself.
     """
     collected: dict[Path, Part] = {}
     _collect(root, path, folder or path.parent.resolve(), (), collected)
@@ -99,11 +99,11 @@ def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part
 
 
 def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...], collected: dict[Path, Part]) -> None:
-    """Adds a file after those that it attaches.
+    """Append a file after the files that it attaches.
 
     Args:
-        folder: In which all files are.
-        above: Files that attach this one.
+        folder: The folder that must contain all files.
+        above: Chain of files that attach this one.
     """
     part = Part(path, root, included=_include(root, path, folder))
     above = (*above, path.resolve())
@@ -123,7 +123,7 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
 
 
 def _check_size(collected: Mapping[Path, Part]) -> None:
-    """Refuses files that attach each other so often that there would be too many bodies, or too much of anything."""
+    """Refuse files that attach each other so often that the model would have too many bodies or other elements."""
     bodies = dict[Path, float]()
     for path, part in collected.items():
         names = {name or collected[file].root.get("model", ""): file for name, file in part.models.items()}
@@ -132,13 +132,13 @@ def _check_size(collected: Mapping[Path, Part]) -> None:
 
 
 def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = MappingProxyType({})) -> float:
-    """Count the bodies that MuJoCo makes of an MJCF, and refuse too many of them or of any copies.
+    """Count the bodies that MuJoCo generates from an MJCF, and refuse too many bodies or copies.
 
     Args:
-        attached: Model that the file attaches -> bodies that MuJoCo makes of that.
+        attached: Name of an attached model -> number of bodies that MuJoCo generates from it.
 
     Raises:
-        DescriptionError: There would be too many.
+        DescriptionError: There are too many.
     """
     bodies = copies = 0.0
     waiting = [(root, 1.0)]
@@ -158,20 +158,20 @@ def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = 
 
 
 def check_made(path: Path) -> None:
-    """Refuse an MJCF of which MuJoCo makes too much, with what it includes and attaches, wherever that lies.
+    """Refuse an MJCF from which MuJoCo would generate too much, counting what it includes and attaches anywhere.
 
     Raises:
-        ScrewgaugeError: It is one, or cannot be read.
+        ScrewgaugeError: The MJCF is too large, or cannot be read.
     """
     for part in parts(parse(path), path, Path("/")):
         _check_sizes(part.root, str(part.path))
 
 
 def _check_sizes(root: ET.Element, where: str) -> None:
-    """Refuse an MJCF that reserves very many numbers for each of its parts.
+    """Refuse an MJCF that reserves too many numbers for each of its elements.
 
     Raises:
-        DescriptionError: There would be too many.
+        DescriptionError: There are too many.
     """
     for key, value in (item for size in root.iter("size") for item in size.items()):
         if (key.startswith("nuser") or key == "nkey") and value.isdecimal():
@@ -179,14 +179,14 @@ def _check_sizes(root: ET.Element, where: str) -> None:
 
 
 def _count(maker: ET.Element) -> float:
-    """Return an upper bound of the copies of an element's content; MuJoCo itself refuses what is not a number."""
+    """Return an upper bound on the copies of an element's content; MuJoCo itself refuses non-numeric counts."""
     words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
     counts = [max(float(word), 1.0) for word in words if word.isdecimal()]
     return max(math.prod(counts), len(maker.get("point", "").split()) / 3)
 
 
 def _include(root: ET.Element, path: Path, folder: Path) -> list[str]:
-    """Puts the elements of included files in the place of ``<include>``, as MuJoCo does; returns their names."""
+    """Replace each ``<include>`` with the elements of the included file, as MuJoCo does; return their names."""
     waiting, seen = [root], list[str]()
     while waiting:
         element = waiting.pop()
@@ -210,10 +210,10 @@ _ALLOWED: ContextVar[tuple[Path, ...]] = ContextVar("_ALLOWED", default=())
 
 @contextmanager
 def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Allow a model to name these files, or files in these folders, wherever they lie, inside the block.
+    """Allow a model, inside the block, to refer to these files, or to files in these folders, wherever they lie.
 
     Args:
-        names: Their ways from a folder; what has no ``/`` is none.
+        names: Paths relative to the folder; a name without ``/`` is not a path and is ignored.
     """
     token = _ALLOWED.set(tuple((folder / name).resolve() for name in names if "/" in name))
     try:
@@ -223,17 +223,17 @@ def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
 
 
 def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
-    """Return the resolved path of a file that another file names.
+    """Resolve the path of a file that another file names.
 
     Args:
-        verb: What the other one does with it.
+        verb: How the naming file uses it.
 
     Raises:
-        ModelFileError: There can be no such file, or it lies outside `folder`.
+        ModelFileError: No such file can exist, or it lies outside `folder`.
     """
     try:
         file = (path.parent / name).resolve()
-    except (OSError, RuntimeError, ValueError):  # too long, links in a circle
+    except (OSError, RuntimeError, ValueError):  # path too long, or symbolic links in a circle
         file = Path()
     if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
         what = f"{verb} '{name}', which lies outside its folder"

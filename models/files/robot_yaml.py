@@ -1,4 +1,4 @@
-"""Reads untrusted YAML, and the ``robot.yaml`` that closes the loops of a URDF for parallel robots."""
+"""Reads untrusted YAML, and the ``robot.yaml`` files that close the loops of URDFs of parallel robots."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     import yaml
 
-#: Type of a closure in a ``robot.yaml`` -> kind.
+#: Type of a closure in a ``robot.yaml`` -> kind of `ClosureReading`.
 _KINDS = {"3d": "point", "6d": "weld"}
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 
 
 def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ...]]]:
-    """Return kind, as `ClosureReading` has it, and two names of links or joints of each closed loop."""
+    """Return the kind of each closed loop, as in `ClosureReading`, and the names of two links or joints."""
     loops = data.get("closed_loop") or []
     if not isinstance(loops, list):
         raise ModelFileError(
@@ -49,7 +49,7 @@ def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ..
 
 
 def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
-    """Return joint -> its type in place of that of the URDF, in capitals."""
+    """Return joint -> the type that replaces the URDF's, in capitals."""
     joints = _texts(data.get("joint_name"), f"{where}, joint_name")
     turned = _texts(data.get("joint_type"), f"{where}, joint_type")
     if len(joints) != len(turned):
@@ -61,7 +61,7 @@ def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
-    """Return a list of texts; an empty one if there is no entry."""
+    """Check that an entry is a list of texts and return it; empty if the entry is missing."""
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
@@ -73,7 +73,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
     """Add the closures, motors and spherical joints of a ``robot.yaml`` to a reading.
 
     Raises:
-        ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
+        ScrewgaugeError: The file cannot be read, or an entry is missing or wrong.
     """
     where, data = str(path), read_yaml(path, _KEYS[:3])
     loops, types, driven = _loops(data, where), _types(data, where), data.get("name_mot")
@@ -82,7 +82,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
     for i, (kind, pair) in enumerate(loops, 1):
         (first, T1), (second, T2) = (_frame(reading, name, path) for name in pair)
         closures[f"loop{i}"] = ClosureReading(kind, first, T1, second, T2)
-    if isinstance(driven, str):  # a part of the names of all
+    if isinstance(driven, str):  # a substring of the names of all driven joints
         names = tuple(name for name in reading.joints if driven in name)
     actuators = motors(reading, {name: name for name in names}, path)
     left = (Content("entries of loops files", f"entry {key} of {path.name}") for key in data if key not in _KEYS)
@@ -90,7 +90,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
 
 
 def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    """Return the place of a link, or of the link that a joint carries."""
+    """Return the body and frame of a link, or of the link that a joint carries."""
     link = reading.carried(name)
     if link not in ("", name) and reading.has_link(name):
         what = f"'{name}' is a link, and a joint of that name carries link '{link}'"
@@ -98,7 +98,7 @@ def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     return place_in(reading, name, path)
 
 
-#: Scalars without quotes that are no text, as JSON has them; ``~`` and nothing are null, too.
+#: Unquoted scalars that are not text, as in JSON; ``~`` and an empty scalar are null, too.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _NUMBER = re.compile(r"[-+]?(\d{1,18}|\d{1,18}\.\d{0,18}([eE][-+]?\d{1,3})?)")
 
@@ -107,16 +107,16 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
     """Read the entries of a YAML file.
 
     Args:
-        keys: What to write if there are none.
+        keys: The entries to suggest if there are none.
 
     Raises:
-        ScrewgaugeError: It cannot be read, is no mapping of names, or holds what is not read: see above.
+        ScrewgaugeError: The file cannot be read, is not a mapping of names, or contains unsupported YAML (see above).
     """
     import yaml
 
     where, text = str(path), read_file(path)
-    check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds for them
-    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of those
+    check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds to parse that many
+    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of nested ones
     try:
         data = _Composer(yaml.parse(text, Loader=yaml.SafeLoader), where).document()
     except (yaml.YAMLError, ValueError) as error:
@@ -133,9 +133,9 @@ def _nesting(text: str) -> int:
 
 
 class _Composer:
-    """Makes values of the events of a parser.
+    """Composes values from the events of a YAML parser.
 
-    An alias stands for the value that it names, which is not copied: many of them cost no more than one.
+    An alias refers to its value without copying it; many aliases cost no more than one.
     """
 
     def __init__(self, events: Iterator[yaml.Event], where: str) -> None:
@@ -144,7 +144,7 @@ class _Composer:
         self.nodes = 0
 
     def document(self) -> Any:
-        """Return the value of the only document; None for an empty file."""
+        """Compose the value of the only document; None for an empty file."""
         value, kinds = None, list[str]()
         for event in self.events:
             kinds.append(type(event).__name__)
@@ -155,7 +155,7 @@ class _Composer:
         return value
 
     def value(self, event: yaml.Event, depth: int) -> Any:
-        """Return the value that begins with an event."""
+        """Compose the value that begins with an event."""
         self.nodes += 1
         check_count(self.nodes, "nodes of YAML", self.where)
         check_count(depth, "nested entries", self.where, "write them flat")
@@ -171,12 +171,12 @@ class _Composer:
             value = self.scalar(event)
         else:
             value = self.sequence(event, depth) if kind == "SequenceStartEvent" else self.mapping(event, depth)
-        if anchor is not None:  # known when it is complete: nothing contains itself
+        if anchor is not None:  # registered once complete: a value cannot contain itself
             self.anchors[anchor] = value
         return value
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
-        """Convert a scalar: quoted ones to text, others also to numbers and the words of JSON."""
+        """Convert a scalar: to text if quoted, otherwise also to a number or a JSON literal."""
         text: str = event.value
         if event.style is not None or event.tag == "!":
             return text
@@ -187,11 +187,11 @@ class _Composer:
         return text
 
     def sequence(self, event: yaml.SequenceStartEvent, depth: int) -> list[Any]:
-        """Return a list."""
+        """Compose a list."""
         return [self.value(item, depth + 1) for item in self.inside("SequenceEndEvent")]
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
-        """Names with their values, each name once."""
+        """Compose a mapping, refusing duplicate names."""
         entries: dict[str, Any] = {}
         for key in self.inside("MappingEndEvent"):
             name = self.value(key, depth + 1)
@@ -212,13 +212,13 @@ class _Composer:
             yield event
 
     def refusal(self, event: yaml.Event, what: str, remedy: str) -> ModelFileError:
-        """Return the error for an unsupported event."""
+        """Build the error for an unsupported event."""
         line = event.start_mark.line + 1
         return ModelFileError(f"holds {what}, which is not read", f"{self.where}, line {line}", remedy)
 
 
 def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
-    """Return the loops and motors of a cut mechanism; its URDF has the frames as links, see `Closure.frames`."""
+    """Write the loops and motors of a cut mechanism as YAML; its URDF has the frames as links, see `Closure.frames`."""
     pairs, types = list[list[str]](), list[str]()
     for closure in lay_out(mechanism, cut).closures:
         for first, second in closure.frames():
@@ -230,5 +230,5 @@ def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
 
 
 def _flow(value: Sequence[object]) -> str:
-    """Write a list as YAML, of which JSON is a subset."""
+    """Format a list as YAML, of which JSON is a subset."""
     return json.dumps(value, ensure_ascii=False)

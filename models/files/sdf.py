@@ -1,4 +1,4 @@
-"""SDF 1.5 to 1.12 as text: merges included models and places the frames of all models."""
+"""Reads SDF 1.5 to 1.12 as text: merges included models and locates the frames of all models."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, is_file
 from screwgauge.reference.rotations import Array, quaternion_rotation
 
-#: Versions that are read; those in which a joint may have the name of a link.
+#: Supported versions; older versions in which a joint may share the name of a link.
 _VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
-#: What separates the name of a model from that of a part of it.
+#: Separator between the name of a model and the name of its part.
 OF = "::"
-#: Parts of models that are frames; children of an include that say which model is meant, and where it is placed.
+#: Parts of models that are frames; children of an include that define which model is included and where.
 _FRAMES, _OF_INCLUDES = ("link", "joint", "frame", "model"), ("uri", "name", "placement_frame")
 _ROTATIONS = ("euler_rpy", "quat_xyzw")
 
@@ -34,16 +34,16 @@ def is_true(text: str | None) -> bool:
 
 
 def base_of(element: ET.Element) -> str:
-    """Name of the frame in which an element says that it is placed; empty if it says none."""
+    """Return the name of the frame relative to which an element is placed; empty if the element names none."""
     pose = element.find("pose")
     return "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
 
 
 def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[list[Content], list[str]]:
-    """Puts models in the place of the includes that name them; returns what was included, and sentences on names.
+    """Replace includes with the models that they name; return what was included, and warnings about renamed joints.
 
     Raises:
-        ModelFileError: The version is unknown, or a model lies outside `folder` or is none.
+        ModelFileError: The version is unknown, or an included model lies outside `folder` or is not a model.
     """
     content, said, version = list[Content](), list[str](), root.get("version")
     check_count(depth, "nested models", str(path), "include fewer in each other")
@@ -69,7 +69,7 @@ def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[
 
 def _included_file(path: Path, uri: str, folder: Path) -> Path:
     name = uri.removeprefix("model://").removeprefix("file://")
-    path = folder / path.name if uri.startswith("model://") else path  # models lie beside each other
+    path = folder / path.name if uri.startswith("model://") else path  # models are sibling folders
     if "://" in name:
         raise ModelFileError(f"includes '{uri}', which is not on this machine", str(path), "copy that model beside it")
     file = inside(path, name, folder, "includes")
@@ -96,13 +96,14 @@ def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Elem
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A link, joint, frame or model as a frame. All names are full names, except in the placement of models.
+    """A link, joint, frame or model as a frame. All names are full names, except for the placement frame of a model.
 
     Attributes:
-        scope: What precedes the names that it uses; `model`: the frame that these call ``__model__``.
-        carrier: Frame that it moves with; itself of a link.
-        base: Frame that it is placed in; empty for the world.
-        placed: Frame that its pose places there: itself, but for models with a placement frame.
+        scope: Prefix of the names that it uses; `model`: the frame that these names call ``__model__``.
+        carrier: Frame with which it moves; for a link, the link itself.
+        base: Frame relative to which it is placed; empty for the world.
+        placed: Frame whose pose relative to `base` is given: the frame itself, except for models with a placement
+            frame.
         still: Whether its model is static.
     """
 
@@ -115,7 +116,7 @@ class Frame:
     still: bool
 
     def named(self, name: str | None) -> str:
-        """Return the full name of a frame that the element names."""
+        """Return the full name of a frame that the element refers to."""
         name = (name or "").strip()
         return {"world": WORLD, "__model__": self.model}.get(name, f"{self.scope}{name}")
 
@@ -125,8 +126,8 @@ class Frames:
     """All frames of a file by full name, such as ``arm::hand::palm``.
 
     Attributes:
-        alone: What names of the only model that moves begin with.
-        poses: Full name -> pose in the world, once they are placed. Shape (4, 4) each.
+        alone: Common prefix of the names if only one model moves.
+        poses: Full name -> pose in the world, available after `place`. Shape (4, 4) each.
     """
 
     where: str
@@ -135,7 +136,7 @@ class Frames:
     poses: dict[str, Array] = field(default_factory=dict)
 
     def add(self, owner: ET.Element, scope: str = "", model: str = WORLD, *, still: bool = False) -> None:
-        """Adds all that is in a model, or in the world."""
+        """Add all frames in a model, or in the world."""
         for e in (each for each in owner if each.tag in _FRAMES):
             own = name = f"{scope}{e.get('name', '')}"
             attached, tip = "__model__", e.get("placement_frame")
@@ -156,10 +157,10 @@ class Frames:
             self.by_name[own] = Frame(e, scope, model, carrier, base, tip or own, still)
 
     def place(self) -> None:
-        """Finds the poses of all frames.
+        """Compute the poses of all frames.
 
         Raises:
-            ModelFileError: A frame is placed by itself, or by one that is not there.
+            ModelFileError: A frame is placed relative to itself, or to a missing frame.
         """
         steps = defaultdict[str, list[tuple[str, Array]]](list)
         for frame in self.by_name.values():
@@ -177,7 +178,7 @@ class Frames:
             raise ModelFileError(f"places the frame '{lost}' by itself", self.where, "place it by another frame")
 
     def key(self, name: str) -> str:
-        """Name by which a frame is kept; one that only names a model means the frame of that."""
+        """Return the key of a frame in `by_name`; a model's name stands for the model's frame."""
         model = f"{name}{OF}__model__"
         key = name if name in self.by_name or model not in self.by_name else model
         if key and key not in self.by_name:
@@ -185,7 +186,7 @@ class Frames:
         return key
 
     def short(self, name: str) -> str:
-        """Name of a link or joint in the reading."""
+        """Return the name of a link or joint in the reading."""
         return name.removeprefix(self.alone)
 
     def at(self, name: str) -> Array:
@@ -193,7 +194,7 @@ class Frames:
         return self.poses[self.key(name)]
 
     def link(self, name: str) -> str:
-        """Name of the link that a frame moves with; `WORLD` for the world."""
+        """Return the name of the link with which a frame moves; `WORLD` for the world."""
         for _ in (*self.by_name, ""):
             if not (key := self.key(name)) or self.by_name[key].element.tag == "link":
                 return self.short(key)
@@ -201,17 +202,17 @@ class Frames:
         raise ModelFileError(f"attaches the frame '{key}' to itself", self.where, "attach it to a link")
 
     def vector(self, element: ET.Element, tag: str, default: str, n: int) -> Array:
-        """Return n numbers of an element. Shape (n,)."""
+        """Read n numbers from an element. Shape (n,)."""
         words = ((element.findtext(tag) or "").strip() or default).split()
         what = f"{tag} of {element.tag} {element.get('name', '')}".rstrip()
         return floats(words, n, what, self.where, infinite=tag.startswith("limit/"))
 
     def number(self, element: ET.Element, tag: str, default: float) -> float:
-        """Return a number of an element."""
+        """Read a number from an element."""
         return float(self.vector(element, tag, repr(default), 1)[0])
 
     def pose(self, element: ET.Element) -> Array:
-        """Return the placement by the ``<pose>`` of an element. Shape (4, 4)."""
+        """Return the placement that the ``<pose>`` of an element defines. Shape (4, 4)."""
         pose = element.find("pose")
         form = "euler_rpy" if pose is None else pose.get("rotation_format", "euler_rpy")
         if form not in _ROTATIONS:
@@ -225,7 +226,7 @@ class Frames:
 
 
 def _links_of(model: ET.Element) -> Iterator[str]:
-    """Names of the links of a model in its own scope, those of nested models last."""
+    """Yield the names of the links of a model in its own scope, those of nested models last."""
     yield from (link.get("name", "") for link in model.iterfind("link"))
     for nested in model.iterfind("model"):
         inner = "" if is_true(nested.get("merge")) else f"{nested.get('name')}{OF}"

@@ -1,7 +1,7 @@
 """URDF: writes the tree of a mechanism, reads any text link by link, and edits it.
 
-In those that are written a link's frame is the description's body frame, and intermediate links of composite joints
-have no inertial. Loops are closed by a file beside it: see `files.loops`.
+In written files a link's frame is the description's body frame, and the intermediate links of composite joints have no
+inertial. A file beside the URDF closes the loops: see `files.loops`.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rigid import inverse
 from screwgauge.reference.rotations import Array
 
-#: Part of model files that brings it, see `screwgauge.models.generate`.
+#: The part of the model files that includes it, see `screwgauge.models.generate`.
 PART = "yaml"
 STRONG = 1e9
 
 
 def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
-    """Return the tree of a cut mechanism as URDF; its closures go to the loops file.
+    """Write the tree of a cut mechanism as URDF; its closures go to the loops file.
 
     Args:
         cut: ``minimal`` or ``full``.
-        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that
-            a ``robot.yaml`` names.
+        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that a
+            ``robot.yaml`` names.
     """
     tree = lay_out(mechanism, cut)
     robot = ET.Element("robot", name=mechanism.name)
@@ -56,7 +56,7 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
 
 
 def _add(robot: ET.Element, link: Link, limited: bool) -> None:
-    """Add the elementary joints that lead to a link, the massless links between them, and the link."""
+    """Add a link, the elementary joints that lead to it, and the massless links between them."""
     name = link.joint.name
     names = [f"{name}.cross{i + 1}" for i in range(len(link.freedoms) - 1)]
     mounted = not link.far_frame.is_identity
@@ -82,7 +82,7 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
 
 
 def frame_link(link: Link) -> str:
-    """Name of the massless link that stands in the joint's frame on the far body."""
+    """Return the name of the massless link at the joint's frame on the far body."""
     return f"{link.original}@{link.joint.name}.frame"
 
 
@@ -113,26 +113,27 @@ def _placement(joint: ET.Element, frame: Frame) -> None:
 
 
 def moments(I: Array) -> dict[str, str]:
-    """Return the attributes ixx, ixy, ixz, iyy, iyz, izz of an ``<inertia>`` for a tensor [kg m^2]. Shape (3, 3)."""
+    """Format a tensor [kg m^2] as the attributes ixx, ixy, ixz, iyy, iyz, izz of an ``<inertia>``. Shape (3, 3)."""
     return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}
 
 
-#: Below it a placement or direction is the same [m or 1]: products of frames leave as much.
+#: Placements or directions that differ by less are equal [m or 1]: products of frames have errors of this size.
 SAME = 1e-14
-#: Name of the joint of a base that floats, as Pinocchio calls its own.
+#: Name of the joint of a floating base, the same as Pinocchio uses.
 FLOATING = "root_joint"
-#: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
+#: Coefficients of `<mimic>`, lowest first, with their defaults.
 _MIMIC = (("offset", 0.0), ("multiplier", 1.0))
-#: What a joint's reading has -> element and attribute; limits have two attributes.
+#: Property of a joint's reading -> element and attribute; limits have two attributes.
 JOINT = {"limits": ("limit", ""), "damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")}
 
 
 def check_tree(root: ET.Element, where: str) -> None:
-    """Refuses a URDF whose joints do not make a tree of all its links.
+    """Refuse a URDF whose joints do not connect all its links into a tree.
 
     Raises:
-        ModelFileError: A joint has no parent or child, a link is the child of two joints, or not exactly one of none.
-        UnknownNameError: A joint joins a link, or mimics a joint, that is not there.
+        ModelFileError: A joint has no parent or child, a link is the child of two joints, or there is not exactly one
+            root.
+        UnknownNameError: A joint connects a missing link, or mimics a missing joint.
     """
     links = [link.get("name", "") for link in root.iterfind("link")]
     joints = [joint.get("name", "") for joint in root.iterfind("joint")]
@@ -160,19 +161,19 @@ def check_tree(root: ET.Element, where: str) -> None:
 
 
 def carried_link(joint: ET.Element) -> str:
-    """Name of the link that a joint of a URDF carries."""
+    """Return the name of the link that a joint of a URDF carries."""
     child = joint.find("child")
     return "" if child is None else child.get("link", "")
 
 
 def root_link(root: ET.Element) -> str:
-    """Name of the link of a URDF that hangs on no joint."""
+    """Return the name of the root link of a URDF, which is the child of no joint."""
     children = {carried_link(joint) for joint in root.iterfind("joint")}
     return next((link.get("name", "") for link in root.iterfind("link") if link.get("name") not in children), "")
 
 
 def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
-    """Return joints that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
+    """Return the couplings of mimicking joints by name; a joint that mimics a fixed one, which stays at 0, is held."""
     couplings = {}
     moving = {joint.get("name", ""): joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"}
     for name, joint in moving.items():
@@ -185,21 +186,21 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
 
 
 def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
-    """Reads a URDF, with a hinge in place of each fixed joint of a description.
+    """Read a URDF and replace each fixed joint of a description with a hinge.
 
     Raises:
-        ModelFileError: It cannot be read, or see `with_hinges`.
+        ModelFileError: The file cannot be read, or see `with_hinges`.
     """
     return with_hinges(read_model(urdf), joints, str(urdf))
 
 
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
-    """Replace each fixed joint of a description by a hinge about the joint's z axis.
+    """Replace each fixed joint of a description with a hinge about the joint's z axis.
 
-    A coupling of the description holds it.
+    A coupling of the description keeps the hinge at rest.
 
     Raises:
-        ModelFileError: A fixed joint stands elsewhere on the link that it carries than the description says.
+        ModelFileError: The location of a fixed joint on the link that it carries differs from the description's.
     """
     fixed = {joint.name: joint for joint in joints if joint.fixed}
     if not fixed:
@@ -225,7 +226,7 @@ def fixed_joints(root: ET.Element) -> dict[str, str]:
 
 
 def add_floating_base(root: ET.Element) -> None:
-    """Hangs the first link on a joint that leaves it free."""
+    """Attach the root link to the world with a floating joint."""
     base, links = root_link(root), {link.get("name") for link in root.iterfind("link")}
     world = next(name for name in ("world", "world_", "world__") if name not in links)
     ET.SubElement(root, "link", name=world)
@@ -233,7 +234,7 @@ def add_floating_base(root: ET.Element) -> None:
 
 
 def without_shapes(root: ET.Element) -> list[Content]:
-    """Takes shapes of meshes, and all that is only seen, out of a URDF; returns what has to do with mechanics."""
+    """Remove mesh shapes and purely visual elements from a URDF; return the removed content that affects mechanics."""
     touching, content = list[str](), list[Content]()
     for link in root.iterfind("link"):
         for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
@@ -257,7 +258,7 @@ def links(xml: XmlText) -> list[TextLink]:
     """List the links of a URDF, each after its parent; the first is the root.
 
     Raises:
-        DescriptionError: A joint names a link that is not there.
+        DescriptionError: A joint names a missing link.
     """
     elements = {element.get("name"): element for element in xml.root.children if element.tag == "link"}
     towards: dict[str, list[Element]] = {}
@@ -269,7 +270,7 @@ def links(xml: XmlText) -> list[TextLink]:
         towards.setdefault(ends[0], []).append(joint)
         children.add(ends[1])
     found = [TextLink(name, elements[name]) for name in elements if name not in children][:1]
-    for i, near in enumerate(found):  # grows
+    for i, near in enumerate(found):  # the list grows meanwhile
         near.matter, near.turn = _matter(near.element)
         for joint in towards.get(near.name, []):
             name = child.get("link") if (child := joint.find("child")) else ""
@@ -279,7 +280,7 @@ def links(xml: XmlText) -> list[TextLink]:
 
 
 def origin(element: Element) -> Array:
-    """Return the placement by the ``<origin>`` of an element of a URDF. Shape (4, 4)."""
+    """Return the placement that the ``<origin>`` of a URDF element defines. Shape (4, 4)."""
     place = element.find("origin")
     if place is None:
         return np.eye(4)
@@ -298,7 +299,7 @@ def _matter(link: Element) -> tuple[Matter, Array]:
 
 
 def place(xml: XmlText, link: TextLink, T: Array) -> None:
-    """Gives a link another placement on the one before it."""
+    """Set the placement of a link relative to its parent."""
     if link.mount is not None:
         _set_origin(xml, link.mount, T)
 
@@ -314,15 +315,15 @@ def _set_origin(xml: XmlText, element: Element, T: Array) -> None:
 
 
 def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
-    """Gives a joint another axis, in the frame of its link, through whose origin it goes."""
+    """Set the axis of a joint, in the frame of its link; the axis passes through the link's origin."""
     xml.set_in(joint, "axis", xyz=vector_text(axis))
 
 
 def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
-    """Gives a link other mass properties; only what differs is written.
+    """Set the mass properties of a link, writing only those that differ.
 
     Args:
-        plain: All of them, the tensor in the axes of the link.
+        plain: Write all of them, with the tensor in the axes of the link.
     """
     inertial, old = link.element.find("inertial"), link.matter
     T = np.eye(4) if inertial is None or plain else origin(inertial)
@@ -342,14 +343,14 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
 
 
 def inertial_text(matter: Matter) -> str:
-    """Return the element with mass properties, the tensor in the axes of the link."""
+    """Format mass properties as an ``<inertial>``, with the tensor in the axes of the link."""
     tensor = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
     where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
     return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {tensor}/></inertial>'
 
 
 def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
-    """Gives a joint another property."""
+    """Set a property of a joint."""
     if what == "limits":
         bounds = {side: number_text(bound) for side, bound in zip(("lower", "upper"), value, strict=True)}
         xml.set_in(joint, "limit", **{side: bound for side, bound in bounds.items() if np.isfinite(float(bound))})
@@ -359,7 +360,7 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
-    """Gives a joint that mimics another one a new rule."""
+    """Set the rule of a joint that mimics another joint."""
     function = coupling.function
     if joint.find("mimic") is None or len(function.terms) > 1 or not function.linear:
         raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not one alone linearly")
@@ -372,18 +373,18 @@ def check_matter(xml: XmlText) -> None:
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Hangs a link on another one."""
+    """Attach a link to another link."""
     if link.mount is not None:
         xml.set_in(link.mount, "parent", link=near.name)
 
 
 def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Takes links out, with their joints."""
+    """Remove links with their joints."""
     for link in gone:
         xml.replace(link.element)
         if link.mount is not None:
             xml.replace(link.mount)
 
 
-#: What hung on links that go hangs on others by now.
+#: Links that hung on the removed ones have been attached to others by now.
 splice = drop

@@ -1,4 +1,4 @@
-"""USD stages: opens those whose layers lie in their folder, and lists their physics as XML elements."""
+"""Opens USD stages whose layers lie in their folder, and lists their physics as XML elements."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from screwgauge.reference.errors import ModelFileError, UnknownNameError, remedy
 from screwgauge.reference.files import check_count, digest, is_file
 from screwgauge.reference.rotations import Array
 
-#: Ending of files that hold others.
+#: Suffix of packages, which contain other files.
 PACKAGE = ".usdz"
 AXES = "XYZ"
-#: Signs of a complaint of usd-core that are passed on.
+#: Number of characters of a usd-core error message that are shown.
 _SAID = 160
-#: What names of attributes begin with that are no matter of looks; after some stands which freedom is meant.
+#: Prefixes of attributes that are not purely visual; after some of them, the name specifies a freedom.
 _PHYSICS = ("physics", "physx", "newton", "mjc", "drive", "limit", "state", "omniphysics")
 _INSTANCES = ("drive", "limit", "state", "physxLimit", "physxMimicJoint", "physxJointAxis")
 
 
 def is_usd(path: Path) -> bool:
-    """True if the ending of a file is one of USD."""
+    """True if a file has a suffix of USD."""
     return path.suffix.lower() in USD
 
 
 def stage_of(path: Path) -> Any:
-    """Opens a stage with all its layers, references and payloads.
+    """Open a stage with all its layers, references and payloads.
 
     Raises:
-        ScrewgaugeError: usd-core is not installed, or a file is none, is missing or lies outside the folder.
+        ScrewgaugeError: usd-core is not installed, or a file is not USD, is missing or lies outside the folder.
     """
     try:
         from pxr import Sdf, Tf, Usd, UsdUtils
@@ -51,7 +51,7 @@ def stage_of(path: Path) -> Any:
                 continue
             seen.add(file.resolve())
             check_count(len(seen), "links", str(path))
-            digest(file)  # which refuses what is no regular file, and notes what was read
+            digest(file)  # refuses anything but a regular file, and records what was read
             names = [] if file.suffix == PACKAGE else Sdf.Layer.FindOrOpen(str(file)).GetCompositionAssetDependencies()
             for name in filter(None, names):
                 other = inside(file, name, path.parent.resolve(), "references")
@@ -59,7 +59,7 @@ def stage_of(path: Path) -> Any:
                     raise ModelFileError(f"references '{name}', which does not exist", str(file), "put it there")
                 waiting.append(other)
         return Usd.Stage.Open(str(path))
-    except (Tf.ErrorException, AttributeError) as error:  # a layer that is None cannot be read
+    except (Tf.ErrorException, AttributeError) as error:  # for a layer that is None, which cannot be read
         words = " ".join(str(error).rpartition(" : '")[2].partition("matching pxr")[0].split()).strip("' ")
         said = words[:_SAID] if isinstance(error, Tf.ErrorException) else "no layer"
         raise ModelFileError(f"cannot be read as USD ({said})", str(path), "correct the file") from None
@@ -68,21 +68,21 @@ def stage_of(path: Path) -> Any:
 
 
 def prims(top: Any) -> Iterator[Any]:
-    """Yield a prim and all active prims below it, those of instances included."""
+    """Yield a prim and all active prims below it, including those of instances."""
     from pxr import Usd
 
     return iter(Usd.PrimRange(top, Usd.TraverseInstanceProxies()))
 
 
 def is_joint(prim: Any) -> bool:
-    """True for a joint, and for a prim whose unknown type is called a joint."""
+    """True for a joint, and for a prim of an unknown type whose name ends in Joint."""
     from pxr import UsdPhysics
 
     return bool(prim.IsA(UsdPhysics.Joint)) or str(prim.GetTypeName()).endswith("Joint")
 
 
 def names_of(some: list[Any]) -> list[str]:
-    """Names of prims, those that several have with the names of all that they are in."""
+    """Return the names of prims; names that occur several times are replaced by full paths."""
     short = [prim.GetName() for prim in some]
     return [
         n if short.count(n) == 1 else str(p.GetPath())[1:].replace("/", ".") for n, p in zip(short, some, strict=True)
@@ -90,7 +90,7 @@ def names_of(some: list[Any]) -> list[str]:
 
 
 def value(prim: Any, name: str, default: Any = None) -> Any:
-    """Return the value of an attribute, at the earliest time if it changes."""
+    """Return the value of an attribute, at the earliest time if it varies."""
     from pxr import Usd
 
     attribute = prim.GetAttribute(name)
@@ -99,13 +99,13 @@ def value(prim: Any, name: str, default: Any = None) -> Any:
 
 
 def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
-    """Return the numbers of the first attribute that has a value; 32-bit numbers by their shortest decimals.
+    """Return the numbers of the first attribute that has a value; 32-bit numbers are read from their shortest decimals.
 
     Args:
-        default: As many numbers; where one is infinite, so may be those of the file. Shape (n,).
+        default: Values to use if no attribute has one; if one is infinite, values of the file may be, too. Shape (n,).
 
     Raises:
-        ModelFileError: The value is something else.
+        ModelFileError: The value is not that many numbers.
     """
     for name in names:
         if (found := value(prim, name)) is not None and np.size(found):
@@ -123,10 +123,10 @@ def number(prim: Any, *names: str, default: float = 0.0) -> float:
 
 
 def axis_of(prim: Any, name: str, default: str) -> str:
-    """Return the axis ``X``, ``Y`` or ``Z`` of an attribute.
+    """Return the axis ``X``, ``Y`` or ``Z`` that an attribute names.
 
     Raises:
-        UnknownNameError: It says something else.
+        UnknownNameError: The attribute has another value.
     """
     found = str(value(prim, name, default))
     if found not in AXES:
@@ -135,13 +135,13 @@ def axis_of(prim: Any, name: str, default: str) -> str:
 
 
 def triangles_of(prim: Any, n: int) -> Array:
-    """Return the corners of the triangles of a mesh, splitting its faces into fans. Shape (m, 3).
+    """Split the faces of a mesh into triangle fans and return the corner indices. Shape (m, 3).
 
     Args:
-        n: Points that there are.
+        n: Number of points of the mesh.
 
     Raises:
-        ModelFileError: Faces have corners that are not there.
+        ModelFileError: Faces refer to missing points.
     """
     corners, counts = (np.array(value(prim, f"faceVertex{what}", ()), dtype=int) for what in ("Indices", "Counts"))
     if counts.sum() != len(corners) or counts.min(initial=0) < 0 or not ((corners >= 0) & (corners < n)).all():
@@ -179,5 +179,5 @@ def elements(stage: Any) -> ET.Element:
 def _without_instance(name: str) -> str:
     """Replace the instance in the name of an attribute: ``drive:angular:physics:stiffness`` -> ``drive:*:...``."""
     first, *rest = name.split(":")
-    known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # whose limits are not read
+    known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # limits of distance joints are not read
     return ":".join([first, "*", *rest[1:]]) if known else name

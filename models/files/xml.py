@@ -1,4 +1,4 @@
-"""Untrusted XML: parses it, checks its numbers, locates its elements and edits its text."""
+"""Handles untrusted XML: parses it, checks its numbers, locates its elements and edits its text."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from screwgauge.reference.rotations import Array
 
 
 def parse(path: Path) -> ET.Element:
-    """Parse an XML file, leaving prefixes of names as they are: robots' files often do not declare them.
+    """Parse an XML file without resolving namespace prefixes, which robot files often do not declare.
 
     Raises:
-        ScrewgaugeError: It cannot be read, is no XML, declares entities, or nests too deeply.
+        ScrewgaugeError: The file cannot be read, is not XML, declares entities, or nests too deeply.
     """
     builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate("utf-8"), 0
 
@@ -51,7 +51,7 @@ def parse(path: Path) -> ET.Element:
         raise ModelFileError(f"is not a model: not well-formed XML ({error})", str(path), "correct the file") from None
 
 
-#: Attributes that hold no numbers, though what they hold may look like one.
+#: Attributes that hold text, even if it looks like a number.
 _TEXT = ("name", "link", "class", "childclass", "filename", "file", "model")
 #: Attributes that may be infinite: limits.
 _UNLIMITED = re.compile("lower|upper|effort|velocity|.*range")
@@ -59,10 +59,10 @@ _NAN, _INFINITE = re.compile(r"[+-]?nan(\(.*\))?"), re.compile("[+-]?inf(inity)?
 
 
 def check_numbers(root: ET.Element, where: str) -> None:
-    """Refuses what is not a number, and what is infinite but for limits.
+    """Refuse attributes that are NaN, and attributes other than limits that are infinite.
 
     Raises:
-        ModelFileError: There is such an attribute.
+        ModelFileError: The file has such an attribute.
     """
     for element in root.iter():
         for attribute, value in element.items():
@@ -74,10 +74,10 @@ def check_numbers(root: ET.Element, where: str) -> None:
 
 
 def number(element: ET.Element, attribute: str, default: float, where: str) -> float:
-    """Return a number, or the default if the attribute is missing.
+    """Return an attribute as a number, or the default if it is missing.
 
     Raises:
-        ModelFileError: It is something else.
+        ModelFileError: The value is not a finite number.
     """
     value = element.get(attribute)
     return default if value is None else float(floats((value,), 1, _label(element, attribute), where)[0])
@@ -88,10 +88,10 @@ def _label(element: ET.Element, attribute: str) -> str:
 
 
 def numbers(text: str, default: str = "0 0 0") -> Array:
-    """Return the numbers of an attribute.
+    """Parse the numbers of an attribute.
 
     Raises:
-        DescriptionError: There are others than numbers.
+        DescriptionError: A word is not a number.
     """
     try:
         return np.array([float(word) for word in (text or default).split()])
@@ -107,8 +107,8 @@ class Element:
     """An element and its position in the text.
 
     Attributes:
-        start, stop: First character of its start tag, and the one after that tag.
-        end: The character after all of it.
+        start, stop: Index of the first character of its start tag, and the index after that tag.
+        end: Index after the whole element.
     """
 
     tag: str
@@ -120,15 +120,15 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def get(self, name: str, default: str = "") -> str:
-        """Return an attribute as it was read, without later changes."""
+        """Return an attribute as read, without later changes."""
         return self.attributes.get(name, default)
 
     def find(self, tag: str) -> Element | None:
-        """Return the first child of that tag."""
+        """Return the first child with a tag."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def iter(self, *tags: str) -> Iterator[Element]:
-        """Yield the element and all below it with one of these tags (any by default), in the order of the text."""
+        """Yield the element and all its descendants with one of these tags (any by default), in text order."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -138,21 +138,21 @@ class Element:
 
 
 class XmlText:
-    """A text and the changes to make in it.
+    """An XML text and the pending edits.
 
     Attributes:
         root: Its outermost element.
-        spell: The value of an attribute -> as it is to be written.
+        spell: Maps the value of an attribute to its written form.
     """
 
     root: Element
     spell: Callable[[str], str]
 
     def __init__(self, text: str, where: str) -> None:
-        """Reads a text.
+        """Parse a text.
 
         Raises:
-            DescriptionError: It is not well-formed XML, or it declares entities.
+            DescriptionError: The text is not well-formed XML, or declares entities.
         """
         self._text, self.spell = text, str
         self._attributes: dict[Element, dict[str, str | None]] = {}
@@ -163,7 +163,7 @@ class XmlText:
 
     def _parse(self, text: str, where: str) -> None:
         data, open_ = text.encode(), list[Element]()
-        # expat counts bytes, Python characters
+        # expat counts bytes, Python counts characters
         place = (lambda byte: byte) if text.isascii() else (lambda byte: len(data[:byte].decode()))
         parser = expat.ParserCreate("utf-8")
 
@@ -191,7 +191,7 @@ class XmlText:
             raise DescriptionError(f"is not well-formed XML ({error})", where, "correct the file") from None
 
     def _stop(self, start: int) -> int:
-        """Return the end of a start tag; its attributes may contain any character but their own quote and ``<``."""
+        """Return the end of a start tag; its attributes may contain any character except their own quote and ``<``."""
         at = start
         while self._text[at] != ">":
             at = self._text.index(self._text[at], at + 1) + 1 if self._text[at] in "\"'" else at + 1
@@ -201,16 +201,16 @@ class XmlText:
         return self._text[element.stop - 2] == "/"
 
     def set(self, element: Element, **values: str | None) -> None:
-        """Gives attributes other values; None takes one out."""
+        """Set attributes of an element; None removes an attribute."""
         new = {name: value if value is None else self.spell(value) for name, value in values.items()}
         self._attributes.setdefault(element, {}).update(new)
 
     def add(self, element: Element, tag: str, **values: str) -> None:
-        """Adds an element without content as the first child."""
+        """Insert an element without content as the first child."""
         self.put(element, f"<{tag}{''.join(f' {name}={quoteattr(value)}' for name, value in values.items())}/>")
 
     def set_in(self, element: Element, tag: str, **values: str) -> None:
-        """Gives attributes of the first child of that tag other values; the child is added if need be."""
+        """Set attributes of the first child with a tag, adding the child if it is missing."""
         child = element.find(tag)
         if child is not None:
             self.set(child, **values)
@@ -218,20 +218,20 @@ class XmlText:
             self.add(element, tag, **values)
 
     def put(self, element: Element, text: str) -> None:
-        """Adds an element, written out, as the first child."""
+        """Insert an element, given as text, as the first child."""
         spelled = re.sub(r'"([^"]*)"', lambda value: f'"{self.spell(value[1])}"', text)
         self._inserted.setdefault(element, []).append(spelled)
 
     def replace(self, element: Element, text: str = "") -> None:
-        """Puts a text in the place of an element with all that is in it."""
+        """Replace an element and everything in it with a text."""
         self._replaced[element] = text
 
     def unwrap(self, element: Element) -> None:
-        """Takes out the tags of an element and leaves what is between them."""
+        """Remove the tags of an element and keep its content."""
         self._unwrapped.append(element)
 
     def text(self) -> str:
-        """Return the text with all changes made."""
+        """Return the text with all edits applied."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]
         for element in self._unwrapped:
             last = element.stop if self._alone(element) else self._text.rindex("</", element.stop, element.end)
@@ -240,7 +240,7 @@ class XmlText:
             edits.append((element.start, element.stop, self._start_tag(element)))
         out, at = list[str](), 0
         for start, stop, new in sorted(edits, key=lambda edit: (edit[0], -edit[1])):
-            if start >= at:  # else it is in an element that was replaced
+            if start >= at:  # otherwise the edit lies in an element that was replaced
                 out += [self._text[at:start], new]
                 at = stop
         return "".join([*out, self._text[at:]])
@@ -268,7 +268,7 @@ class XmlText:
         return f"{new}>{inner}" + (f"{self._indent(element, 0)}</{element.tag}>" if self._alone(element) else "")
 
     def _indent(self, element: Element, deeper: int) -> str:
-        """Return a new line with the indentation of an element."""
+        """Return a newline followed by the indentation of an element."""
         line = self._text[self._text.rfind("\n", 0, element.start) + 1 : element.start]
         return "\n" + (line if not line.strip() else "") + "  " * deeper
 
@@ -282,14 +282,14 @@ class TextLink:
     """A link of a URDF or a body of an MJCF.
 
     Attributes:
-        element: Where it stands.
-        near: Index of the link on its ground side; -1 of the ground itself.
-        joints: Name -> element of each joint that moves it against `near`, from there outwards.
-        mount: What holds its placement: the joint of a URDF, the body of an MJCF.
-        frame: In the world, with all coordinates as the file has them at first. Shape (4, 4).
-        matter: In its frame; None where the file leaves it to the geoms.
-        turn: Orientation in which its inertia is written. Shape (3, 3).
-        base: Frame of `near` -> the frame that `mount` counts from, another one where MJCF bodies stand in ``<frame>``.
+        element: Its element in the text.
+        near: Index of its parent link; -1 for the ground itself.
+        joints: Name -> element of each joint that moves it relative to `near`, from the parent outwards.
+        mount: The element that holds its placement: the joint of a URDF, the body of an MJCF.
+        frame: Its pose in the world at the file's initial coordinates. Shape (4, 4).
+        matter: Its mass properties in its frame; None where the file derives them from geoms.
+        turn: Orientation of the axes of the written inertia tensor. Shape (3, 3).
+        base: Pose in `near` of the frame relative to which `mount` is placed; differs for MJCF bodies in a ``<frame>``.
     """
 
     name: str
