@@ -1,18 +1,18 @@
-"""Makes descriptions of URDF, MJCF, SDF and USD files."""
+"""Imports URDF, MJCF, SDF and USD files as descriptions."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-#: How the names of model files end; those of USD.
+#: Suffixes of USD files; suffixes of all model files.
 USD = (".usd", ".usda", ".usdc", ".usdz")
 SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world", *USD)
-#: Entry of ``allow`` by which mass and inertia are computed from meshes.
+#: Entry of ``allow`` that permits computing mass and inertia from meshes.
 MESHES = "meshes"
-#: And those of files from which models are made: who names one is told so.
+#: Suffixes of files from which models are generated; they are recognised in order to report this.
 SOURCES = (".xacro",)
 
 
 def is_model(path: Path | str) -> bool:
-    """True if the ending of a name is one of model files."""
+    """True if a name has the suffix of a model file."""
     return str(path).lower().endswith((*SUFFIXES, *SOURCES))

@@ -1,4 +1,4 @@
-"""Finds a home with closed loops, the independent coordinates there, and the driven joints."""
+"""Finds a home pose with closed loops, the independent coordinates there, and the driven joints."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from screwgauge.reference.graph import check_connected, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
-#: Limits of a joint that has none.
+#: Limits of a joint without limits.
 FREE = (-float("inf"), float("inf"))
 
 
 def assemble(
     reading: Reading, where: str, keyframes: Mapping[str, Mapping[str, float]]
 ) -> tuple[Reading, tuple[str, ...]]:
-    """Finds a closed home near that of the file, within limits and well conditioned if there is one.
+    """Find a closed home near the file's own, within limits and well conditioned if such a pose exists.
 
     Args:
         keyframes: See `homes.chosen`.
 
     Returns:
-        The reading with that home, and what was moved and why, a sentence each.
+        The reading with that home, and sentences on the coordinates that moved and why.
 
     Raises:
         ClosureError: Some loops do not close from any start.
@@ -70,30 +70,31 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
     return tuple(sentences)
 
 
-#: A coordinate that is preferred is taken as long as so much of it is its own; of one that is driven, whose stroke may
-#: be short beside the machine, so much of its stroke. A driven one that moves less at home is at a dead centre.
+#: A preferred coordinate is chosen while this share of its motion is independent of those already chosen; for a driven
+#: coordinate, whose stroke may be short compared with the machine, the share is relative to its own stroke. A driven
+#: coordinate that moves less at home is at a dead centre.
 PREFERRED, OWN_SHARE, DEAD = 0.05, 1e-3, 1e-6
 
 
-#: Singular values of the loop equations below this are likely to be zeros that printed digits hide.
+#: Singular values of the loop equations below this are probably zeros obscured by rounding in the file.
 HIDDEN = 1e-4
 
 
-#: What to do about them.
+#: Remedy suggested for such values.
 FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
 
 
 def rounding_sentence(hidden: Array) -> str:
-    """Return a sentence on equations that only rounding makes independent."""
+    """Explain how many loop equations are independent only because of rounding."""
     return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
 
 def motions(mechanism: Mechanism) -> tuple[Array, Array]:
-    """Compute the motions that the loops allow at home, without dimension.
+    """Compute the dimensionless motions that the loops allow at home.
 
     Returns:
-        Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are
-        nearly, but not quite, redundant.
+        Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are nearly,
+        but not exactly, redundant.
     """
     at = loop_equations(layout(replace(mechanism, independent={}))).closed(mechanism.home[None])
     G = at.system.A[0]
@@ -101,22 +102,22 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
     s = s[: G.shape[1] - free.shape[1]]
     w = at.spread(free.T * at.loops.size)
     with np.errstate(divide="ignore", invalid="ignore"):
-        K = np.nan_to_num(at.joint_rates(w, twists(at.pose, w)) / at.loops.sizes).T  # angles in gimbal lock are none
+        K = np.nan_to_num(at.joint_rates(w, twists(at.pose, w)) / at.loops.sizes).T  # ignore angles in gimbal lock
     return np.linalg.qr(K)[0], s[s < HIDDEN * s[0]] if len(s) else s
 
 
 def choose(
     mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
 ) -> tuple[Mechanism, tuple[str, ...]]:
-    """Choose independent coordinates and actuators; return the mechanism and a sentence on each odd choice.
+    """Choose independent coordinates and actuators; return the mechanism and messages about unusual choices.
 
     Args:
-        actuated: Joints that are driven; None are those of independent coordinates that can be.
-        independent: Label -> coordinate that the user chose.
+        actuated: Driven joints; None selects the joints of the independent coordinates that can be driven.
+        independent: Label -> coordinate, as chosen by the user.
 
     Raises:
-        DescriptionError: Loops of coupled joints alone, nothing moves, or the coordinates chosen do not determine the
-            motion.
+        DescriptionError: The loops consist of coupled joints only, nothing moves, or the chosen coordinates do not
+            determine the motion.
     """
     check_connected(mechanism, where)
     K, hidden = motions(mechanism)
@@ -146,12 +147,12 @@ def choose(
     return replace(mechanism, joints=joints, independent=chosen), tuple(filter(None, (passed, doubt)))
 
 
-#: Which of the tiers of `preferences` is driven.
+#: Index of the tier of driven joints in `preferences`.
 DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
-    """Return columns of coordinates in order of preference: free poses, driven joints, simple joints, others."""
+    """Return the columns of coordinates in order of preference: free joints, driven joints, simple joints, others."""
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
@@ -162,9 +163,9 @@ def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]
 
 
 def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
-    """Select independent rows, early tiers first, by rank-revealing QR (modified Gram-Schmidt with pivoting).
+    """Select independent rows, early tiers first, with rank-revealing QR (modified Gram-Schmidt with pivoting).
 
-    Rows of the tier `DRIVEN` are compared by their own length, however short it is. Shape (n, k) -> k rows, ascending.
+    Rows of the tier `DRIVEN` are compared relative to their own length. Shape (n, k) -> k rows, ascending.
     """
     rest, chosen, strokes = K.copy(), list[int](), np.linalg.norm(K, axis=1)
     for i, tier in enumerate([*tiers[:-1], range(len(K))]):
@@ -174,7 +175,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
         while len(chosen) < K.shape[1] and candidates:
             sizes = np.linalg.norm(rest[candidates], axis=1)
             shares = sizes / strokes[candidates] if i == DRIVEN else sizes
-            best = int(np.argmax(np.round(shares, 9)))  # of equals the first
+            best = int(np.argmax(np.round(shares, 9)))  # the first one in case of a tie
             if not shares[best] > least:
                 break
             row = candidates.pop(best)
@@ -185,7 +186,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
 
 
 def _passed_sentence(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
-    """Return a sentence on the driven coordinates that are not independent, with reasons; empty if all are."""
+    """List the driven coordinates that are not independent, with reasons; empty if all are independent."""
     followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
         reason = "at a dead centre at home"

@@ -16,7 +16,8 @@ from screwgauge.models.importing.model import Imported, description
 from screwgauge.reference.files import is_path, read_file
 from screwgauge.reference.rotations import Array
 
-#: What precedes the home of a joint, or the place for it, in the ways of writing a table; the first group stays.
+#: Patterns for the text before a joint's home, or before the position where it can be inserted, in each way of writing
+#: a table; the first group is kept.
 _HOME = r"[ \t]*\[[^\[\]]*\]"
 _PLACES = (
     (rf"(^[ \t]*\[[ \t]*joints[ \t]*\.[ \t]*{{0}}[ \t]*\](?:(?!^[ \t]*\[).)*?^[ \t]*home[ \t]*=){_HOME}", " {}"),
@@ -28,10 +29,10 @@ _PLACES = (
 
 
 def import_description(path: Path) -> tuple[Imported, str]:
-    """Load a description at a home that closes its loops; return the mechanism and its text.
+    """Load a description with a home pose that closes its loops; return the mechanism and its text.
 
     Raises:
-        ScrewgaugeError: It is no description, or no pose closes its loops.
+        ScrewgaugeError: The file is not a description, or no pose closes its loops.
     """
     mechanism, written = load_mechanism(path), load_mechanism(path, closed=False)
     pairs = zip(mechanism.joints, written.joints, strict=True)
@@ -48,10 +49,10 @@ def import_description(path: Path) -> tuple[Imported, str]:
 
 
 def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
-    """Return the text of a description with other homes of joints; None if the text cannot be kept."""
+    """Replace the homes of joints in the text of a description; return None if the text cannot be kept."""
     text = read_file(path)
     tables = tomllib.loads(text)
-    if is_path(str(tables.get("extends", ""))):  # which may mean another file in another folder
+    if is_path(str(tables.get("extends", ""))):  # the name may refer to another file from another folder
         return None
     wanted = deepcopy(tables)
     for name, home in homes.items():
@@ -64,7 +65,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Yield texts with the home of a joint in each possible place, last in a table of its own."""
+    """Yield texts with the home of a joint at each possible location, finally in a table of its own."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

@@ -1,4 +1,4 @@
-"""Finds poses that close all loops of a reading, and chooses the best one as home."""
+"""Finds poses that close all loops of a reading, and chooses the best of them as home."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import equations, stepped
 from screwgauge.witness.tree import TreeStates
 
-#: Where Newton's method begins near home, and how far from it at most [rad or lengths of the model]; after every
-#: second of these once anywhere within the limits.
+#: Number of Newton starts near home, and their largest distance from it [rad or lengths of the model]; every second
+#: start is followed by one anywhere within the limits.
 STARTS, FARTHEST, EVERY = 40, np.pi, 2
-ENOUGH = 8  # closed poses within limits, where none is well conditioned
-#: Residual up to which loops of few printed digits count as closed [rad or lengths]: the rest is the file's rounding.
+ENOUGH = 8  # closed poses within limits, if none is well conditioned
+#: Largest residual of loops that count as closed in a file with few digits [rad or lengths]; the rest is its rounding.
 ROUNDING = 1e-5
-#: Smallest singular value of the loop equations that is far from singular; below the second it is a redundant equation.
+#: Smallest singular value of the loop equations that counts as regular; below the second value an equation is
+#: redundant.
 REGULAR, REDUNDANT = 2e-3, 1e-8
-#: The one that is well conditioned: rounding of these equations is multiplied by the cube of its inverse on the way to
-#: accelerations, and is then still below 1e-11, to which engines are compared.
+#: Smallest singular value that counts as well conditioned: rounding of these equations is multiplied by the cube of its
+#: inverse on the way to accelerations and then stays below 1e-11, the tolerance to which engines are compared.
 WELL = float(np.cbrt(ROUNDED * EPS / 1e-11))
-#: Room that coordinates keep to their limits, as a share of the range and at most [rad]: a motion needs some.
+#: Margin of coordinates to their limits, as a share of the range and at most [rad]: a motion needs some.
 MARGIN, ROOM = 0.15, 0.3
 CENTRINGS = 40
-#: How many closures or joints a sentence names.
+#: Number of closures or joints that a sentence names.
 SHOWN = 5
 OWN = "the file's own home"
 
@@ -40,13 +41,13 @@ class Home:
     """A closed pose.
 
     Attributes:
-        start: Where it was found from, in words.
+        start: Where the search for it began, as text.
         q: Coordinates. Shape (n_coordinate,).
         error: Largest residual of the loop equations [rad or lengths of the model].
-        rank: Of the loop equations.
-        least: Their smallest singular value, redundant equations aside; infinite without loops.
+        rank: Rank of the loop equations.
+        least: Their smallest singular value, ignoring redundant equations; infinite without loops.
         beyond: Joints outside their limits.
-        distance: From the file's own home, hinges and slides only, without dimension.
+        distance: Dimensionless distance from the file's own home; hinges and slides only.
     """
 
     start: str
@@ -59,7 +60,7 @@ class Home:
 
     @property
     def good(self) -> bool:
-        """True if there is no need to search for another one."""
+        """True if this home pose is good enough to stop the search."""
         return not self.beyond and self.least > WELL
 
     def key(self) -> tuple[int, bool, int, float, float]:
@@ -72,10 +73,10 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
     """Choose the best closed pose: regular, within limits, well conditioned, near; the file's own if it is closed.
 
     Args:
-        keyframes: Further poses of the file, name -> joint -> coordinate [rad or m].
+        keyframes: Further poses in the file, name -> joint -> coordinate [rad or m].
 
     Returns:
-        It, and why it is not the one next to the file's own home, a sentence.
+        The pose, and why it is not the closed pose nearest to the file's own home, as sentences.
 
     Raises:
         ClosureError: Some loops do not close from any start.
@@ -88,7 +89,7 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
         if not error <= ROUNDING:
             continue
         homes.append(one := measure(loops, start, *_centre(loops, q, error)))
-        kept = begin is loops.home and q is begin  # closed as it is
+        kept = begin is loops.home and q is begin  # the file's own home is closed
         fine = [each for each in homes if not each.beyond and each.least > REGULAR]
         if one.good or (kept and one in fine) or len(fine) == ENOUGH:
             break
@@ -101,7 +102,7 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
 
 
 def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
-    """Yield the reason for a pose that was not found from the file's own home."""
+    """Explain why the chosen pose was not found from the file's own home."""
     if best.start == OWN:
         return
     what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
@@ -118,7 +119,7 @@ def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
-    """Yield starting coordinates for closing the loops, with a name; joints on no loop stay."""
+    """Yield named starting coordinates for closing the loops; joints on no loop stay at home."""
     yield OWN, loops.home
     for name, pose in keyframes.items():
         q = loops.home.copy()
@@ -139,7 +140,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
 
 
 def _interpolate(loops: Loops, names: Sequence[str], share: Array) -> Array:
-    """Return home with some joints at a share of the way between their limits. `share`: shape (n,)."""
+    """Return home with some joints moved to a fraction of the range between their limits. `share`: shape (n,)."""
     q = loops.home.copy()
     for name, part in zip(names, share, strict=True):
         low, high = loops.reading.joints[name].limits
@@ -148,13 +149,13 @@ def _interpolate(loops: Loops, names: Sequence[str], share: Array) -> Array:
 
 
 def measure(loops: Loops, start: str, q: Array, error: float) -> Home:
-    """Return a closed pose with the properties that rank it."""
+    """Compute the properties by which a closed pose is ranked."""
     rank, least = _rank(loops, q)
     return Home(start, q, error, rank, least, tuple(joints_beyond(loops, q)), _distance(loops, q))
 
 
 def _rank(loops: Loops, q: Array) -> tuple[int, float]:
-    """Return the rank of the loop equations and their smallest singular value, redundant equations aside."""
+    """Compute the rank of the loop equations and their smallest singular value, ignoring redundant equations."""
     s = np.linalg.svd(loops.system(q)[1], compute_uv=False)
     rank = int(np.sum(s > REDUNDANT))
     return rank, float(s[rank - 1]) if rank else np.inf
@@ -166,19 +167,19 @@ def limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
 
 
 def joints_beyond(loops: Loops, q: Array) -> list[str]:
-    """List the joints beyond their limits."""
+    """List the joints outside their limits."""
     at = loops.values(q)
     return [name for name, (low, high) in limits(loops) if name in at and low < high and not low <= at[name] <= high]
 
 
 def _is_at_limit(loops: Loops, q: Array) -> bool:
-    """True where a joint is at a limit, or outside."""
+    """True if a joint is at a limit or outside it."""
     at = loops.values(q)
     return any(name in at and low < high and not low < at[name] < high for name, (low, high) in limits(loops))
 
 
 def few_of(phrases: Sequence[str]) -> str:
-    """Return the first phrases and the number of others."""
+    """List the first phrases and count the remaining ones."""
     return first_few(phrases, SHOWN)
 
 
@@ -189,7 +190,7 @@ def _distance(loops: Loops, q: Array) -> float:
 
 
 def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
-    """Move coordinates, with the loops closed, away from their limits as far as possible."""
+    """Move coordinates away from their limits as far as possible while keeping the loops closed."""
     for _ in range(CENTRINGS):
         wish = _wish(loops, q)
         if not wish.any():
@@ -202,7 +203,7 @@ def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
         if np.abs(wish).max() < 1e-6:
             break
         trial, left = loops.newton(loops.stepped(q, wish))
-        # within the limits room is worth less than a good condition, but at a limit nothing moves
+        # within limits, a good condition is worth more than the margin, but at a limit nothing moves
         floor = REGULAR if _is_at_limit(loops, q) else min(least, WELL)
         worse = rank and _rank(loops, trial)[1] < floor
         if not left <= max(error, 1e-9) or worse or _lack(loops, trial) >= _lack(loops, q):
@@ -212,7 +213,7 @@ def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
 
 
 def _wish(loops: Loops, q: Array) -> Array:
-    """Return the step that would give all coordinates room to their limits, without dimension. Shape (n,)."""
+    """Return the dimensionless step that would give all coordinates their margin to the limits. Shape (n,)."""
     wish = np.zeros(len(loops.size))
     for name, x in loops.values(q).items():
         joint = loops.reading.joints[name]
@@ -229,13 +230,13 @@ def _lack(loops: Loops, q: Array) -> float:
     return float(np.linalg.norm(_wish(loops, q)))
 
 
-#: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
+#: Largest residual of a closed loop [rad or lengths of the model]; descriptions are checked to 1e-9.
 CLOSED = 1e-11
-MINOR = 1e-3  # share of a gap below which what is open in the other unit goes without a word
+MINOR = 1e-3  # share of a gap below which the part in the other unit is not mentioned
 STEPS = 100
-STUCK = 8  # steps without a gain of a hundredth: it ends there
+STUCK = 8  # steps without an improvement of 1 %, after which the iteration stops
 LARGEST = 0.4  # step [rad or lengths]
-LATEST = 8  # poses whose equations are kept: those of a step are asked for again by what judges it
+LATEST = 8  # number of poses whose equations are cached: evaluating a step asks for them again
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +244,7 @@ class Loops:
     """The loop equations of a tree, in lengths of the model; coordinates have shape (n_coordinate,).
 
     Attributes:
-        held: Joints that stay at home.
+        held: Joints that are held at home.
     """
 
     tree: ReadingTree
@@ -256,7 +257,7 @@ class Loops:
 
     @cached_property
     def home(self) -> Array:
-        """Coordinates at home."""
+        """Coordinates in the home pose."""
         return np.asarray(home(self.reading).q[0])
 
     def values(self, q: Array) -> dict[str, float]:
@@ -278,7 +279,7 @@ class Loops:
 
     @cached_property
     def units(self) -> dict[str, Array]:
-        """Closure or coupling -> the unit of each of its residuals. Shape (3,), (6,) or (1,)."""
+        """Closure or coupling -> unit of each of its residuals. Shape (3,), (6,) or (1,)."""
         turn, way, joints = [1.0] * 3, [self.length] * 3, self.reading.joints
         units = {name: way if c.kind == "point" else turn + way for name, c in self.reading.closures.items()}
         for name, coupling in self.reading.couplings.items():
@@ -287,7 +288,7 @@ class Loops:
 
     @cached_property
     def free(self) -> Array:
-        """0 for the velocities of fixed joints, else 1. Shape (n_freedom,)."""
+        """Mask of velocities: 0 for held joints, 1 for others. Shape (n_freedom,)."""
         free = np.ones(len(self.size))
         for name in self.held:
             free[self.tree.freedoms[name]] = 0.0
@@ -295,7 +296,7 @@ class Loops:
 
     @cached_property
     def closing(self) -> Array:
-        """1 for the velocities of free joints in a loop or coupling, else 0. Shape (n_freedom,)."""
+        """Mask of velocities: 1 for free joints in a loop or coupling, 0 for others. Shape (n_freedom,)."""
         moves = dict(zip(self.reading.bodies, self.tree.moves, strict=True))
         out, still = np.zeros(len(self.size)), np.zeros(len(self.size))
         for closure in self.reading.closures.values():
@@ -306,12 +307,12 @@ class Loops:
         return np.minimum(out, 1.0) * self.free
 
     def residuals(self, q: Array) -> dict[str, Array]:
-        """Return the opening of each closure and coupling [rad or lengths]: 3, 6 or 1 numbers."""
+        """Compute the residuals of each closure and coupling [rad or lengths]: 3, 6 or 1 components."""
         ends = np.cumsum([len(units) for units in self.units.values()])
         return dict(zip(self.units, np.split(self.system(q)[0], ends[:-1]), strict=True)) if self.units else {}
 
     def gaps(self, q: Array, least: float) -> list[str]:
-        """Return the opening of each open closure and coupling in words, the widest first."""
+        """Describe the gap of each open closure and coupling as text, the widest first."""
         widest_first = sorted(self.residuals(q).items(), key=lambda entry: -np.abs(entry[1]).max())
         return [self._gap(name, r) for name, r in widest_first if np.abs(r).max() > least]
 
@@ -327,7 +328,7 @@ class Loops:
         return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """Return all residuals and their derivative by velocities, without dimension. Shapes (m,), (m, n_freedom)."""
+        """Compute the dimensionless residuals and their Jacobian. Shapes (m,), (m, n_freedom)."""
         key = q.tobytes()
         if key not in self._latest:
             if len(self._latest) == LATEST:
@@ -345,11 +346,11 @@ class Loops:
         return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
-        """Return the coordinates after a step of all velocities without dimension, shape (n_freedom,)."""
+        """Return the coordinates after a dimensionless step of all velocities, shape (n_freedom,)."""
         return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
-        """Close the loops from given coordinates by the shortest steps (Levenberg-Marquardt).
+        """Close the loops from given coordinates, taking the shortest steps (Levenberg-Marquardt).
 
         Returns:
             The coordinates reached and their largest residual.

@@ -17,27 +17,28 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
-#: Cosine between axes that are orthogonal, and share of the length at which they meet; descriptions are held to 1e-12.
+#: Largest cosine between orthogonal axes, and largest distance of meeting axes as a share of the length; descriptions
+#: are checked to 1e-12.
 RIGHT, MEET = 1e-13, 1e-14
-#: Joints of several freedoms, in words.
+#: Names of joints with several freedoms.
 COMPOSITE = {"S": "a ball joint", "U": "a universal joint", "C": "a cylindrical joint", "F": "a free joint"}
-#: Entries of unit vectors and rotations that rounding leaves of zero.
+#: Entries of unit vectors and rotations below this are rounding errors of zero.
 NOTHING = 4e-16
-#: A limit where a joint has one on the other side only [rad, m].
+#: Value of the missing limit of a joint that has only one [rad, m].
 FAR = 1e10
-#: Sine of a spherical joint's second angle at home above which its axes say little; at one they lie in a plane.
+#: Sine of a spherical joint's second angle at home above which its axes are nearly coplanar; at 1 they lie in a plane.
 STEEP = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Neighbouring freedoms of a link, hinges or slides, that form a joint.
+    """Consecutive freedoms of a link, hinges or slides, that form one joint.
 
     Attributes:
         kind: One of `KINDS`.
-        freedoms: By name, from the near body outwards.
-        point: Where all axes meet. Shape (3,).
-        name: Empty where that of its freedoms is to be taken.
+        freedoms: Name -> freedom, from the near body outwards.
+        point: Intersection of all axes. Shape (3,).
+        name: Name of the joint; empty if it takes the name of its freedoms.
     """
 
     kind: str
@@ -52,7 +53,7 @@ class Group:
 
 
 def prune(machine: Machine, followed: Collection[str]) -> Machine:
-    """Remove bodies without mass that carry nothing, except those of joints that others follow."""
+    """Remove massless bodies that carry nothing, except those of joints on which couplings depend."""
     bodies, links, remarks = dict(machine.bodies), list(machine.links), list(machine.remarks)
     while True:
         bare = [name for name, body in bodies.items() if name != GROUND and not body.local.mass]
@@ -68,12 +69,12 @@ def prune(machine: Machine, followed: Collection[str]) -> Machine:
 
 
 def followed_joints(reading: Reading) -> set[str]:
-    """Return the joints that others depend on by a coupling."""
+    """Return the joints on which other joints depend through a coupling."""
     return {name for coupling in reading.couplings.values() for name in coupling.function.terms}
 
 
 def graph_of(reading: Reading) -> Machine:
-    """Return the graph of a reading with closed loops, merging links through massless crosses."""
+    """Build the graph of a reading with closed loops, merging links through massless crosses."""
     machine = prune(graph_at_home(reading), followed_joints(reading))
     pinned = {machine.part_of(end) for c in reading.closures.values() for end in (c.first, c.second)}
     return contract(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
@@ -82,9 +83,9 @@ def graph_of(reading: Reading) -> Machine:
 def groups(
     link: Link, machine: Machine, driven: Collection[str], coupled: Collection[str]
 ) -> tuple[list[Group], list[str]]:
-    """Group the freedoms of a link into joints of a description; say which composite joints were divided.
+    """Group the freedoms of a link into joints of a description; report which composite joints were divided.
 
-    Driven freedoms stay alone, and coupled ones do not become part of S and F.
+    Driven freedoms stay separate, and coupled freedoms do not become part of S and F.
     """
     out, remarks, i = list[Group](), list[str](), 0
     while i < len(link.elements):
@@ -109,12 +110,12 @@ def groups(
 
 
 def _single(part: tuple[Element, ...]) -> bool:
-    """True if all elements are joints of one freedom."""
+    """True if every element is a joint of one freedom."""
     return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 
 def _single_joint(element: Element, link: Link, machine: Machine) -> Group:
-    """Return a freedom as a joint of its own: hinge, slide, ball, free joint, or a freedom of closures."""
+    """Make a single element a joint of its own: hinge, slide, ball, free joint, or a freedom of closures."""
     name = element.joint or pin_name(element.closures)
     if FREEDOMS[element.kind] > 1:
         kind = "S" if element.kind == "ball" else "F"
@@ -127,17 +128,17 @@ def _single_joint(element: Element, link: Link, machine: Machine) -> Group:
 
 
 def pin_name(closures: Sequence[str]) -> str:
-    """Name of the joint in place of closures."""
+    """Return the name of the joint that replaces closures."""
     return closures[0] if len(closures) == 1 else closures[0].removesuffix(".1")
 
 
 def _freedoms(part: Iterable[Element], reading: Reading) -> dict[str, JointReading]:
-    """Return hinges and slides of the reading, seen from the near side."""
+    """Return the hinges and slides of the reading, seen from the near side."""
     return {each.joint: replace(reading.joints[each.joint], screw=each.screw) for each in part}
 
 
 def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Return neighbouring freedoms as one joint of a description, or the reason that it cannot hold them."""
+    """Merge consecutive freedoms into one joint of a description, or return the reason why this is impossible."""
     freedoms, length = _freedoms(part, machine.reading), machine.length
     axes = [*freedoms.values()]
     if kind == "F":
@@ -158,7 +159,7 @@ def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group 
 
 
 def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Return a free joint of three perpendicular slides and a ball."""
+    """Build a free joint from three perpendicular slides and a ball, or return the reason why this is impossible."""
     axes = [*freedoms.values()]
     E = np.array([axis.direction for axis in axes[:3]])
     serial = [axis.kind == "hinge" for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
@@ -169,7 +170,7 @@ def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machi
 
 
 def _from_home(names: Iterable[str], point: Array) -> Group:
-    """Return a spherical joint with angles counted from home, as its own axes are nearly in gimbal lock there."""
+    """Build a spherical joint whose angles count from home, since its own axes are nearly in gimbal lock there."""
     axes = zip(names, np.eye(3), strict=True)
     return Group("S", {f"{n}.from-home": JointReading("hinge", screw(True, e, point), point) for n, e in axes}, point)
 
@@ -179,10 +180,10 @@ def _orthogonal(E: Array) -> bool:
 
 
 def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
-    """Return the axes at zero coordinates, in axes of the joint's child at home, and the total rotation.
+    """Return the axes at zero coordinates, in the axes of the joint's child at home, and the total rotation.
 
-    Of the serial product of rotations, the last axis is as the child sees it, and each one before it as seen
-    from behind those after it.
+    In the serial product of rotations the last axis is expressed in the child; each earlier axis is expressed in the
+    frame that results when the rotations after it are undone.
     """
     E, P = np.empty((len(axes), 3)), np.eye(3)
     for i in reversed(range(len(axes))):
@@ -198,22 +199,22 @@ def _unit(v: Array) -> Array:
 
 
 def _tidy(R: Array) -> Array:
-    """Round the nearly exact zeros and ones of a rotation."""
+    """Round the entries of a rotation that are nearly zero or one."""
     near = np.round(R)
     return np.where(np.abs(R - near) < 2.0 * NOTHING, near, R) + 0.0
 
 
 def frame(pose: Array, R: Array, point: Array, length: float) -> Frame:
-    """Return a world frame as a frame of a body with the given pose."""
+    """Express a world frame as a frame of a body with the given pose."""
     p = pose[:3, :3].T @ (point - pose[:3, 3])
     return Frame(np.where(np.abs(p) < NOTHING * length, 0.0, p) + 0.0, _tidy(pose[:3, :3].T @ R))
 
 
 def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Array], length: float) -> Joint:
-    """Return a joint of a description; its coordinates and their values are those of the freedoms.
+    """Build a joint of a description; its coordinates and their values are those of the freedoms.
 
     Args:
-        near, far: Bodies that it joins, and their poses. Shape (4, 4).
+        near, far: The bodies that it connects, and their poses. Shape (4, 4).
     """
     (parent, before), (child, behind) = near, far
     R = behind[:3, :3]
@@ -240,7 +241,7 @@ def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Arra
 
 
 def bounds(limits: tuple[float, float]) -> tuple[float, float]:
-    """Return the limits of a description: both finite, or none."""
+    """Convert limits to those of a description: both finite, or both infinite."""
     low, high = limits
     if not low < high or np.isinf(limits).all():
         return -np.inf, np.inf
@@ -248,10 +249,10 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
-    """Return a ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent.
+    """Build a ball (S) or free joint (F) with zero angles at home; a free joint has the axes of its parent.
 
     Args:
-        near, far: Poses of what it joins. Shape (4, 4).
+        near, far: Poses of the bodies that it connects. Shape (4, 4).
     """
     R = (near if kind == "F" else far)[:3, :3]
     home = near[:3, :3].T @ (point - near[:3, 3])
@@ -265,12 +266,12 @@ def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
     return Group(kind, slides | turns, point)
 
 
-#: How many names a phrase lists.
+#: Number of names that a phrase lists.
 SHOWN = 6
 
 
 def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...]:
-    """Return the springs of hinges and slides."""
+    """List the springs of hinges and slides."""
     return tuple(
         JointSpring(name, joint.stiffness, joint.rest)
         for name, joint in reading.joints.items()
@@ -279,7 +280,7 @@ def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...
 
 
 def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
-    """List phrases on content that is left out, each with names."""
+    """Describe the omitted content, with the names of its owners."""
     gone = {n: joint for n, joint in reading.joints.items() if n not in mechanism.coordinates}
     names_by = {
         f"{what} of": [name for name, joint in gone.items() if getattr(joint, what)]
@@ -295,10 +296,10 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")
-    held = ("mimic of", "include ", RESISTS)  # couplings, what is included and what actuators have are read apart
+    held = ("mimic of", "include ", RESISTS)  # couplings, includes and resistances of actuators are reported elsewhere
     return (*phrases, *(phrase for phrase in reading.ignored if not phrase.startswith(held)))
 
 
 def few_names(names: Iterable[str]) -> str:
-    """Return the first names and the number of others."""
+    """List the first names and count the remaining ones."""
     return first_few((f"'{name}'" for name in names), SHOWN)

@@ -29,21 +29,21 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array
 
-#: Things of a kind that a sentence names.
+#: Number of items of a kind that a sentence names.
 NAMED = 3
-#: Moments of inertia over mass below which MuJoCo's box has no width [m^2].
+#: Moments of inertia per mass below which MuJoCo's box has no extent [m^2].
 NO_WIDTH = 1e-15
-#: Entries of rotations below this are rounding.
+#: Entries of rotations below this are rounding errors of zero.
 ROUNDING = 4e-16
-#: Closures that every library reads; it depends on the library whether it reads other equalities.
+#: Equalities that every library reads as closures; whether it reads others depends on the library.
 CLOSURES = ("connect", "weld")
 
 
 def check_whole(reading: Reading, source: Source) -> None:
-    """Refuses a file of which something acts that neither a description holds nor a run can measure.
+    """Refuse a file whose content has effects that neither a description can express nor a run can measure.
 
     Raises:
-        ModelFileError: It names what acts, and what to do.
+        ModelFileError: Such content exists; the message names it and the remedy.
     """
     where = str(source.path)
     for kind in kinds().values():
@@ -66,17 +66,17 @@ def _equalities(source: Source) -> list[str]:
 
 
 def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
-    """Return the forces of a file other than rigid bodies, joints, closures and gravity; of an MJCF by MuJoCo.
+    """Return the forces of a file other than rigid bodies, joints, closures and gravity; for an MJCF, use MuJoCo.
 
     Raises:
-        ModelFileError: Something of it cannot be measured.
+        ModelFileError: Some of them cannot be measured.
     """
     where = str(source.path)
     if source.form != "mjcf":
         return _everything(reading, None, where)
     try:
         own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
-    except ModelFileError:  # another library reads it, and has all that is known
+    except ModelFileError:  # another library reads it, and its reading holds all that is known
         return _everything(reading, None, where)
     check_whole(own, source)
     with collect_phrases():
@@ -89,12 +89,12 @@ def left_out_of_model(reading: Reading, where: str) -> tuple[LeftOut, ...]:
 
 
 def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
-    """Return all forces that are left out, in the names of the file.
+    """Return all omitted forces, with the names used in the file.
 
     Args:
-        reading: Of the file.
-        model: The file as MuJoCo has compiled it; None of a file that MuJoCo does not read.
-        where: The file, to blame.
+        reading: Reading of the file.
+        model: The file as compiled by MuJoCo; None if MuJoCo does not read it.
+        where: Name of the file, for errors.
     """
     found = list[LeftOut]()
     for name, joint in reading.joints.items():
@@ -127,28 +127,28 @@ def _of_joint(name: str, joint: JointReading, model: Any | None, where: str) -> 
 
 
 def _spring(model: Any, owner: str, i: int) -> Powers:
-    """Return the law of a spring of a joint or tendon; none where springs are switched off."""
+    """Return the polynomial of a joint's or tendon's spring; empty if springs are disabled."""
     return () if is_disabled(model, "SPRING") else _law(model, f"{owner}_stiffness", i)
 
 
 def _damper(model: Any, owner: str, i: int) -> Powers:
-    """Return the law of a damper of a freedom, tendon or actuator; none where dampers are switched off."""
+    """Return the polynomial of a freedom's, tendon's or actuator's damper; empty if dampers are disabled."""
     return () if is_disabled(model, "DAMPER") else _law(model, f"{owner}_damping", i)
 
 
 def _law(model: Any, array: str, i: int) -> Powers:
-    """Return the coefficients of a law, of which MuJoCo has several since 4.0."""
+    """Return the coefficients of a force law; since version 4.0 MuJoCo has several."""
     arrays = [getattr(model, name) for name in (array, f"{array}poly") if hasattr(model, name)]
     return _powers(float(x) for values in arrays for x in np.ravel(values[i]))
 
 
 def _powers(values: Iterable[float]) -> Powers:
-    """Return a law without zeros at its end."""
+    """Return the coefficients of a force law without trailing zeros."""
     return tuple(np.trim_zeros(np.array([*values], dtype=float), "b").tolist())
 
 
 def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
-    """Yield the tendons that pull."""
+    """Yield the tendons that exert forces."""
     for i in range(model.ntendon):
         low, high = np.broadcast_to(model.tendon_lengthspring[i], 2).tolist()
         rubs = not is_disabled(model, "FRICTIONLOSS")
@@ -183,7 +183,7 @@ def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0
 
 
 def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
-    """Yield rotors and dampers of actuators, multiplied by the square of the gear."""
+    """Yield the rotors and dampers of actuators, multiplied by the square of the gear ratio."""
     for i in range(model.nu if hasattr(model, "actuator_armature") else 0):
         armature, damping = float(model.actuator_armature[i]), _damper(model, "actuator", i)
         if not (armature or damping):
@@ -220,10 +220,10 @@ def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
-    """True if actuators compensate a body's weight along all joints before it: then nothing is left out.
+    """True if actuators compensate a body's weight along all joints before it: then no force is left out.
 
     Raises:
-        ModelFileError: They do along some of them only.
+        ModelFileError: Actuators compensate it along some of these joints only.
     """
     borne, name = set[bool](), model.body(body).name
     while body:
@@ -246,12 +246,12 @@ def convert(
     """Convert left-out forces to names and frames of the description; drop those of joints that it lacks.
 
     Args:
-        left_out: In the names of the file.
-        graph: Of which the mechanism was made.
+        left_out: Forces with the names used in the file.
+        graph: The machine from which the mechanism was made.
         names: ``bodies`` and ``joints`` -> name in the file -> name in the description.
 
     Raises:
-        ModelFileError: A coordinate on which it acts is no coordinate of the description.
+        ModelFileError: A force acts along a coordinate that the description lacks.
     """
     found = list[LeftOut]()
     for one in left_out:
@@ -271,14 +271,14 @@ def convert(
 def with_resistance(
     mechanism: Mechanism, left_out: Sequence[LeftOut], actuators: Mapping[str, ActuatorReading]
 ) -> tuple[Mechanism, list[str]]:
-    """Move forces along one coordinate into the joints of the mechanism; all others are still left out.
+    """Move forces along a single coordinate into the joints of the mechanism; keep all others as left out.
 
     Args:
         left_out: See `convert`.
-        actuators: Of the file.
+        actuators: Actuators of the file.
 
     Returns:
-        It, and a sentence on each rotor that is behind a gear.
+        The mechanism, and a sentence for each rotor behind a gear.
     """
     amounts = {name: dict.fromkeys(RESISTS, 0.0) for name in mechanism.coordinates}
     rest, gears = list[LeftOut](), list[str]()
@@ -303,14 +303,14 @@ def with_resistance(
 
 
 def _add_resistance(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) -> Joint:
-    """Add amounts to the coordinates of a joint."""
+    """Add resistances to the coordinates of a joint."""
     more = {what: np.array([amounts[name][what] for name in joint.coordinates]) for what in RESISTS}
     return replace(joint, **{what: getattr(joint, what) + added for what, added in more.items()})
 
 
 def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:
-    """Yield the forces of a ball or free joint of the file for the joint that it became."""
-    made = (joint for joint in mechanism.joints if joint.angles == 3)  # its coordinates tell whose it is
+    """Map the forces on a ball or free joint in the file to the joint it was imported as."""
+    made = (joint for joint in mechanism.joints if joint.angles == 3)  # its coordinates identify the original joint
     yield from (replace(one, of=f"joint {name}", joint=j.name) for j in made if j.coordinates[-1] == f"{name}.q3")
 
 
@@ -318,7 +318,7 @@ def _along_coordinates(
     one: StrokeResistance, joints: Mapping[str, str], mechanism: Mechanism, graph: Machine, where: str
 ) -> Iterator[LeftOut]:
     single = {name for name, joint in graph.reading.joints.items() if FREEDOMS[joint.kind] == 1}
-    there = single & {name for link in graph.links for name in link.joints}  # a loops file makes hinges balls
+    there = single & {name for link in graph.links for name in link.joints}  # a loops file turns hinges into balls
     along = {joints.get(name, name): share for name, share in one.along.items()}
     along = {name: share for name, share in along.items() if name in there}
     if missing := [name for name in along if name not in mechanism.coordinates]:
@@ -330,7 +330,7 @@ def _along_coordinates(
 
 
 def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[LeftOut]:
-    """Yield the same force in the frame of the machine's body, if that moves."""
+    """Express the force in the frame of the machine's body; yield nothing if that body is the ground."""
     part = graph.part_of(body)
     if part == GROUND:
         return
@@ -342,7 +342,7 @@ def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[Lef
 
 
 def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple[str, Array]:
-    """Return a point of a body of the reading as a point of the machine's body."""
+    """Convert a point of a body of the reading to a point of the machine's body."""
     if body == GROUND:
         return GROUND, point
     part = next((name for name, each in graph.bodies.items() if body in each.members), None)
@@ -356,7 +356,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
 
 
 def _clean(R: Array) -> Array:
-    """Round the nearly exact zeros of a rotation, as descriptions are read."""
+    """Round the nearly zero entries of a rotation, as when a description is read."""
     return np.where(np.abs(R) < ROUNDING, 0.0, R)
 
 

@@ -41,10 +41,10 @@ from screwgauge.reference.rotations import Array
 
 
 def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
-    """Return the description as TOML.
+    """Write a mechanism as a description in TOML.
 
     Args:
-        remarks: Sentences that stand above it as comments.
+        remarks: Sentences to write above it as comments.
     """
     out = [f"# {line}" for remark in remarks for line in wrap(remark, 116)]
     head = {"name": mechanism.name, "title": mechanism.title, "source": mechanism.source, "group": mechanism.group}
@@ -57,7 +57,7 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     return document(out, mechanism, parts, left_out)
 
 
-#: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
+#: Times mass and squared length of the model: rounding that merging links leaves in moments of inertia that are zero.
 ROUNDING = 1e-16
 
 
@@ -66,11 +66,11 @@ class Imported:
     """A mechanism made from a reading.
 
     Attributes:
-        springs: Those of its joints, which a scene holds.
-        gravity: World axes [m/s^2], shape (3,); None where the file does not say it.
+        springs: Springs of its joints, which belong to the scene.
+        gravity: Gravity in world axes [m/s^2], shape (3,); None if the file does not define it.
         names: Name in the file -> name in the description, where they differ.
-        remarks: How it was made, a sentence each.
-        left_out: What is in the file and in neither description nor scene, a phrase each.
+        remarks: Sentences on how it was made.
+        left_out: Phrases on content of the file that neither the description nor the scene holds.
     """
 
     mechanism: Mechanism
@@ -86,13 +86,13 @@ class Options:
     """Options of an import.
 
     Attributes:
-        loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
-        library: Who reads it; by default that of its format.
-        floating: The base of a URDF moves freely.
-        meshes: Mass and inertia are computed from meshes in the folder of an MJCF where they come from these.
-        independent, actuated: Label -> independent coordinate, and actuated joints; None leaves them to the file.
-        allow: Tensors that no body has and that are taken, such as ``wrist.triangle``; files and folders that the file
-            may name, by their way from its folder, with a ``/``; `MESHES`.
+        loops: A file beside a URDF that defines how its loops close; by default the file of the same name, if any.
+        library: Library that reads the file; by default the first one for its format.
+        floating: Give a URDF a floating base.
+        meshes: Compute mass and inertia from meshes in the folder of an MJCF if the model derives them from meshes.
+        independent, actuated: Label -> independent coordinate, and actuated joints; None takes them from the file.
+        allow: Tensors to accept although no physical body has them, such as ``wrist.triangle``; files and folders to
+            which the file may refer, as paths from its folder with a ``/``; `MESHES`.
     """
 
     loops: Path | None = None
@@ -105,11 +105,11 @@ class Options:
 
     @property
     def tensors(self) -> list[str]:
-        """Allowed tensors."""
+        """Names of the allowed tensors."""
         return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
     def with_choices_of(self, own: LoopsFile) -> Options:
-        """Return the options with the coordinates of a loops file where nothing was chosen."""
+        """Fill the choices that the user left open with those of a loops file."""
         driven = [joint.coordinates[0] for joint in own.joints if joint.actuated]
         chosen = own.independent if self.independent is None else self.independent
         return replace(self, independent=chosen, actuated=driven if self.actuated is None else self.actuated)
@@ -123,13 +123,13 @@ def describe(
     keyframes: Mapping[str, Mapping[str, float]] | None = None,
     beyond: Sequence[LeftOut] = (),
 ) -> Imported:
-    """Make a mechanism of a reading.
+    """Build a mechanism from a reading.
 
     Args:
-        where: The file, to blame.
-        given: Joints that close loops, as they are already known; others are made from the points that coincide.
+        where: Name of the file, for errors.
+        given: Joints that close loops and are already known; other joints are derived from the coinciding points.
         keyframes: Poses that may be near a good home, name -> joint -> coordinate [rad or m].
-        beyond: What acts in the file besides, in its names.
+        beyond: Further forces in the file, with the names used there.
 
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
@@ -147,7 +147,7 @@ def describe(
     leading = {*(actuated or ()), *(options.independent or {}).values()}
     couplings, followers = solve_couplings(graph.reading.couplings, leading)
     graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
-    known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
+    known = {} if moved else {one.name: one for one in given}  # their coordinates count from the file's home
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, options.tensors, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, options.independent, where)
@@ -167,7 +167,7 @@ def describe(
 def _mechanism(
     graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], allow: Sequence[str], where: str
 ) -> tuple[Mechanism, list[str]]:
-    """Return the mechanism, without independent coordinates and actuators, and sentences on what it cannot hold."""
+    """Build the mechanism, without independent coordinates and actuators; report what it cannot represent."""
     reading = graph.reading
     joints, carriers, remarks = _joints(graph, driven, known)
     solid = [_body(name, body, graph.length, where) for name, body in graph.bodies.items() if name != GROUND]
@@ -193,7 +193,7 @@ def _mechanism(
 
 
 def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
-    """Return the reading with names that a description accepts, and these: room -> name -> accepted name."""
+    """Rename a reading so that a description accepts all names; return it with namespace -> name -> accepted name."""
     joints = accept_names(reading.joints, "joint")
     names = {
         "bodies": accept_names(reading.bodies, "body"),
@@ -206,7 +206,7 @@ def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
 
 
 def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
-    """Return the driven joints: those chosen, those of the file, or all of an open chain; None if nothing says so."""
+    """Return the driven joints: chosen ones, the file's, or all of an open chain; None if nothing determines them."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:
@@ -222,12 +222,12 @@ def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> 
 
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
-    """Return a coupling; one that depends on nothing that moves holds its joint."""
+    """Build a coupling; without moving joints to depend on, it holds its joint."""
     return Coupling(name, entry.joint, entry.function.trimmed, f"{where}, coupling '{name}'")
 
 
 def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
-    """Return a body with an unchecked tensor, see `settled`."""
+    """Build a body without checking its tensor, see `settled`."""
     matter = body.local
     if not matter.mass:
         return Body(name, 0.0, np.zeros(3), np.zeros((3, 3)))
@@ -239,7 +239,7 @@ def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
 def _joints(
     graph: Machine, driven: frozenset[str], given: Mapping[str, Joint]
 ) -> tuple[tuple[Joint, ...], list[Body], list[str]]:
-    """Return all joints, the massless bodies within links, and sentences on composite joints that were divided."""
+    """Build all joints and the massless bodies within links; report composite joints that were divided."""
     pins = {pin_name(one.closures) for link in graph.links for one in link.elements if one.closures}
     names = {GROUND, *graph.bodies, *graph.reading.joints, *pins}
     coupled = {name for entry in graph.reading.couplings.values() for name in entry.named}
@@ -250,7 +250,7 @@ def _joints(
         near = link.near, graph.bodies[link.near].pose
         for i, group in enumerate(steps):
             far = link.far, graph.bodies[link.far].pose
-            if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
+            if i < len(steps) - 1:  # has the axes of the final body, and its origin in the joint
                 pose = far[1].copy()
                 pose[:3, 3] = group.point
                 far = free_name(f"{next(iter(group.freedoms))}.carrier", names), pose
@@ -263,7 +263,7 @@ def _joints(
 
 
 def _joint_name(group: Group, used: set[str]) -> str:
-    """Name of a joint: that of its one freedom, or what the names of several have in common."""
+    """Return the name of a joint: the name of its only freedom, or the common part of its freedoms' names."""
     if len(group.freedoms) == 1:
         return next(iter(group.freedoms))
     parts = {name.rpartition(".")[0] for name in group.freedoms}
@@ -271,7 +271,7 @@ def _joint_name(group: Group, used: set[str]) -> str:
     return free_name(whole or "+".join(group.freedoms), used)
 
 
-#: Keyframe that users of MJCF call so.
+#: Conventional name of the home keyframe in MJCF.
 HOME = "home"
 
 
@@ -279,7 +279,7 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     """Import the mechanism of a model file.
 
     Raises:
-        ScrewgaugeError: It is no model, or one that a description cannot hold.
+        ScrewgaugeError: The file is not a model, or a description cannot represent it.
     """
     options = options or Options()
     with files_allowed(path.parent, options.allow):
@@ -307,7 +307,7 @@ def _imported_model(path: Path, options: Options) -> Imported:
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:
-    """Return the coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; unnamed ones are numbered."""
+    """Return the coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; number unnamed keyframes."""
     if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
     with collect_warnings():
@@ -321,12 +321,12 @@ def _keyframes(source: Source) -> dict[str, dict[str, float]]:
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """Return a temporary folder that is deleted with the process."""
+    """Create a temporary folder that is deleted when the process ends."""
     return TemporaryDirectory(prefix="screwgauge-imported-")
 
 
 def scratch_folder() -> Path:
-    """Return a new folder that is deleted with the process."""
+    """Create a new folder that is deleted when the process ends."""
     root = Path(_folder().name)
     folder = root / str(len([*root.iterdir()]))
     folder.mkdir()
@@ -334,21 +334,21 @@ def scratch_folder() -> Path:
 
 
 def is_scratch(path: Path) -> bool:
-    """True for a file in a folder that goes away with the process."""
+    """True for a file in a folder that is deleted when the process ends."""
     return path.is_relative_to(_folder().name)
 
 
-#: Model file, and whether its base was freed -> digests of the files that it consists of, what was allowed, and what
-#: was made of these.
+#: Model file, and whether it has a floating base -> digests of its files, the entries that were allowed, and the import
+#: result.
 _imported: dict[tuple[Path, bool], tuple[dict[Path, str], frozenset[str], tuple[Path, Imported]]] = {}
 
 
 def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
-    """Import a model file as a description in a temporary folder, once for its content.
+    """Import a model file as a description in a temporary folder; repeat this only when the content changes.
 
     Args:
-        allow: See `Options`; empty, it is as the file was imported last.
-        floating: The base of a URDF moves freely.
+        allow: See `Options`; if empty, the entries of the last import of the file apply.
+        floating: Give a URDF a floating base.
     """
     digests, allowed, made = _imported.get((path, floating), ({}, frozenset(), None))
     if made is None or digests != _digests([*digests], path) or not {*allow} <= allowed | _allowed(made[1].mechanism):
@@ -358,12 +358,12 @@ def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = Fal
 
 
 def _allowed(mechanism: Mechanism) -> set[str]:
-    """Return the entries of ``allow`` that a mechanism was made with."""
+    """Return the entries of ``allow`` with which a mechanism was made."""
     return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
 def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
-    """Keep the result of importing a model file, see `imported_file`."""
+    """Store the result of importing a model file, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
     with files_read() as read, files_allowed(path.parent, allow):
@@ -374,13 +374,13 @@ def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating:
 
 
 def _digests(files: Sequence[Path], model: Path) -> dict[Path, str]:
-    """Return the digests of the files of a model and of the loops file beside it."""
+    """Compute the digests of the files of a model and of the loops file beside it."""
     loops = loops_for(model)
     return {file: digest(file) if is_file(file) else "" for file in (*files, *filter(None, [loops]))}
 
 
 def notes(imported: Imported) -> tuple[str, ...]:
-    """Return the comments above an imported description."""
+    """Compose the comments above an imported description."""
     renamed = ", ".join(f"'{old}' is '{new}'" for old, new in imported.names.items())
     left = [f"Left out: {'; '.join(imported.left_out)}."] if imported.left_out else []
     return (*imported.remarks, *([f"Names: {renamed}."] if renamed else []), *left)

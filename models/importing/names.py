@@ -1,4 +1,4 @@
-"""Names of a model file as a description accepts them."""
+"""Converts names of a model file to names that a description accepts."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Iterable
 
 from screwgauge.reference.mechanism import GROUND
 
-#: Names that are taken: the fixed world of a description, that of MuJoCo, and who exerts loads.
+#: Reserved names: the ground of a description, MuJoCo's world, and the agent that exerts loads.
 TAKEN = (GROUND, "world", "environment")
 
 
 def accept_names(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
-    """Return each name, or a similar unused one that a description accepts.
+    """Map each name to itself, or to a similar unused name that a description accepts.
 
     Args:
-        kind: What stands in for a name that has no usable character.
+        kind: Replacement for a name without usable characters.
     """
     wanted = list(dict.fromkeys(names))
     fine = {name for name in wanted if re.fullmatch(r"\w[\w.:+-]*", name) and name not in {*taken}}
@@ -26,7 +26,7 @@ def accept_names(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) 
 
 
 def free_name(name: str, used: set[str]) -> str:
-    """Return the name, numbered if it is used, and mark it as used."""
+    """Return the name, with a number appended if it is in use, and mark it as used."""
     number, base = 2, name
     while name in used:
         name, number = f"{base}-{number}", number + 1
