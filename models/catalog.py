@@ -1,4 +1,4 @@
-"""Finds built-in mechanisms and descriptions by name or path, and writes that of N four-bars in a row (A02)."""
+"""Finds built-in mechanisms and descriptions by name or path, and writes the chain of N four-bars (A02)."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ FOLDER = Path(__file__).parent
 
 
 def mechanism_names() -> list[str]:
-    """Names of the built-in mechanisms."""
+    """List the names of the built-in mechanisms."""
     return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
 
 
 def mechanism_path(
     name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = (), *, floating: bool = False
 ) -> Path:
-    """Return the path of the description that a name means: built in, in a folder, or imported from a model file.
+    """Return the path of a description given by name: built in, in a folder, or imported from a model file.
 
     Args:
-        where: What to blame.
-        allow: Tensors that are taken though no body has them, besides those that a description allows; of a model file
-            more, see `importing.model.Options`.
-        floating: The base of a URDF moves freely.
+        where: The location to report in errors.
+        allow: Tensors to accept although no physical body has them, in addition to those that the description allows;
+            for a model file, also the further entries of `importing.model.Options`.
+        floating: Give a URDF a floating base.
 
     Raises:
-        DescriptionError: A base is to float that is none of a URDF.
-        UnknownNameError: Neither a built-in name nor a file, and nothing that is meant to be one.
+        DescriptionError: A floating base is requested for something other than a URDF.
+        UnknownNameError: It is neither a built-in name nor an existing file, and does not look like a path.
     """
     if floating and not is_model(name):
         remedy = "give a base of a description its own joint of kind F"
@@ -55,7 +55,7 @@ def mechanism_path(
 
 
 def _allowing(path: Path, allow: Sequence[str]) -> Path:
-    """Return a description in a temporary folder that also allows what another description does not."""
+    """Write a description to a temporary folder that extends another one and allows further tensors."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:
         return path
@@ -68,14 +68,14 @@ def _allowing(path: Path, allow: Sequence[str]) -> Path:
 
 
 def load_mechanism(name: str | Path, *, closed: bool = True) -> Mechanism:
-    """Reads a mechanism by built-in name or path.
+    """Read a mechanism by built-in name or path.
 
     Args:
-        closed: Home is solved for where loops are open as it is written.
+        closed: Solve for the home pose if the loops are open at the written one.
 
     Raises:
-        ClosureError: No pose closes its loops.
-        ScrewgaugeError: It does not exist or does not describe a mechanism.
+        ClosureError: No pose closes the loops.
+        ScrewgaugeError: The description does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
     if FOLDER in path.parents:
@@ -94,7 +94,7 @@ _built_in = cache(_read)
 
 
 def description_files(path: Path) -> list[Path]:
-    """List a description and those that it extends."""
+    """List a description and the descriptions that it extends."""
     files = [path]
     while "extends" in (tables := read_toml(files[-1])):
         files.append(mechanism_path(tables["extends"], files[-1].parent, str(files[-1])))
@@ -102,30 +102,30 @@ def description_files(path: Path) -> list[Path]:
 
 
 def description_source(path: Path) -> Path:
-    """Return the user's own description, where a scene extends it, for example by contacts."""
+    """Return the user's own description if a scene extends it, for example with contacts."""
     from screwgauge.models.importing.model import is_scratch
 
     return next(file for file in description_files(path) if not (is_scratch(file) and "extends" in read_toml(file)))
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:
-    """Return the tables of a description and those that it extends, with numbers as text, not yet rounded.
+    """Return the tables of a description, merged with those it extends; numbers stay text and are not yet rounded.
 
     Raises:
-        ScrewgaugeError: It does not exist or cannot be read.
+        ScrewgaugeError: The description does not exist or cannot be read.
     """
     path = mechanism_path(name)
     return read_tables(path, partial(mechanism_path, folder=path.parent, where=str(path)))
 
 
 def four_bars(n: int, *, driven: bool = False) -> str:
-    """Write N four-bars in a row (TOML): pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal ones.
+    """Write N four-bars in a row as TOML: pivots A_k = (k, 0, 0), N + 1 upright links, N horizontal links.
 
-    The crank's angle counts from upright about z, so that the motion starts with a rate of -1 rad/s.
+    The crank angle is measured from the upright about z; the motion therefore starts at a rate of -1 rad/s.
 
     Args:
-        n: Number of four-bars, one or more.
-        driven: Whether a motor turns the crank; the published problem has none.
+        n: Number of four-bars, at least one.
+        driven: Whether a motor turns the crank; in the published problem none does.
     """
     lines = [
         f"# {n} four-bars in a row, benchmark problem A02 of the IFToMM library; written by models/catalog.py.",

@@ -1,4 +1,4 @@
-"""Checks of model files against the description: values as the libraries read them, each on its own scale."""
+"""Checks model files against the description: compares the values that the libraries read, each on its own scale."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
-#: Share of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
-#: chain of ten joints add about 2e-16 each.
+#: Tolerance relative to the scale of a value. Reading a number costs 1e-16; roll-pitch-yaw, quaternions and the
+#: products along a chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
-#: MuJoCo keeps principal moments and axes; its diagonalisation leaves 1.1e-14 of the largest moment (the
-#: worst of 1200 random tensors, mujoco 4.0.0).
+#: MuJoCo stores principal moments and axes; its diagonalisation has an error of up to 1.1e-14 of the largest moment
+#: (worst of 1200 random tensors, mujoco 4.0.0).
 INERTIA_TOLERANCE = 5e-14
 
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A compared property. `difference` is scaled like `tolerance`; NaN where names are compared."""
+    """A compared property. `difference` is scaled like `tolerance`, and NaN for names."""
 
     file: str
     reading: str
@@ -60,7 +60,7 @@ class CheckRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelComparison:
-    """Rows of one file and reading, collected one by one."""
+    """Collects the rows of one file and reading."""
 
     file: str
     reading: str
@@ -72,12 +72,12 @@ class ModelComparison:
     def numbers(
         self, item: str, what: str, expected: Array, actual: Array, scale: float = 1.0, tolerance: float = TOLERANCE
     ) -> None:
-        # written so that NaN is a difference, not agreement
+        # the condition treats NaN as a difference
         difference = float(np.abs(expected - actual).max()) / scale
         self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
     def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """Add a row for the names of a kind of things; return name and both values of those that both have."""
+        """Add a row for the names of one kind of item; return the items present on both sides."""
         self.names("", f"{what} names", sorted(expected), sorted(actual))
         return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
@@ -94,7 +94,7 @@ def _short(values: Array) -> str:
 def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
     """Add rows for all properties of a reading."""
     length = length_scale(mechanism)
-    actual = collapse(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
+    actual = collapse(actual, keep=expected.bodies)  # a URDF represents a joint of several freedoms by several joints
     bodies = out.both("body", expected.bodies, actual.bodies)
     joints = out.both("coordinate", expected.joints, actual.joints)
     out.numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
@@ -102,7 +102,7 @@ def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, m
     for name, want, have in joints:
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
         out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
-        # what a file has more is measured in a run; a URDF has no word for rotors
+        # excess amounts in the file are measured in a run; URDF has no element for rotors
         amounts = {"rotor": "armature"} if actual.form != "urdf" else {}
         for what, key in (amounts | {"damping": "damping", "friction": "friction"}).items():
             if amount := getattr(want, key):
@@ -149,7 +149,7 @@ def _compare_bodies(
         out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
         if want.mass:
             out.numbers(name, "centre of mass", want.com, have.com, length)
-            # a point has no moments; then the mass and the length of the mechanism say what is small
+            # a point mass has no moments; the mass and the length of the mechanism then define the scale
             scale = float(np.abs(want.inertia).max()) or want.mass * length**2
             out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
@@ -210,7 +210,7 @@ def _frames(item: Joint | Closure, length: float) -> list[Array]:
     return [values for frame in frames for values in (frame.p / length, frame.R.ravel())]
 
 
-#: Reader -> suffix of the model file that it reads. The loops file is read by our own reader.
+#: Reader -> suffix of the model file that it reads. The loops file is read by screwgauge itself.
 SUFFIXES = {"loops": ".loops.toml", "yourdfpy": ".urdf", "pinocchio": ".urdf", "mujoco": ".xml"}
 
 
@@ -226,15 +226,15 @@ def check_models(
     readers: Iterable[str] | None = None,
     gravity: Sequence[float] | Array = GRAVITY,
 ) -> list[CheckRow]:
-    """Compares all model files of a mechanism with its description.
+    """Compare all model files of a mechanism with its description.
 
     Args:
-        folder: Where the files of `write_models` lie.
-        readers: Some of `SUFFIXES`; by default those whose library is installed.
-        gravity: What the MJCF should say [m/s^2]. Shape (3,).
+        folder: The folder with the files that `write_models` wrote.
+        readers: A subset of `SUFFIXES`; by default the readers whose library is installed.
+        gravity: Gravity expected in the MJCF [m/s^2]. Shape (3,).
 
     Raises:
-        UnknownNameError: There is no such reader.
+        UnknownNameError: A reader does not exist.
     """
     rows = []
     for cut in CUTS:
@@ -249,9 +249,9 @@ def check_models(
 def check_file(
     mechanism: Mechanism, cut: str, path: Path, reader: str, *, gravity: Sequence[float] | Array = GRAVITY
 ) -> list[CheckRow]:
-    """Compares one model file, as one library reads it, with the description.
+    """Compare one model file, as one library reads it, with the description.
 
-    A file that cannot be read, or a library that is missing, is a row with the reason.
+    If the file cannot be read or the library is missing, the only row gives the reason.
     """
     out = ModelComparison(path.name, reader)
     home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
@@ -260,14 +260,14 @@ def check_file(
             compare_loops(out, loops_of(mechanism, cut), read_loops(path), mechanism)
         else:
             compare_readings(out, expected_reading(mechanism, cut, gravity), read(path, reader, home=home), mechanism)
-    except Exception as error:  # libraries raise what they like about a file
+    except Exception as error:  # libraries raise arbitrary exceptions for a file
         reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return [CheckRow(path.name, reader, "", "file", "can be read", reason, math.nan, 0.0, False)]
     return out.rows
 
 
 def check_table(rows: Sequence[CheckRow]) -> str:
-    """Return a line for each file, reading and property with its worst item, then all rows that are not ok."""
+    """Format the rows: a line for each file, reading and property with its worst item, then all rows that failed."""
     groups: dict[tuple[str, str, str], list[CheckRow]] = {}
     for row in rows:
         groups.setdefault((row.file, row.reading, row.what), []).append(row)
@@ -290,7 +290,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """Return the reading of a model file that matches the description exactly, without limits."""
+    """Return the reading that a model file has if it matches the description exactly, without limits."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}
@@ -319,7 +319,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
 def _merge_links(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
-    """Merge links of fixed joints into bodies; return bodies, links fixed to ground, and closures between bodies."""
+    """Merge the links of fixed joints into bodies; return the bodies, ground-fixed links and closures."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
     assembly = assemble(
@@ -336,14 +336,14 @@ def _merge_links(
 
 
 def with_limits(reading: Reading, mechanism: Mechanism) -> Reading:
-    """Add the limits of the description to an expected reading."""
+    """Add the joint limits of the description to an expected reading."""
     limits = dict(zip(mechanism.coordinates, map(tuple, mechanism.limits.tolist()), strict=True))
     joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
     return replace(reading, joints=joints)
 
 
 def home_poses(tree: Tree) -> dict[str, Array]:
-    """Return the world poses of the ground, all bodies and all copies at the home coordinates. Shape (4, 4) each."""
+    """Compute the world poses of the ground, all bodies and all copies at the home coordinates. Shape (4, 4) each."""
     poses = {GROUND: np.eye(4)}
     for link in tree.links:
         T = joint_transform(link.joint, link.joint.home)
@@ -352,7 +352,7 @@ def home_poses(tree: Tree) -> dict[str, Array]:
 
 
 def joint_transform(joint: Joint, q: Array) -> Array:
-    """Return ``T(parent, child) = parent_frame  X(q)  child_frame^-1``. Shape (4, 4)."""
+    """Compute ``T(parent, child) = parent_frame  X(q)  child_frame^-1``. Shape (4, 4)."""
     T = _matrix(joint.parent_frame)
     for value, (turns, axis) in zip(q, joint.freedoms, strict=True):
         T = T @ _step(float(value), turns, axis)
@@ -368,7 +368,7 @@ def _step(value: float, turns: bool, axis: Array) -> Array:
 
 
 def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
-    """Return the freedoms of a joint, as its outer body moves against the inner one."""
+    """Return a reading of each freedom of a joint, for the motion of the outer body relative to the inner one."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
     T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}

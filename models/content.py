@@ -1,7 +1,7 @@
-"""Content of model files that a description lacks, classified by ``content.toml`` and ``elements.toml``.
+"""Classifies content of model files that descriptions cannot express, using ``content.toml`` and ``elements.toml``.
 
-The first lists the kinds that act on motion or forces and how a comparison of two models treats each; the second
-lists each element and attribute of the formats.
+``content.toml`` lists the kinds that affect motion or forces and how a comparison of two models treats each;
+``elements.toml`` lists every element and attribute of the formats.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism
 
-#: The kind of what is in no other.
+#: The kind of content that belongs to no other kind.
 OTHER = "not held by the reading"
 #: Labels and values.
 Values = tuple[tuple[str, float | str], ...]
-#: Things of a kind that are named; the others are counted.
+#: Number of items of a kind that are named; further ones are only counted.
 _NAMED = 3
 
 
@@ -35,13 +35,14 @@ class Kind:
     """A kind of content in ``content.toml``.
 
     Attributes:
-        fate: What becomes of it; `content.toml` explains each.
-        note: By what it is compared, or why it is not.
-        alone: ``withheld`` or ``aside`` if that is what it is where one model alone can have it or has it.
-        xml: Names by which the walk through a file calls it.
-        of, arrays, when, joints: How a compiled MuJoCo model keeps it.
-        run: What a run of the file makes of it; `content.toml` explains each.
-        why, remedy: Of a kind that is refused: what would be wrong without it, and what to do.
+        fate: How a comparison treats it; `content.toml` explains each value.
+        note: The quantity by which it is compared, or the reason why it is not.
+        alone: ``withheld`` or ``aside`` if that treatment applies where only one of the two models can have it or has
+            it.
+        xml: Names that the walk through a file uses for it.
+        of, arrays, when, joints: How a compiled MuJoCo model stores it.
+        run: How a run treats it; `content.toml` explains each value.
+        why, remedy: For a kind that is refused: the error it would cause, and how to avoid it.
     """
 
     name: str
@@ -60,15 +61,15 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Content of a file that no other entry of a reading holds.
+    """Content of a file that no other entry of a reading represents.
 
     Attributes:
         kind: Name of a `Kind`.
-        what: In words, or element and attribute.
-        whose: What it belongs to, to be read after it: `` of joint a``, or its own name.
-        of: Each thing that it acts on: room of a reading (``joints``, ``bodies``, ``actuators``), name there, and how
-            much it counts, such as the coefficient of a joint in a tendon.
-        values: Label and number or text of each of its values, in a fixed order; None where that is not known.
+        what: A description, or the names of the element and attribute.
+        whose: Its owner, formatted to follow `what`: `` of joint a``, or its own name.
+        of: Each item that it acts on: namespace in the reading (``joints``, ``bodies``, ``actuators``), name, and
+            weight, such as the coefficient of a joint in a tendon.
+        values: Label and number or text of each of its values, in a fixed order; None if the values are unknown.
     """
 
     kind: str
@@ -79,11 +80,11 @@ class Content:
 
     @property
     def sentence(self) -> str:
-        """Kind and owner as text."""
+        """The content and its owner as text."""
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
-        """Rename the things that content acts on. `names`: room -> name -> other name."""
+        """Rename the items that the content acts on. `names`: namespace -> name -> new name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))
 
@@ -106,18 +107,18 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def kind_of(element: str) -> str:
-    """Name of the kind that the walk through a file calls so."""
+    """Return the name of the kind to which the walk through a file assigns an element."""
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 
 def force_limits(joint: str, most: float) -> Content:
-    """Return the largest force or torque of a joint as content, as MuJoCo keeps it [N or N m]."""
+    """Build the content for the largest force or torque of a joint, in the form that MuJoCo stores [N or N m]."""
     values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
     return Content("force limits", "limit effort", f" of joint {joint}", (("joints", joint, 1.0),), values)
 
 
 def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
-    """Merge content of the same name into a phrase, in the order of the file."""
+    """Merge content of the same name into one phrase each, in file order."""
     owners: dict[str, list[str]] = {}
     for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
@@ -125,7 +126,7 @@ def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
 
 
 def _whose(owners: list[str]) -> str:
-    """Return `` of joint a, b, c and 9 more`` from `` of joint a``, `` of joint b`` ..."""
+    """Format the owners as `` of joint a, b, c and 9 more`` from `` of joint a``, `` of joint b`` ..."""
     owners = list(dict.fromkeys(owners))
     kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
@@ -134,22 +135,22 @@ def _whose(owners: list[str]) -> str:
 #: Ending of a model file -> its format in the table.
 FORMATS = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}
 _ALL, _WITH_ALL_IN_IT = "*", "..."
-#: Kinds in the table, in the order in which they are looked up, and those of them that are worth a word.
+#: Kinds in the table, in lookup order, and the kinds that are reported.
 _KINDS = ("compared", "nothing", "measured", "applied", "ignored")
 SAID = ("measured", "ignored", "applied", "unknown", "lost")
-#: Those of a library's readings, looked up before.
+#: Kinds that depend on the library, looked up before the others.
 _OF_READINGS = ("lost", "held")
 
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """An element or attribute that descriptions do not have.
+    """An element or attribute that descriptions cannot express.
 
     Attributes:
         kind: One of `SAID`.
         what: Element or attribute.
-        whose: What it belongs to, to be read after it: `` of joint a``, or the element's own name.
-        element, attribute: Where it stands; no attribute where it is the whole element.
+        whose: Its owner, formatted to follow `what`: `` of joint a``, or the element's own name.
+        element, attribute: Its location; the attribute is empty for a whole element.
     """
 
     kind: str
@@ -166,13 +167,13 @@ def element_tables() -> Mapping[str, Any]:
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """List the extras of a readable file, without those of no effect (damping 0, limits of the description).
+    """List the extras of a readable file, except those without effect (damping 0, limits equal to the description's).
 
     Args:
         form: ``urdf`` or ``mjcf``.
 
     Raises:
-        ParseError: It is no XML: the parsers of robotics let pass more than is one.
+        ParseError: The file is not well-formed XML; the parsers used in robotics accept more than that.
     """
     root = ET.fromstring(read_xml(path))
     if form == "mjcf":
@@ -182,12 +183,12 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
-    """List the content of a file that a library's reading does not hold.
+    """List the content of a file that is lost or not represented when a library reads it.
 
     Args:
-        root: Of the file.
+        root: Root element of the file.
         form: ``urdf``, ``mjcf`` or ``sdf``.
-        library: One that reads the format.
+        library: A library that reads the format.
     """
     known = element_tables()[form]
     reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
@@ -195,13 +196,13 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
 
 def unread_rows(library: str) -> list[str]:
-    """List the properties of a loops file, as the model check calls them, that engines on a library ignore."""
+    """List the properties of a loops file, named as in the model check, that engines built on a library ignore."""
     rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
     return rows
 
 
 def _include(root: ET.Element, folder: Path) -> None:
-    """Puts the elements of included files in the place of ``<include>``, as MuJoCo does."""
+    """Replace each ``<include>`` with the elements of the included file, as MuJoCo does."""
     waiting = [root]
     while waiting:
         element = waiting.pop()
@@ -212,7 +213,7 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 
 def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Return coordinate -> attribute -> value of the description, as the writers write it."""
+    """Return coordinate -> attribute -> value of the description, formatted as in the files that are written."""
     values = {}
     for joint in mechanism.joints:
         numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
@@ -229,10 +230,10 @@ class _ElementWalk:
     """A walk through the elements of a file.
 
     Attributes:
-        table: Of its format.
-        flags: All that the file switches on and off.
+        table: Element table of the file's format.
+        flags: All flags that the file enables or disables.
         own: See `_of_coordinates`.
-        kinds: In the order in which they are looked up.
+        kinds: Kinds in lookup order.
     """
 
     table: Mapping[str, Any]
@@ -241,12 +242,12 @@ class _ElementWalk:
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
-        """Yield all extras of a file, whose elements may be nested deeper than Python's call stack."""
+        """Yield all extras of a file; iterates, since elements may be nested deeper than Python's call stack."""
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):
-            bare = {}  # as classes may give it more
+            bare = {}  # default classes may give it further attributes
         joined = self.table.get("joined", "").split()
-        waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
+        waiting = [(root, ET.Element(""), "")]  # element, its parent, tag and name of the nearest named ancestor
         while waiting:
             element, around, owner = waiting.pop()
             tag, name, parent = element.tag, element.get("name", ""), around.tag
@@ -260,10 +261,10 @@ class _ElementWalk:
                     what = f"{parent} {what}" if not name and parent in joined else what
                     yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}", element)
                 continue
-            owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
+            owner = f"{tag} {name}" if name and parent else owner  # the model itself is not reported as an owner
             for attribute, value in {**self._absent(element, around), **element.attrib}.items():
                 kind = self._kind(attribute, kinds)
-                if attribute.partition(":")[0] == "xmlns":  # names a dialect, of which elements follow or not
+                if attribute.partition(":")[0] == "xmlns":  # its elements are reported
                     continue
                 if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
                     what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
@@ -275,7 +276,7 @@ class _ElementWalk:
             waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
 
     def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
-        """Return the values that absent attributes stand for."""
+        """Return the values implied by absent attributes."""
         values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
         return values
 
@@ -286,13 +287,13 @@ class _ElementWalk:
         return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
-        """Return the attributes that the table has of a kind; None if it does not have the element."""
+        """Return the attributes that the table lists under a kind; None if it does not list the element."""
         entries = self.table.get(kind, {})
         names = entries.get(f"{parent}/{tag}", entries.get(tag))
         return None if names is None else names.split()
 
     def _is_nothing(self, element: ET.Element) -> bool:
-        """True if the file's flags or the element's own attributes leave it without mechanics."""
+        """True if the file's flags or the element's own attributes make it mechanically irrelevant."""
         has = {**self.flags, **element.attrib}
         cases, text = self.table.get("unless", {}).get(element.tag, ()), (element.text or "").strip()
         if text and self._has_no_effect(element.tag, text, ""):
@@ -300,7 +301,7 @@ class _ElementWalk:
         return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
-        """True for a neutral value, and for that of the description."""
+        """True if the value is neutral or equals the description's."""
         idle = self.table["neutral"].get(attribute), self.own.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
 
@@ -311,7 +312,7 @@ def _plain(name: str) -> str:
 
 
 def _numbers(text: str) -> list[float] | str:
-    """Return the numbers of a value without zeros at its end, or the value itself."""
+    """Return the numbers of a value without trailing zeros, or the text itself if it is not numeric."""
     try:
         numbers = [float(word) for word in text.split()]
     except ValueError:

@@ -17,31 +17,31 @@ from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, rotation, skew
 
-#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
-#: two coordinates (cosine and sine) for the angle.
+#: Limits of a joint without limits. URDF requires them; "continuous" needs none, but Pinocchio then uses two
+#: coordinates (cosine and sine) for the angle.
 WIDE = 1e3
-#: Entries of an inertia tensor, in the order in which MJCF has them; that of URDF is another.
+#: Entries of an inertia tensor, in MJCF order; the order in URDF differs.
 TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def number_text(value: float) -> str:
-    """Return the shortest text that reads back as the same float64; at most 17 digits."""
+    """Format a number as the shortest text that reads back as the same float64; at most 17 digits."""
     text = repr(float(value) + 0.0)  # + 0.0 makes -0 a plain zero
     return text.removesuffix(".0")
 
 
 def vector_text(values: ArrayLike) -> str:
-    """Return numbers separated by blanks, as in XML attributes."""
+    """Format numbers separated by spaces, as in XML attributes."""
     return " ".join(number_text(value) for value in np.ravel(values))
 
 
 def tensor_text(I: Array) -> str:
-    """Return an inertia tensor as the ``fullinertia`` of MJCF. Shape (3, 3)."""
+    """Format an inertia tensor as the ``fullinertia`` of MJCF. Shape (3, 3)."""
     return vector_text([I[place] for place in TENSOR.values()])
 
 
 def tensor(entries: Iterable[float]) -> Array:
-    """Return the inertia tensor of entries in the order of `TENSOR`. Shape (3, 3)."""
+    """Build an inertia tensor from its entries in the order of `TENSOR`. Shape (3, 3)."""
     I = np.zeros((3, 3))
     for (i, j), entry in zip(TENSOR.values(), entries, strict=True):
         I[i, j] = I[j, i] = entry
@@ -49,10 +49,10 @@ def tensor(entries: Iterable[float]) -> Array:
 
 
 def rpy(R: Array) -> Array:
-    """Return the angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as in URDF. Shape (3, 3) -> (3,).
+    """Compute the angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as in URDF. Shape (3, 3) -> (3,).
 
-    Pitch and roll are read after yaw is taken off, so that the three together give `R` even where yaw and
-    roll turn about nearly the same axis.
+    Pitch and roll are computed after removing yaw; the three angles therefore reproduce `R` even where yaw and roll
+    turn about nearly the same axis.
     """
     yaw = math.atan2(R[1, 0], R[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
@@ -62,15 +62,15 @@ def rpy(R: Array) -> Array:
 
 
 def of_rpy(angles: Array) -> Array:
-    """Return ``Rz(yaw) Ry(pitch) Rx(roll)``, see `rpy`. Shape (3,) -> (3, 3)."""
+    """Compute ``Rz(yaw) Ry(pitch) Rx(roll)``, see `rpy`. Shape (3,) -> (3, 3)."""
     x, y, z = (rotation(axis, angle) for axis, angle in zip(np.eye(3), angles, strict=True))
     return z @ y @ x
 
 
 def quaternion(R: Array) -> Array:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (..., 3, 3) -> (..., 4).
+    """Compute the unit quaternion (w, x, y, z) of a rotation matrix, w >= 0. Shape (..., 3, 3) -> (..., 4).
 
-    The row with the largest component is used, so that nothing cancels.
+    The row with the largest component is used, which avoids cancellation.
     """
     t = np.trace(R, axis1=-2, axis2=-1)
     outer = np.empty((*t.shape, 4, 4))
@@ -90,11 +90,11 @@ def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: boo
 
     Args:
         words: Texts or numbers.
-        what: The attribute or element that states them, and of what.
-        infinite: Whether they may be.
+        what: Name and owner of the attribute or element that contains them.
+        infinite: Whether infinite values are accepted.
 
     Raises:
-        ModelFileError: There are others than finite numbers, or more, or fewer.
+        ModelFileError: A word is not a number or not finite, or the count differs from `n`.
     """
     words = [*words]
     try:
@@ -109,7 +109,7 @@ def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: boo
 
 
 def adjoint(T: Array) -> Array:
-    """Return the adjoint matrix of a placement, for twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
+    """Compute the adjoint matrix of a placement, for twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
     R, out = T[:3, :3], np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = R
     out[3:, :3] = skew(T[:3, 3]) @ R
@@ -120,13 +120,13 @@ Table = tuple[str, Mapping[str, Any]]
 
 
 def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], last: Sequence[Table] = ()) -> str:
-    """Return the first lines, then tables: independent coordinates, the parts, couplings, the last tables."""
+    """Assemble the TOML text: `top`, then the tables of independent coordinates, `parts`, couplings and `last`."""
     tables: list[Table] = [("[independent]", mechanism.independent)]
     if mechanism.axial:
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
     tables += parts
     for one in mechanism.couplings:
-        if not isinstance(one, Fixing):  # as the kind of its joint says
+        if not isinstance(one, Fixing):  # implied by the kind of its joint
             tables.append((f"[couplings.{key(one.name)}]", {"coordinate": one.coordinate, **_law(one.function)}))
     out = [*top]
     for title, entries in (*tables, *last):
@@ -135,23 +135,23 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], l
 
 
 def _law(function: PolynomialSum) -> dict[str, Any]:
-    """Return a function of coordinates as in a table of ``[couplings]``."""
+    """Return the entries that define a function of coordinates in a table of ``[couplings]``."""
     if len(function.terms) > 1:
         return {"terms": function.polynomials}
     return {**({"of": function.lead} if function.terms else {}), "polynomial": function.polynomial}
 
 
 def lines(entries: Mapping[str, Any]) -> list[str]:
-    """Return a line ``key = value`` for each entry."""
+    """Format each entry as a line ``key = value``."""
     return [f"{key(name)} = {value_text(value)}" for name, value in entries.items()]
 
 
 def value_text(value: Any) -> str:
-    """Return a text, number, frame, array or table as TOML, numbers in full."""
+    """Format a text, number, frame, array or table as TOML, numbers with full precision."""
     match value:
         case bool():
             return str(value).lower()
-        case str():  # JSON strings are TOML strings but for DEL
+        case str():  # JSON strings are TOML strings except for DEL
             return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         case Frame():
             return f"{{ position = {value_text(value.p)}, rotation = {{ matrix = {value_text(value.R)} }} }}"
@@ -163,7 +163,7 @@ def value_text(value: Any) -> str:
 
 
 def key(name: str) -> str:
-    """Return a name as a TOML key."""
+    """Format a name as a TOML key."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else value_text(name)
 
 

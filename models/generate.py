@@ -1,4 +1,4 @@
-"""Writes all model files of a mechanism: both cuts as URDF, loops file and MJCF."""
+"""Writes all model files of a mechanism: URDF, loops file and MJCF for both cuts."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from screwgauge.reference.rotations import Array
 
 
 def stem(name: str, cut: str) -> str:
-    """Return ``NAME`` for the minimal cut, ``NAME-full`` for the full one."""
+    """Return ``NAME`` for the minimal cut, ``NAME-full`` for the full cut."""
     return name if cut == "minimal" else f"{name}-{cut}"
 
 
 def model_texts(
     mechanism: Mechanism, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> dict[str, str]:
-    """Return file name -> text for every model file.
+    """Write every model file as text; return file name -> text.
 
     Args:
-        gravity: World axes [m/s^2], written to the MJCF. Shape (3,).
+        gravity: Gravity in world axes [m/s^2], written to the MJCF. Shape (3,).
         include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`; ``yaml``: see `write_loops_yaml`.
 
     Raises:
-        UnknownNameError: There is no such part.
+        UnknownNameError: A part does not exist.
     """
     texts, solid = {}, include - {PART}
     for part in sorted(solid):
@@ -65,14 +65,14 @@ def keep_models(
     gravity: Sequence[float] | Array = GRAVITY,
     include: Set[str] = frozenset(),
 ) -> list[Path]:
-    """Writes the model files for a user to keep, each with its digest.
+    """Write the model files for the user to keep, each with its digest.
 
     Args:
-        inputs: What was read, which is not written over.
-        force: Existing files are replaced, whatever their origin.
+        inputs: Files that were read and must not be overwritten.
+        force: Replace existing files, whatever their origin.
 
     Raises:
-        OutputError: The folder cannot be written, or holds another file of such a name.
+        OutputError: The folder cannot be written, or contains an unrelated file of the same name.
     """
     texts, inputs = model_texts(mechanism, gravity=gravity, include=include), [*inputs]
     for name in texts:
@@ -83,7 +83,7 @@ def keep_models(
 def write_models(
     mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
-    """Writes the model files into a folder. Each is moved there whole, after all of them could be written.
+    """Write the model files into a folder; they are moved there only after all have been written.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -94,7 +94,7 @@ def write_models(
 def _write(texts: Mapping[str, str], out: Path) -> list[Path]:
     try:
         out.mkdir(parents=True, exist_ok=True)
-        # In the destination's folder, so that moving them is one rename each that cannot run out of space.
+        # Inside the destination folder, each move is a single rename that cannot run out of space.
         with tempfile.TemporaryDirectory(dir=out, prefix=".models-") as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text, encoding="utf-8")

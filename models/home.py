@@ -1,4 +1,4 @@
-"""The home pose of a description, at which its loops close; solves for it where they do not."""
+"""Checks that the loops of a description close in its home pose, and solves for a home pose where they do not."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from screwgauge.reference.rotations import Array, nearest_turn
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 
-#: Gap up to which a loop is closed [rad or lengths of the mechanism]: home is given in closed form or to ten digits.
+#: Largest gap of a closed loop [rad or lengths of the mechanism]: home is given in closed form or to ten digits.
 CLOSED = 1e-9
-#: Starts that are tried where a good pose is at hand, and their number times that of coordinates: all but the first
-#: are to show whether there are others.
+#: Number of starts once a good pose is found, and bound on starts times coordinates: all starts but the first serve to
+#: find further closing poses.
 FEW, WORK = 12, 240
-#: Smallest singular value of the loop equations at a good pose; at one that is found next to a singular pose it is the
+#: Smallest singular value of the loop equations at a good pose; at a pose found next to a singular pose it is about the
 #: square root of `CLOSED`.
 CLEAR = 1e-4
 #: Poses of bodies that differ by less are the same [rad or lengths].
 SAME = 1e-6
-#: Other closing poses that are named.
+#: Number of other closing poses that are named.
 NAMED = 3
 
 
 def check_home(mechanism: Mechanism) -> Layout:
-    """Refuses a mechanism that does not close at home, or whose independent coordinates are not.
+    """Refuse a mechanism whose loops are open at home, or whose chosen independent coordinates are not independent.
 
     Raises:
-        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
+        ClosureError: A loop stays open in the home pose, or a coupling is violated there.
         DescriptionError: The independent coordinates do not determine the motion.
-        SingularPoseError: They do not at home alone.
+        SingularPoseError: They fail to determine it only in the home pose.
     """
     lay = layout(mechanism)
     check_closed(lay)
@@ -62,10 +62,10 @@ def check_home(mechanism: Mechanism) -> Layout:
 
 
 def check_closed(lay: Layout) -> None:
-    """Refuses a mechanism that does not close at home.
+    """Refuse a mechanism whose loops are open at home.
 
     Raises:
-        ClosureError: A loop stays open, or a coupling does not hold.
+        ClosureError: A loop stays open, or a coupling is violated.
     """
     mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
     for joint, gap in zip(lay.cuts, np.abs(gaps(lay, mechanism.home[None])[0]).reshape(-1, 2, 3), strict=True):
@@ -95,14 +95,14 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 
 
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism itself if it closes at home, else with a solved home and a remark.
+    """Return the mechanism unchanged if its loops close at home, otherwise with a solved home pose and a remark.
 
-    Independent coordinates stay as they are, unless no regular pose within limits closes there; the others move as
-    little as may be.
-    A home of zeros that is singular is none that anybody chose, as where all links lie on a line.
+    Independent coordinates keep their values unless no regular pose within limits closes there; the other coordinates
+    move as little as possible.
+    A singular home pose of all zeros is taken as unspecified, as where all links lie on a line.
 
     Raises:
-        ClosureError: No pose closes.
+        ClosureError: No pose closes the loops.
     """
     lay = layout(mechanism)
     try:
@@ -115,19 +115,19 @@ def at_closed_home(mechanism: Mechanism) -> Mechanism:
     return moved if _is_regular(moved) else mechanism
 
 
-#: Change of a coordinate in one step of the way to other numbers [rad or lengths], and the shortest step.
+#: Largest change of a coordinate in one step towards changed parameters [rad or lengths], and the shortest step.
 FAR, SHORTEST = 0.1, 1.0 / 64.0
 
 
 def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Mechanism:
-    """Return a mechanism with other numbers at home on the same assembly, its independent coordinates kept.
+    """Find the home pose for changed parameters on the same assembly, keeping the independent coordinates.
 
     Args:
-        mechanism: Closes at home.
-        changed: Share of the way to the other numbers, 0 to 1 -> the mechanism there, its home not solved for.
+        mechanism: A mechanism whose loops close at home.
+        changed: Maps the fraction of the parameter change, 0 to 1, to the mechanism there, with its home unsolved.
 
     Raises:
-        ClosureError: The assembly ends on the way, or the loops close nowhere near.
+        ClosureError: The assembly mode ends on the way, or no pose nearby closes the loops.
     """
     home, reached, step = mechanism.home, 0.0, 1.0
     while reached < 1.0:
@@ -152,7 +152,7 @@ def _is_regular(mechanism: Mechanism) -> bool:
 
 
 def _solve_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism at the best of the poses that close its loops."""
+    """Return the mechanism with its home at the best pose that closes its loops."""
     free = Loops(tree_of(with_limits(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
@@ -175,14 +175,14 @@ def _solve_home(mechanism: Mechanism) -> Mechanism:
 
 
 def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
-    """Find poses that close all loops, the best first, and the pose that comes nearest to closing them.
+    """Find the poses that close all loops, best first, and the pose that comes nearest to closing them.
 
     Args:
-        held: The loops with the independent coordinates held, whose condition counts.
+        held: The loops with the independent coordinates held; their condition ranks the poses.
     """
     poses, nearest, smallest = list[Home](), loops.home, np.inf
     (first, *others), few = starts(loops, {}), min(FEW, 1 + WORK // len(loops.size))
-    for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # the farthest lead to other poses
+    for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # the farthest starts lead to other poses
         q, error = loops.newton(begin)
         if (size := float(np.linalg.norm(loops.system(q)[0]))) < smallest:
             nearest, smallest = q, size
@@ -203,13 +203,13 @@ def _is_fine(pose: Home) -> bool:
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
-    """Return a sort key for poses: nearness, and a good condition where all coordinates are free."""
+    """Return a sort key for poses: nearness to home, preceded by the condition if all coordinates are free."""
     *regular, condition, distance = pose.key()
     return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
 
 
 def _near_turns(loops: Loops, q: Array) -> Array:
-    """Return the coordinates without whole turns of uncoupled hinges away from home."""
+    """Remove whole turns away from home from uncoupled hinges."""
     coupled = {name for one in loops.reading.couplings.values() for name in one.named}
     q = q.copy()
     for name, place in loops.tree.places.items():
@@ -228,7 +228,7 @@ def _places(loops: Loops, q: Array) -> Array:
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Return the coordinates of a mechanism from those of its reading; fixed and loop-free ones stay. Shape (n_q,)."""
+    """Convert coordinates of the reading to the mechanism's; fixed and loop-free ones stay. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -236,13 +236,13 @@ def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def _at_home(mechanism: Mechanism, q: Array) -> Mechanism:
-    """Return the mechanism with its home at joint coordinates, shape (n_q,)."""
+    """Return the mechanism with its home at the given joint coordinates, shape (n_q,)."""
     joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints))
 
 
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
-    """Close the home of a nearly closed mechanism to rounding by the coordinates that have moved. Shape (n_q,)."""
+    """Close the loops of a nearly closed home to rounding by adjusting the moved coordinates. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
     closed = system.correct(home, home[mechanism.independent_columns])
     home = home if closed is None else np.where(moved, closed[0], home)
@@ -250,7 +250,7 @@ def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
 
 
 def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
-    """Return a sentence on the distance that home moved, and on other poses that close all loops."""
+    """Report how far home moved, and which other poses close all loops."""
     size, names = loop_equations(layout(mechanism)).sizes, mechanism.coordinates
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))

@@ -1,4 +1,4 @@
-"""Classifies links by their freedoms: letters, and the points where hinges meet."""
+"""Classifies links by their freedoms: letter codes, and the points where hinge axes meet."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     from screwgauge.models.machine import Element
 
-#: Share of a machine's length, or angle [rad], below which lines meet; below which points are one.
+#: Share of a machine's length, or angle [rad], below which lines meet; share below which points coincide.
 CLOSE, SAME = 1e-6, 1e-9
 
 
@@ -33,7 +33,7 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
 
 
 def letters_of(elements: Sequence[Element]) -> str:
-    """Return the letters of freedoms, read from the side that comes first in the alphabet."""
+    """Return the letters of freedoms, in whichever direction sorts first alphabetically."""
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
     return min(letters, letters[::-1])
 
@@ -46,7 +46,7 @@ def _meeting(hinges: Sequence[Element], length: float) -> Array | None:
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     centres = np.array([each.centre for each in hinges])
     point = np.linalg.solve(across.sum(axis=0), np.einsum("nij,nj->i", across, centres))
-    # where one of the points given is the one, it is exact
+    # a given point that coincides with the intersection is exact
     exact = centres[np.linalg.norm(centres - point, axis=1) < SAME * length]
     meet = np.linalg.norm(np.einsum("nij,nj->ni", across, point - centres), axis=1).max() < CLOSE * length
     return np.asarray([*exact, point][0]) if meet else None

@@ -26,22 +26,22 @@ from screwgauge.witness.tree import (
     stacked,
 )
 
-#: Where nothing limits it, a coordinate is drawn so far from home [rad or m].
+#: Range around home from which a coordinate without limits is drawn [rad or m].
 FAR = {"hinge": math.pi, "slide": 0.5}
-#: How far states near home are from it [rad or lengths of the machine].
+#: Distance of states near home from the home pose [rad or lengths of the machine].
 BESIDE = 0.05
 _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree, a link for each joint in their order; at home hinges and slides have world axes.
+    """A reading as a tree with one link per joint, in their order; hinges and slides have world axes at home.
 
     Attributes:
-        reading: It.
+        reading: The reading itself.
         places, freedoms: Joint -> its coordinates, see `witness.tree.COORDINATES`, and its velocities. A hinge or slide
-            counts as its file does.
-        frames: Number of each ball or free joint -> the frame that it carries, at home. Shape (4, 4).
+            is measured as in its file.
+        frames: Index of each ball or free joint -> the frame that it carries, at home. Shape (4, 4).
     """
 
     reading: Reading
@@ -106,7 +106,7 @@ def _carried_frame(joint: JointReading, pose: Array) -> Array:
 
 
 def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
-    """Return a world pose as a frame of a link with a known pose."""
+    """Express a world pose as a frame of a link with a known pose."""
     R = pose[:3, :3].T
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
 
@@ -117,7 +117,7 @@ def gravity_of(reading: Reading) -> Array:
 
 
 def size(reading: Reading) -> float:
-    """Return a length of the machine: the largest distance from the middle of its joints and bodies [m]."""
+    """Return a characteristic length: the largest distance of a joint or body from the centroid of them all [m]."""
     points = [joint.centre for joint in reading.joints.values()]
     points += [body.centre for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
@@ -125,7 +125,7 @@ def size(reading: Reading) -> float:
 
 
 def length_of(reading: Reading) -> float:
-    """Return the largest distance between points of the reading at home [m], 1 if there is none."""
+    """Return twice the largest distance of a point of the reading from the centroid at home [m], 1 if it is zero."""
     points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
@@ -150,7 +150,7 @@ def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
 
 
 def home(reading: Reading) -> TreeStates:
-    """Return the state at rest at home."""
+    """Return the home state, at rest."""
     rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
     wide = reading.freedom
@@ -161,7 +161,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
     """Draw n random states near home, for loops that do not close everywhere.
 
     Args:
-        units: What counts as 1 of each velocity. Shape (n_freedom,).
+        units: Unit of each velocity. Shape (n_freedom,).
     """
     there, drawn = np.repeat(home(tree.reading).q, n, axis=0), draw(tree.reading, n, seed)
     step = BESIDE * units * np.random.default_rng(seed).normal(size=drawn.qd.shape)
@@ -169,7 +169,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
 
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:
-    """Return the largest entry of each closure's gap at home [m, or rad of a welded turn]."""
+    """Compute the largest entry of each closure's gap at home [m, or rad for rotations of a weld]."""
     gaps = closure_gaps(tree, move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
@@ -191,10 +191,10 @@ def rehome(
     """Move the home of a reading to other coordinates.
 
     Args:
-        q: Joint -> its coordinates, see `Tree`; the others stay.
+        q: Joint -> its new coordinates, see `ReadingTree`; other joints stay.
 
     Returns:
-        The reading, and how the parent of each joint, and each body, is displaced. Shape (4, 4) each.
+        The reading, and the displacements of the parent of each joint and of each body. Shape (4, 4) each.
     """
     if not q:
         still = np.eye(4)
@@ -216,7 +216,7 @@ def rehome(
 
 
 def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
-    """Return the displacement from one pose to another; the exact identity if they are equal."""
+    """Compute the displacement from one pose to another; exactly the identity if they are equal."""
     if np.array_equal(R, new_R) and np.array_equal(p, new_p):
         return np.eye(4)
     turn = new_R @ R.T

@@ -13,20 +13,21 @@ from screwgauge.reference.graph import Edge, Layout, spanning_tree
 from screwgauge.reference.mechanism import GROUND, POINTS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint
-#: that closes a loop leads to a copy of its body, welded to the body itself, as does in the minimal cut one that points
-#: cannot close, that is actuated or has a rotor, which no engine could hold outside its tree.
+#: minimal: the smallest tree; points close the joints outside it. full: every joint is in the tree; a joint that closes
+#: a loop leads to a copy of its body, which is welded to the body itself. The minimal cut also has such copies for
+#: joints that points cannot close and for joints that are actuated or have a rotor, which no engine supports outside
+#: its tree.
 CUTS = ("minimal", "full")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """An elementary joint.
+    """A joint of one freedom.
 
     Attributes:
-        axis: In the joint frame. Shape (3,).
-        limits: [rad or m]. Shape (2,).
-        rotor, damping, friction: As those of a `Joint`.
+        axis: Direction in the joint frame. Shape (3,).
+        limits: Lower and upper limit [rad or m]. Shape (2,).
+        rotor, damping, friction: See `Joint`.
     """
 
     coordinate: str
@@ -46,8 +47,8 @@ class Link:
     Attributes:
         name: The body's name, or ``body@joint`` for a copy.
         original: Name of the body in the description.
-        body: Its share of the mass and inertia of the original.
-        near: Link on the ground side.
+        body: The body with its share of the original's mass and inertia.
+        near: Parent link, on the ground side.
         reverse: The description declares the joint from this link towards `near`.
     """
 
@@ -60,7 +61,7 @@ class Link:
 
     @property
     def moves(self) -> tuple[Freedom, ...]:
-        """Its freedoms in a model file; none of a fixed joint."""
+        """Its freedoms in a model file; empty for a fixed joint."""
         return () if self.joint.fixed else self.freedoms
 
     @property
@@ -75,7 +76,7 @@ class Link:
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """Freedoms of the joint from ground outwards; coordinates keep their names and values."""
+        """Freedoms of the joint, from the ground outwards; coordinates keep their names and values."""
         joint, sign = self.joint, -1.0 if self.reverse else 1.0
         resists = joint.rotor, joint.damping, joint.friction
         numbers = joint.coordinates, joint.freedoms, joint.home, joint.limits, *resists
@@ -92,10 +93,10 @@ class Closure:
 
     Attributes:
         joint: The joint of the description that closes the loop.
-        type: ``point`` (S), ``points`` (R: two points of its axis) or ``weld`` (of a copy).
-        parent, child: Links on the joint's two sides; of a weld the original and its copy.
-        parent_points, child_points: Points of the two links that coincide [m]. Shape (n, 3); none for a weld.
-        parent_frame, child_frame: The joint's frames in the two links; of a weld the frames that coincide.
+        type: ``point`` (S), ``points`` (R: two points on its axis) or ``weld`` (of a copy).
+        parent, child: Links on the joint's two sides; for a weld, the original and its copy.
+        parent_points, child_points: Coinciding points of the two links [m]. Shape (n, 3); empty for a weld.
+        parent_frame, child_frame: The joint's frames in the two links; for a weld, the coinciding frames.
     """
 
     joint: str
@@ -109,7 +110,7 @@ class Closure:
 
     @property
     def pairs(self) -> list[tuple[str, Frame, Frame]]:
-        """Frames of parent and child that coincide (weld) or whose origins do; two pairs of points are numbered."""
+        """Frames of parent and child that coincide (weld) or share their origin; two pairs of points are numbered."""
         if self.type == "weld":
             return [("", self.parent_frame, self.child_frame)]
         points = [*zip(self.parent_points, self.child_points, strict=True)]
@@ -119,13 +120,13 @@ class Closure:
         return [(str(i), Frame(near), Frame(far)) for i, (near, far) in enumerate(points, 1)]
 
     def frames(self) -> Iterator[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
-        """Yield pairs of frames that coincide: name, link that it is fixed to, placement there."""
+        """Yield pairs of coinciding frames: name, link to which the frame is fixed, placement there."""
         for number, *placed in self.pairs:
             near, far = (frame if self.type == "weld" else Frame(frame.p) for frame in placed)
             yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
 
     def facing(self, joint: Joint) -> Closure:
-        """Return the closure with its parent on the joint's parent side; a weld with the original there."""
+        """Return the closure with its parent on the joint's parent side; for a weld, with the original as parent."""
         copy = f"@{self.joint}"
         if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):
             return self
@@ -135,7 +136,7 @@ class Closure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
-    """A cut mechanism. `links` are in depth-first order, each after its `near`; ground is not among them."""
+    """A cut mechanism. `links` are in depth-first order, each after its `near`; ground is not included."""
 
     mechanism: Mechanism
     cut: str
@@ -156,11 +157,11 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     """Cut the loops of a mechanism.
 
     Args:
-        cut: One of `CUTS`.
+        cut: The kind of cut, one of `CUTS`.
 
     Raises:
-        UnknownNameError: There is no such cut.
-        DescriptionError: A name is taken.
+        UnknownNameError: The cut does not exist.
+        DescriptionError: A name that the models need is in use.
     """
     if cut not in CUTS:
         raise UnknownNameError("cut", cut, CUTS)
@@ -182,8 +183,8 @@ def open_tree(lay: Layout) -> tuple[Array, list[int]]:
     """Return the tree of the minimal model files, in which a body and its copies share its mass equally.
 
     Returns:
-        Mean over a body and its copies of +1 or -1 where a coordinate lies on the way to it, shape (n_body, n_q), and
-        the coordinates of the tree.
+        Mean over a body and its copies of +1 or -1 for each coordinate on the path to it, shape (n_body, n_q), and the
+        coordinates of the tree.
     """
     links, index = lay_out(lay.mechanism, "minimal").links, lay.mechanism.body_index
     parts = Counter(link.original for link in links)
@@ -196,7 +197,7 @@ def open_tree(lay: Layout) -> tuple[Array, list[int]]:
 
 
 def length_scale(mechanism: Mechanism) -> float:
-    """Return the largest distance that the description names [m]; 1 if it names none."""
+    """Return the largest distance in the description [m]; 1 if it contains none."""
     lengths = [1e-300]
     for joint in mechanism.joints:
         lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
@@ -205,7 +206,7 @@ def length_scale(mechanism: Mechanism) -> float:
 
 
 def _copy(joint: Joint) -> Edge:
-    """Return the edge to the copy of the far body of a cut joint; of the near body, if the far one is ground."""
+    """Return the edge to the copy of a cut joint's far body; of its near body, if the far one is ground."""
     return Edge(joint, GROUND if joint.child == GROUND else joint.parent)
 
 
@@ -222,7 +223,7 @@ def _weld(link: Link) -> Closure:
 
 
 def _points(joint: Joint, half: float) -> Closure:
-    """Return the closure by points of a cut joint: two points of a hinge, each `half` [m] from its middle."""
+    """Build the point closure of a cut joint: for a hinge, two points at a distance of `half` [m] from its middle."""
     kind, arms = "point", np.zeros((1, 3))
     if POINTS[joint.kind] == 2:
         kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])
@@ -232,7 +233,7 @@ def _points(joint: Joint, half: float) -> Closure:
 
 
 def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
-    """Yield links chain by chain from ground, side branches in the order of the description."""
+    """Order links chain by chain from ground, side branches in the order of the description."""
     order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
     onward: dict[str, list[Link]] = {}
     for link in sorted(links, key=lambda link: -order[link.joint.name]):
@@ -245,7 +246,7 @@ def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
 
 
 def _check_names(links: list[Link], mechanism: Mechanism) -> None:
-    names = ["world", *(link.name for link in links)]  # the first is MuJoCo's own name of its root
+    names = ["world", *(link.name for link in links)]  # MuJoCo's name of its root comes first
     for name in names:
         if names.count(name) > 1:
             where = mechanism.where or mechanism.name

@@ -1,7 +1,8 @@
 """The normal form of a reading: rigid bodies and the links between them, at a pose that closes its loops.
 
-Bodies that welds, or three points, make one are one; points that two bodies have in common are a ball (one) or a hinge
-(two); carriers without mass are part of the link that leads through them. Where the loops were cut is gone.
+Bodies connected rigidly by welds or by three points are merged; points shared by two bodies become a ball (one point)
+or a hinge (two); massless carriers become part of the link through them. The result does not depend on where the loops
+were cut.
 """
 
 from __future__ import annotations
@@ -21,21 +22,22 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closed
 
-#: Share of a machine's length of gaps that are closed.
+#: Largest gap of a closed loop, as a share of the machine's length.
 CLOSED = 1e-9
-#: Below these a body has no mass [kg] and no inertia [kg m^2].
+#: A body below these values has no mass [kg] and no inertia [kg m^2].
 NO_MASS, NO_INERTIA = 1e-12, 1e-14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """A freedom of a link: a joint of the reading, or a freedom that its closures leave between two bodies.
+    """A freedom of a link: a joint of the reading, or a freedom that closures leave between two bodies.
 
     Attributes:
         kind: ``hinge``, ``slide``, ``ball`` or ``free``.
-        screw: Of a hinge or slide, by which the far side moves against the near one, in the world; else zeros. (6,).
-        centre: A point of it in the world. Shape (3,).
-        joint: Its name; empty of closures, which `closures` names.
+        screw: Screw, in the world, of the far side's motion relative to the near side, for a hinge or slide; else
+            zeros. Shape (6,).
+        centre: A point on its axis, or its centre, in the world. Shape (3,).
+        joint: Name of the joint; empty for closures, which `closures` lists.
         turned: Whether the joint of the reading leads from far to near.
     """
 
@@ -57,7 +59,7 @@ class Element:
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
     def reversed(self) -> Element:
-        """Return the element seen from its other side."""
+        """Return the element seen from its far side."""
         return replace(self, screw=-self.screw, turned=not self.turned)
 
     def placed(self, T: Array) -> Element:
@@ -74,9 +76,9 @@ class Link:
     Attributes:
         near, far: Bodies of the machine.
         elements: Its freedoms, from the near body outwards.
-        kind: R, P, C, U, S or F; else the letters of its freedoms.
-        centre: Where the axes of a U or S meet [m], shape (3,); None of all others.
-        step: Displacement of its end on the far body, where loops that are open leave it elsewhere. Shape (4, 4).
+        kind: R, P, C, U, S or F; otherwise the letters of its freedoms.
+        centre: Intersection of the axes of a U or S [m], shape (3,); None for other kinds.
+        step: Displacement of its end on the far body that closes open loops; None if they are closed. Shape (4, 4).
     """
 
     near: str
@@ -106,7 +108,7 @@ class Link:
         return all(each.joint for each in self.elements)
 
     def reversed(self) -> Link:
-        """Return the link seen from its other body."""
+        """Return the link seen from its far body."""
         link = self if self.step is None else self.placed(self.step)
         elements = tuple(each.reversed() for each in link.elements[::-1])
         back = None if self.step is None else np.asarray(np.linalg.inv(self.step))
@@ -118,14 +120,14 @@ class Link:
         return replace(self, elements=tuple(each.placed(T) for each in self.elements), centre=centre)
 
     def on(self, other: Link) -> Link:
-        """Join this link and one that continues from its far body."""
+        """Concatenate this link and a link that continues from its far body."""
         steps = [each for each in (other.step, self.step) if each is not None]
         behind = other if self.step is None else other.placed(np.asarray(np.linalg.inv(self.step)))
         step = np.asarray(np.linalg.multi_dot([*steps, np.eye(4)])) if steps else None
         return Link(self.near, other.far, self.elements + behind.elements, "", step=step)
 
     def of(self, body: str) -> Link:
-        """Return the link seen from one of its bodies."""
+        """Return the link seen from the given one of its bodies."""
         return self if body == self.near else self.reversed()
 
     def renamed(self, name: str, other: str) -> Link:
@@ -143,10 +145,10 @@ class Body:
     """A rigid body.
 
     Attributes:
-        members: Bodies of the reading that are one with it.
-        pose: World pose of the one that it is named after. Shape (4, 4).
-        local: Its matter in that frame.
-        frames: Of all that is part of it, by name, in the world. Shape (4, 4) each.
+        members: Bodies of the reading that are merged into it.
+        pose: World pose of the body that gave it its name. Shape (4, 4).
+        local: Its mass properties in that frame.
+        frames: Name -> world frame of everything that is part of it. Shape (4, 4) each.
     """
 
     members: tuple[str, ...]
@@ -170,11 +172,11 @@ class Machine:
     """A reading as a graph of bodies and links.
 
     Attributes:
-        reading: At the pose that the graph shows.
-        bodies: By the name of one of their members; the ground among them.
-        links: Between them.
-        length: Of the machine [m].
-        remarks: Which bodies and joints closures make superfluous, a sentence each.
+        reading: The reading, at the pose of the graph.
+        bodies: Bodies, named after one of their members; ground is included.
+        links: Links between the bodies.
+        length: Characteristic length of the machine [m].
+        remarks: Sentences on bodies and joints that closures make redundant.
     """
 
     reading: Reading
@@ -202,7 +204,7 @@ class Machine:
 
 
 def machine_of(reading: Reading) -> Machine:
-    """Return the normal form, at a pose that closes the loops if one is near."""
+    """Build the normal form, at a pose that closes the loops if one is near."""
     machine = graph_at_home(at_closed_pose(reading))
     machine = contract(machine, [name for name, body in machine.bodies.items() if not body.solid])
     idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
@@ -210,7 +212,7 @@ def machine_of(reading: Reading) -> Machine:
 
 
 def _is_held(machine: Machine, free: Link) -> bool:
-    """True if other links also connect the two bodies of a free one."""
+    """True if the two bodies of a free link are also connected through other links."""
     reached, queue = {free.near}, [free.near]
     for body in queue:
         ends = {end for each in machine.at(body) if {*each.names} != {*free.names} for end in (each.near, each.far)}
@@ -248,7 +250,7 @@ def at_closed_pose(reading: Reading) -> Reading:
 
 
 def graph_at_home(reading: Reading) -> Machine:
-    """Return the bodies and links at the home of a reading, with massless bodies and without kinds of links."""
+    """Build the graph of a reading at home, keeping massless bodies and leaving the kinds of links empty."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
@@ -273,7 +275,7 @@ def _owners(
     """Return body -> the body that contains it; body -> its displacement there if loops are open, (4, 4); the merges.
 
     Args:
-        rigid: Pairs of bodies that are one, each with the displacement of the second one that makes them so.
+        rigid: Pairs of rigidly connected bodies, each with the displacement of the second body that closes their gap.
     """
     owner, shift, joined = {name: name for name in bodies}, dict.fromkeys(bodies, np.eye(4)), list[tuple[str, str]]()
     for first, second, step in rigid:
@@ -295,7 +297,8 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
     """Return pairs of bodies that closures merge, and links by a common point or two common points of an axis.
 
     Returns:
-        Of each pair the displacement that closes it, of the second body, shape (4, 4), None where it is closed; links.
+        For each pair the displacement of the second body that closes it, shape (4, 4), None if it is closed; and the
+        links.
     """
     rigid, points = list[tuple[str, str, Array | None]](), dict[tuple[str, str], dict[str, Array]]()
     for name, closure in reading.closures.items():
@@ -309,7 +312,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
             points.setdefault((near[0], far[0]), {})[name] = np.array([near[1], far[1]])
     pins = list[Link]()
     for (first, second), named in points.items():
-        clouds = np.array([*named.values()]).swapaxes(0, 1)  # of the first body, of the second one
+        clouds = np.array([*named.values()]).swapaxes(0, 1)  # points of the first body, of the second body
         _, s, Vt = np.linalg.svd(clouds[0] - clouds[0].mean(axis=0))
         spread = int(np.sum(s > SAME * length))
         if spread >= 2:
@@ -325,7 +328,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
 
 
 def _pin(points: Array, closures: tuple[str, ...]) -> Element:
-    """Return a ball at one point, or a hinge through two."""
+    """Return a ball at one point, or a hinge through two points."""
     centre = points.mean(axis=0)
     if len(points) == 1:
         return Element("ball", np.zeros(6), centre, "", closures)
@@ -364,10 +367,10 @@ def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array]
 
 
 def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
-    """Merge the two links of each massless body, if a joint can have so many freedoms, and set the kinds of links.
+    """Merge the two links of each massless body, if a joint can have that many freedoms, and set the kinds of links.
 
     Args:
-        carriers: Bodies without mass; those that have other than two links stay.
+        carriers: Massless bodies; those without exactly two links stay.
     """
     bodies, links = dict(machine.bodies), list(machine.links)
     for name in carriers:

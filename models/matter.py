@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies: displaced, combined, divided."""
+"""Mass, centre of mass and inertia of rigid bodies: displaces, combines and divides them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class Matter:
     """Mass properties of a rigid body, in some frame.
 
     Attributes:
-        mass: [kg].
+        mass: Mass [kg].
         com: Centre of mass [m]. Shape (3,).
-        inertia: About it [kg m^2]. Shape (3, 3).
+        inertia: Inertia about the centre of mass [kg m^2]. Shape (3, 3).
     """
 
     mass: float
@@ -28,7 +28,7 @@ class Matter:
 
     @property
     def possible(self) -> bool:
-        """True if the mass is positive and no moment of inertia negative."""
+        """True if the mass is positive and no moment of inertia is negative."""
         return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
             np.abs(self.inertia).max()
         )
@@ -42,7 +42,7 @@ class Matter:
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-#: Shapes of which `uniform` knows the matter, and the names of their lengths, in the order in which it takes them.
+#: Shapes that `uniform` supports, and the names of their lengths, in the order of its argument.
 SHAPES = {
     "box": ("x", "y", "z"),
     "ellipsoid": ("x", "y", "z"),
@@ -54,12 +54,13 @@ SHAPES = {
 
 
 def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matter:
-    """Return the matter of a uniform solid about the middle of its length, which is along z.
+    """Compute the mass properties of a uniform solid about the midpoint of its length, which is along z.
 
     Args:
         shape: One of `SHAPES`.
-        lengths: Sides of a box, semi-axes of an ellipsoid, radius and length; that of a capsule is its cylinder's [m].
-        density: [kg/m^3].
+        lengths: Sides of a box, semi-axes of an ellipsoid, or radius and length; the length of a capsule is its
+            cylinder's [m].
+        density: Density [kg/m^3].
     """
     if shape in ("box", "ellipsoid", "sphere"):
         x, y, z = (*lengths, *lengths, *lengths)[:3]
@@ -75,22 +76,22 @@ def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matte
     whole = Matter(m, com, m * np.diag([(3.0 * r * r + l * l) / 12.0, (3.0 * r * r + l * l) / 12.0, 0.5 * r * r]))
     if shape == "cylinder":
         return whole
-    half = 2.0 / 3.0 * math.pi * density * r**3  # a hemisphere, about its own centre, 3/8 of the radius off its base
+    half = 2.0 / 3.0 * math.pi * density * r**3  # a hemisphere, about its own centre, 3/8 of the radius from its base
     cap = half * r * r * np.diag([0.4 - 9.0 / 64.0, 0.4 - 9.0 / 64.0, 0.4])
     ends = (Matter(half, np.array([0.0, 0.0, side * (0.5 * l + 0.375 * r)]), cap) for side in (-1.0, 1.0))
     return join((whole, *ends))
 
 
 def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
-    """Return the matter of a uniform solid within a closed surface; nothing if that encloses no volume.
+    """Compute the mass properties of a uniform solid within a closed surface; `NOTHING` if it encloses no volume.
 
     Args:
-        points: [m]. Shape (n, 3).
-        triangles: Numbers of their corners, all seen in one sense from outside. Shape (m, 3).
-        density: [kg/m^3].
+        points: Vertices [m]. Shape (n, 3).
+        triangles: Vertex indices, all with the same orientation as seen from outside. Shape (m, 3).
+        density: Density [kg/m^3].
     """
     corners = points[triangles]
-    volumes = np.linalg.det(corners) / 6.0  # of tetrahedra whose fourth corner is the origin
+    volumes = np.linalg.det(corners) / 6.0  # of tetrahedra with their fourth vertex at the origin
     volume = float(volumes.sum())
     if not abs(volume) > 1e-12 * float(np.abs(corners).max(initial=0.0)) ** 3:
         return NOTHING
@@ -103,10 +104,10 @@ def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
 
 
 def displace(matter: Matter, T: Array) -> Matter:
-    """Return mass properties in another frame, or displaced in their own.
+    """Transform mass properties to another frame, or displace them in their own frame.
 
     Args:
-        T: From the frame of `matter` to the other. Shape (4, 4).
+        T: Placement of the frame of `matter` in the other frame. Shape (4, 4).
     """
     R = T[:3, :3]
     return Matter(matter.mass, R @ matter.com + T[:3, 3], R @ matter.inertia @ R.T)
@@ -121,12 +122,12 @@ def is_same(first: Matter, second: Matter) -> bool:
 def combine(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
     """Combine two bodies; with `sign` -1 remove the second from the first.
 
-    Where nothing but a dipole is left, its mass is zero and the centre of mass stays where the first has it.
+    If only a dipole remains, the mass is zero and the centre of mass is that of the first body.
     """
     mass = first.mass + sign * second.mass
     if mass == 0.0:
         return Matter(0.0, first.com, first.inertia + sign * second.inertia)
-    # about the centre of the first: what is small stays small
+    # about the centre of the first body, which keeps small quantities small
     step = sign * second.mass / mass * (second.com - first.com)
     com = first.com + step
     parts = first.mass * steiner(first.com - com) + sign * second.mass * steiner(second.com - com)
@@ -134,12 +135,12 @@ def combine(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
 
 
 def remainder(whole: Matter, parts: Iterable[Matter]) -> Matter:
-    """Return what is left of a whole without some of its parts, all in one frame."""
+    """Subtract some of its parts from a body, all in one frame."""
     return reduce(lambda left, part: combine(left, part, -1.0), parts, whole)
 
 
 def join(parts: Iterable[Matter]) -> Matter:
-    """Return rigid parts as one, all in one frame."""
+    """Combine rigid parts into one body, all in one frame."""
     parts = [*parts]
     mass = sum(part.mass for part in parts)
     com = np.sum([part.mass * part.com for part in parts], axis=0) / (mass or 1.0)
@@ -156,7 +157,7 @@ def steiner(r: Array) -> Array:
 
 def change_part(matter: Matter, before: Matter, after: Matter) -> Matter:
     """Apply the change of a body from `before` to `after` to one of its parts; all in one frame."""
-    # (part - before) + after, in the ten parameters, in which bodies add: (m, m c, inertia about the origin)
+    # (part - before) + after, in the ten additive parameters: (m, m c, inertia about the origin)
     old, new = _parameters(before), _parameters(after)
     mass, first, second = (x + (b - a) for x, a, b in zip(_parameters(matter), old, new, strict=True))
     if not mass > 0.0:
@@ -171,19 +172,19 @@ def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
 
 
 def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
-    """Return the part of a body whose change is smallest for a change of the body, and the changed part.
+    """Return the part that changes least to account for a change of the whole body, and the changed part.
 
     Args:
-        parts: By number, in the frame of the body; the first is chosen from equals.
+        parts: Index -> part, in the frame of the body; in case of a tie the first is chosen.
 
     Returns:
-        Number and the part changed: one that is possible, if any is, and of which the fewest of mass, centre of mass
-        and inertia change.
+        Index of the part and the changed part: a physically possible one, if any is, for which the fewest of mass,
+            centre of mass and inertia change.
     """
     if len(parts) == 1:
         return next(iter(parts)), after
     found = {i: change_part(part, before, after) for i, part in parts.items()}
-    if _much(before, after):  # beside a part that is much too large the others would drown
+    if _much(before, after):  # the other parts would be lost in the rounding of a much larger one
         others = {i: [part for j, part in parts.items() if j != i] for i in parts}
         found = {i: remainder(after, others[i]) for i in parts}
     scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
@@ -194,7 +195,7 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
         return not found[i].possible, int((steps[i] > least).sum()), float(steps[i].sum())
 
     chosen = min(found, key=cost)
-    kept = zip(("mass", "com", "inertia"), steps[chosen] <= 1e-14, strict=True)  # rounding of the sums is no change
+    kept = zip(("mass", "com", "inertia"), steps[chosen] <= 1e-14, strict=True)  # rounding of the sums is not a change
     return chosen, Matter(*(getattr(parts[chosen] if same else found[chosen], name) for name, same in kept))
 
 
@@ -209,7 +210,7 @@ def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[i
 
 
 def divide(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
-    """Divide a body among its parts in the ratio of their masses, about a common centre of mass."""
+    """Divide a body among its parts in proportion to their masses, about a common centre of mass."""
     whole = sum(part.mass for part in parts.values())
     shares = {i: part.mass / whole for i, part in parts.items()}
     return {i: Matter(share * after.mass, after.com, share * after.inertia) for i, share in shares.items()}
@@ -222,19 +223,19 @@ def _much(before: Matter, after: Matter) -> bool:
 
 
 def _size(matter: Matter) -> float:
-    """Return a length: the distance of the mass from the origin [m]."""
+    """Estimate how far the mass extends from the origin [m]."""
     reach = np.sqrt(np.abs(matter.inertia).max() / matter.mass) if matter.mass > 0.0 else 0.0
     return float(np.abs(matter.com).max() + reach)
 
 
 def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> dict[str, float]:
-    """Return the changes of mass, centre of mass and inertia, each relative to the scale of the whole.
+    """Compute the changes of mass, centre of mass and inertia, each relative to the scale of the whole body.
 
     Args:
-        mass: That of the whole, if it is more than these [kg].
-        size: Its length [m].
+        mass: Mass of the whole body, if it is larger than the two [kg].
+        size: Length of the whole body [m].
     """
-    # of a point mass in the origin there is no length; the least ones must not vanish when multiplied
+    # a point mass at the origin has no length; the lower bounds must not underflow when multiplied
     m, L = max(mass, old.mass, new.mass, 1e-90), max(size, _size(old), _size(new), 1e-90)
     com = float(np.abs(new.com - old.com).max())
     return {

@@ -1,10 +1,9 @@
 """Writes a mechanism as MJCF: composite joints as several joints of a body, loops and couplings as equalities.
 
-Mass properties are written as MuJoCo takes them: a tensor in full, or principal moments and axes where it refuses
-that. MuJoCo refuses a moving body with less than `LEAST` of mass or of any principal moment, moments with A + B < C
-by as little as a rounding, and a full tensor with an eigenvalue below 1e-14, which its own rounding of 1e-14 of the
-largest one produces. Zero is therefore written as `LEAST`, and `without_stand_ins` takes it back from a loaded
-model.
+Mass properties are written in a form that MuJoCo accepts: a full tensor, or principal moments and axes where it refuses
+that. MuJoCo refuses a moving body whose mass or any principal moment is below `LEAST`, moments that violate A + B >= C
+even by a rounding error, and a full tensor with an eigenvalue below 1e-14, which its own rounding of 1e-14 of the
+largest one produces. Zero is therefore written as `LEAST`, and `without_stand_ins` restores it in a loaded model.
 """
 
 from __future__ import annotations
@@ -24,20 +23,20 @@ from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism
 from screwgauge.reference.rigid import compose, inverse
 from screwgauge.reference.rotations import Array
 
-#: The least mass and moment of a moving body that MuJoCo takes [kg, kg m^2]; it stands for none at all.
+#: Smallest mass and moment of a moving body that MuJoCo accepts [kg, kg m^2]; stands for zero.
 LEAST = 1e-15
-#: A full tensor is written where its moments keep as far from what MuJoCo refuses: of the largest one, and [kg m^2].
-#: Compilers before 3.14 turn a tensor to nine digits.
+#: Margin of a tensor's moments from values that MuJoCo refuses, relative to the largest one, and [kg m^2]; with more
+#: margin the full tensor is written. Compilers before 3.14 rotate a tensor to nine digits.
 ROOM, ABOVE = 1e-8, 1e-13
-#: Of the largest moment: what the rounding of a tensor's six numbers and of its turning leaves of a moment of zero, and
-#: what a compiler leaves of it; a moment below both this and `LEAST` is written as none.
+#: Relative to the largest moment: the error that rounding a tensor's six entries and rotating it leave in a moment of
+#: zero, and the error that a compiler leaves; a moment below both this and `LEAST` is written as zero.
 ROUNDING, NEGLIGIBLE = 8.0 * float(np.finfo(float).eps), 5e-14
-#: Bodies that a sentence names.
+#: Number of bodies that a sentence names.
 SHOWN = 6
 
 
 def inertial(body: Body) -> dict[str, str]:
-    """Return the attributes of an ``<inertial>``."""
+    """Return the attributes of a body's ``<inertial>``."""
     attributes = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
     if not body.mass:
         return {**attributes, "diaginertia": vector_text([LEAST] * 3)}
@@ -45,15 +44,15 @@ def inertial(body: Body) -> dict[str, str]:
 
 
 def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
-    """Return a tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
+    """Format a tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
 
     Args:
-        allowed: One that MuJoCo refuses is written as the next that it takes, see `mass_properties`.
+        allowed: Replace a tensor that MuJoCo refuses by the nearest one that it accepts, see `mass_properties`.
     """
     least, middle, largest = np.linalg.eigvalsh(I)
     room, excess = max(ROOM * largest, ABOVE), largest - least - middle
     refused = max(-least, excess) > SLACK * np.trace(I) and not allowed
-    if min(least, -excess) > room or refused:  # clearly taken, clearly refused
+    if min(least, -excess) > room or refused:  # clearly accepted, clearly refused
         return {"fullinertia": tensor_text(I)}
     moments, q = principal(I)
     turned = {} if q is None else {"quat": vector_text(q)}
@@ -61,7 +60,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
 
 
 def principal(I: Array) -> tuple[Array, Array | None]:
-    """Return the principal moments of a tensor, shape (3,), and the quaternion of their axes; None for body axes."""
+    """Compute the principal moments of a tensor, shape (3,), and the quaternion of their axes; None for body axes."""
     if not np.any(I - np.diag(np.diag(I))):
         return np.diag(I).copy(), None
     moments, axes = np.linalg.eigh(I)
@@ -73,27 +72,27 @@ def _acceptable(moments: Array) -> Array:
     """Return the nearest moments that MuJoCo accepts. Shape (3,)."""
     taken = np.where(_is_zero(moments), LEAST, np.where(moments == LEAST, np.nextafter(LEAST, 1.0), moments))
     low, mid, high = np.argsort(taken)
-    taken[high] = min(taken[high], taken[low] + taken[mid])  # more only by rounding, or `Body` had refused it
+    taken[high] = min(taken[high], taken[low] + taken[mid])  # exceeded by rounding only, see `Body`
     return taken
 
 
 def _is_zero(moments: Array) -> Array:
-    """True for moments that `LEAST` stands for. Shape (3,)."""
+    """True for moments that are written as `LEAST`. Shape (3,)."""
     return np.asarray((moments < LEAST) & (moments <= NEGLIGIBLE * float(moments.max())))
 
 
 def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
-    """Return masses, (n,), and principal moments, (n, 3), of a loaded model, with zero in place of `LEAST`."""
+    """Restore zero for `LEAST` in the masses, (n,), and principal moments, (n, 3), of a loaded model."""
     moments = np.where(moments <= LEAST, 0.0, moments)
     return np.where((mass <= LEAST) & ~moments.any(axis=1), 0.0, mass), moments
 
 
-#: Name of the numbers of an MJCF that are the principal moments of a body, where MuJoCo refuses these.
+#: Prefix of the custom numbers of an MJCF with the true principal moments of a body that MuJoCo refuses.
 MOMENTS = "screwgauge.moments."
 
 
 def mass_properties(model: Any) -> tuple[Array, Array]:
-    """Return masses, (n,), and principal moments, (n, 3), that the file of a loaded model means, see `MOMENTS`."""
+    """Return the masses, (n,), and principal moments, (n, 3), that a loaded model's file intends, see `MOMENTS`."""
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     names = {model.body(i).name: i for i in range(model.nbody)}
     for k in range(model.nnumeric):
@@ -110,7 +109,7 @@ def _is_refused(body: Body) -> bool:
 
 
 def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
-    """Yield a sentence on moments that stand for zero, and are set to zero after loading."""
+    """Yield a message about moments that stand for zero, and are set to zero after loading."""
     if names:
         yield (
             f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
@@ -119,7 +118,7 @@ def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
 
 
 def stand_ins(mechanism: Mechanism) -> Iterator[str]:
-    """Yield sentences on the moments of inertia that MJCF cannot express, and on their substitutes."""
+    """Yield messages about moments of inertia that MJCF cannot express, and their substitutes."""
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
     for sentence in stand_in_sentence([name for name, its in moments.items() if _is_zero(its).any()]):
         yield f"MJCF: {sentence}"
@@ -140,11 +139,11 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
             )
 
 
-#: A limit that is none [rad, m].
+#: Value of a limit that does not exist [rad, m].
 FAR = 1e10
-#: Coefficients of a joint equality.
+#: Number of coefficients of a joint equality.
 POWERS = 5
-#: Optional parts of a model beyond its mechanics. Contacts bring geoms with them.
+#: Optional parts of a model beyond its mechanics. Contacts require geoms.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
 
@@ -155,15 +154,15 @@ def write_mjcf(
     gravity: Sequence[float] | Array = (0.0, 0.0, -9.81),
     include: Set[str] = frozenset(),
 ) -> str:
-    """Return a cut mechanism as MJCF, closures included.
+    """Write a cut mechanism as MJCF, closures included.
 
     Args:
         cut: ``minimal`` or ``full``.
-        gravity: World axes [m/s^2]. Shape (3,).
-        include: Some of `PARTS`; nothing of the others is written, and their stages are switched off.
+        gravity: Gravity in world axes [m/s^2]. Shape (3,).
+        include: A subset of `PARTS`; other parts are not written, and their stages are disabled.
 
     Raises:
-        UnknownNameError: No such cut or part.
+        UnknownNameError: The cut or a part does not exist.
     """
     for part in sorted(include):
         if part not in PARTS:
@@ -174,7 +173,7 @@ def write_mjcf(
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
     for sentence in stand_ins(mechanism):
-        comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
+        comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # a double hyphen would end a comment
         root.append(ET.Comment(f" {comment} "))
     _settings(root, gravity, include)
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
@@ -196,9 +195,9 @@ def write_mjcf(
 
 
 def site_names(closure: Closure) -> list[tuple[str, str]]:
-    """Names of the sites on the closure's parent and child that its equality constraints join.
+    """Return the names of the sites on the closure's parent and child that its equality constraints join.
 
-    A ``points`` closure has ``@parent`` and ``@child`` sites too, in the joint's frames.
+    A ``points`` closure also has ``@parent`` and ``@child`` sites, in the joint's frames.
     """
     near, far = ("weld", "copy") if closure.type == "weld" else ("parent", "child")
     numbers = ("1", "2") if closure.type == "points" else ("",)
@@ -206,7 +205,7 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
-    # Nothing is to be guessed or mended: inertias are those written, whatever a geom or a bound would be.
+    # The compiler must not infer or repair anything: inertias are as written, regardless of geoms or bounds.
     exact = {"angle": "radian", "inertiafromgeom": "false", "balanceinertia": "false"}
     exact |= {"boundmass": "0", "boundinertia": "0", "fusestatic": "false"}
     ET.SubElement(root, "compiler", exact)
@@ -220,8 +219,8 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
     """Nest the bodies; ground is a fixed body that carries all others.
 
-    Pinocchio reads only the first body below worldbody, and only bodies with an inertial: so ground is one,
-    of no mass.
+    Pinocchio reads only the first body below worldbody, and only bodies with an inertial; ground is therefore written
+    as a massless body.
     """
     bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
     ET.SubElement(bodies[GROUND], "inertial", pos="0 0 0", mass="0", diaginertia="0 0 0")
@@ -236,14 +235,14 @@ def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Elemen
 
 
 def _moments(root: ET.Element, bodies: Sequence[Body]) -> None:
-    """Writes the principal moments of bodies whose tensors MuJoCo refuses."""
+    """Write the principal moments of bodies whose tensors MuJoCo refuses."""
     custom = ET.SubElement(root, "custom") if bodies else root
     for body in bodies:
         ET.SubElement(custom, "numeric", name=f"{MOMENTS}{body.name}", data=vector_text(principal(body.inertia)[0]))
 
 
 def _place(element: ET.Element, frame: Frame) -> None:
-    """Sets pos and quat where they are not zero and one."""
+    """Set pos and quat unless they are zero and the identity."""
     if frame.p.any():
         element.set("pos", vector_text(frame.p))
     if not np.array_equal(frame.R, np.eye(3)):
@@ -251,7 +250,7 @@ def _place(element: ET.Element, frame: Frame) -> None:
 
 
 def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
-    """Add a joint of a body; MuJoCo applies joints in turn, each carried by those before it.
+    """Add a joint of a body; MuJoCo applies joints in turn, each carried by the joints before it.
 
     near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, in the body frame.
     """
@@ -288,7 +287,7 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
 
 
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return sentences on properties of the mechanism that MJCF cannot express."""
+    """List messages about properties of the mechanism that MJCF cannot express."""
     lacks = ((one.name, why_not(one)) for one in mechanism.couplings)
     couplings = (f"MJCF lacks coupling '{name}': {lack}" for name, lack in lacks if lack)
     cut = {one.joint for one in lay_out(mechanism, "minimal").closures if one.type != "weld"}
@@ -299,7 +298,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_not(coupling: Coupling) -> str:
-    """Return the reason that MJCF cannot express a coupling; empty if it can."""
+    """Return the reason why MJCF cannot express a coupling; empty if it can."""
     function = coupling.function
     if len(function.terms) > 1:
         return "" if function.linear else "MuJoCo has no powers in equalities of several joints"
@@ -309,7 +308,7 @@ def why_not(coupling: Coupling) -> str:
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
     """Add couplings as equalities of joints, or of fixed tendons for several joints.
 
-    Coordinates are zero at MuJoCo's qpos0 as they are in the description, and so are lengths of tendons.
+    Coordinates are zero at MuJoCo's qpos0, as in the description, and so are the lengths of tendons.
     """
     for one in couplings:
         if why_not(one) or isinstance(one, Fixing):

@@ -8,20 +8,20 @@ from screwgauge.reference.rotations import Array, cross, rotation
 
 
 def matrix(p: Array, R: Array) -> Array:
-    """Return the placement with a position and a rotation. Shapes (3,), (3, 3) -> (4, 4)."""
+    """Build the placement with a position and a rotation. Shapes (3,), (3, 3) -> (4, 4)."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, p
     return T
 
 
 def relative(near: Array, far: Array) -> Array:
-    """Return one pose in another. Shape (4, 4)."""
+    """Compute the pose of `far` relative to `near`. Shape (4, 4)."""
     R = near[:3, :3].T
     return matrix(R @ (far[:3, 3] - near[:3, 3]), R @ far[:3, :3])
 
 
 def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
-    """Return the displacement by a hinge or slide along a direction through a centre. Shapes (3,), (3,) -> (4, 4)."""
+    """Compute the displacement of a hinge or slide along a direction through a centre. Shapes (3,), (3,) -> (4, 4)."""
     if kind == "slide":
         return matrix(q * direction, np.eye(3))
     R = rotation(direction, np.array(q))
@@ -29,7 +29,7 @@ def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
 
 
 def shortest_turn(way: Array, other: Array) -> Array:
-    """Return the rotation that takes a unit vector to another one and does not turn about it; none to its opposite.
+    """Compute the smallest rotation that takes one unit vector to another; the identity if they are opposite.
 
     Shapes (3,), (3,) -> (3, 3).
     """
@@ -39,7 +39,7 @@ def shortest_turn(way: Array, other: Array) -> Array:
 
 
 def shortest_step(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Return the displacement of an axis, direction and point, to another one without a turn about it. Shape (4, 4)."""
+    """Compute the displacement of one axis, direction and point, to another without a turn about it. Shape (4, 4)."""
     R = shortest_turn(one[0], other[0])
     return matrix(other[1] - R @ one[1], R)
 

@@ -1,4 +1,4 @@
-"""Shapes for drawing a mechanism, and those of an MJCF: geoms, contacts, sensors."""
+"""Shapes for drawing a mechanism, and the geoms, contacts and sensors of an MJCF."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.reciprocal import pose_joints
 from screwgauge.reference.rotations import Array
 
-#: Colours of bodies; dark enough for their names.
+#: Colours of bodies, dark enough to be readable as text.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT, SPRING = "#B58900", "#4477AA", "#CC0077", "#3D8B37"
-SIGNED = "RPUC"  # kinds of joints whose axes have a sense of direction
-LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, least visible distance
+SIGNED = "RPUC"  # kinds of joints whose axes are directed
+LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, smallest visible distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,14 +34,14 @@ class Shape:
     """A solid in the frame of a body.
 
     Attributes:
-        group: What shows and hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``, ``ellipsoids``,
-            ``springs``, ``doubts``, and ``other`` of another mechanism.
-        kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of the body `other`;
+        group: The switch that shows or hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``,
+            ``ellipsoids``, ``springs``, ``doubts``, and ``other`` for shapes of another mechanism.
+        kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod with its end `b` in the frame of the body `other`;
             ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`, ``arrow`` from `a` to `b`, ``ellipsoid`` at
             `a` with the columns of `b` as its half axes.
-        body, other: Index, ground is 0.
-        a, b: Shape (3,); `b` of an ellipsoid (3, 3).
-        size: Radius, or half a thickness.
+        body, other: Index of the body; 0 for ground.
+        a, b: Shape (3,); for an ellipsoid, `b` has shape (3, 3).
+        size: Radius, or half the thickness.
     """
 
     group: str
@@ -56,7 +56,7 @@ class Shape:
 
 
 class End(NamedTuple):
-    """A joint of a body: its point in the frame of the body [m], whether ground is on its other side, and its kind."""
+    """A joint on a body: its point in the body's frame [m], whether the other body is ground, and whether it slides."""
 
     point: Array
     standing: bool
@@ -64,12 +64,12 @@ class End(NamedTuple):
 
 
 def cut_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the joints that are opened, as in the engines' models."""
+    """Return the names of the joints that are cut, as in the engines' models."""
     return frozenset(joint.name for joint in layout(mechanism).cuts)
 
 
 def hardware(mechanism: Mechanism) -> list[Joint]:
-    """List the joints, except those that only give a pose coordinates."""
+    """List the joints, except those that only assign coordinates to a pose."""
     return [joint for joint in mechanism.joints if joint.name not in pose_joints(mechanism)]
 
 
@@ -84,10 +84,10 @@ def ends(mechanism: Mechanism) -> dict[str, list[End]]:
 
 
 def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
-    """Return a body as lines between its joints, a rod or a plate, in its frame [m]."""
+    """Represent a body by line segments between its joints, as a rod or plate, in its frame [m]."""
     apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
     points = [end.point for end in apart.values()]
-    if len(points) < 2:  # up to its centre of mass; as far beyond, if it slides there
+    if len(points) < 2:  # up to its centre of mass; twice as far if it slides there
         start = points[0] if points else body.com
         return [(start, 2.0 * body.com - start if any(end.slides for end in its) and len(its) > 1 else body.com)]
     if len(points) == 2:
@@ -103,7 +103,7 @@ def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
 
 
 def colour_of(i: int) -> str:
-    """Return the colour of the body of index `i`."""
+    """Return the colour of the body with index `i`."""
     return STANDING if i == 0 else COLOURS[(i - 1) % len(COLOURS)]
 
 
@@ -124,7 +124,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
 
 
 def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
-    """Return shapes of springs and dampers: a coil between two points, a ring about the axis of a hinge."""
+    """Return shapes of springs and dampers: a coil between two points, a ring about a hinge axis."""
     unit, index, drawn = length(layout(mechanism)), mechanism.body_index, list[Shape]()
     owner = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
     for one in given:
@@ -159,7 +159,7 @@ def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> I
 
 
 def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
-    """Return the shapes of a mechanism, and more, in the world at home."""
+    """Return the shapes of a mechanism, and further shapes, in the world in the home pose."""
     lay = layout(mechanism)
     at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in (*shapes(mechanism), *more):
@@ -170,13 +170,13 @@ def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape
 
 
 def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """Return shapes of the parts that differ at home, in the world: joints with their bodies, axes.
+    """Return shapes of the parts that differ in the home pose, in the world: joints with their bodies, axes.
 
-    A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
-    along an axis, which of two bodies is the parent, and names do not count. Lengths count in lengths of the first.
+    Two joints are equal if their screws span the same motions and both or neither are driven; location along a
+    sliding axis, order of parent and child, and names do not count. Lengths are in lengths of the first mechanism.
 
     Args:
-        unsigned: Joints of the other whose axes have no sense of direction, such as those of loops that points close.
+        unsigned: Joints of the other mechanism whose axes are undirected, such as those of loops that points close.
     """
     unit = length(layout(mechanism))
     known, there = _freedoms(mechanism, unit), _freedoms(other, unit)
@@ -231,16 +231,16 @@ def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Itera
         yield Shape("frames", "arrow", i, np.zeros(3), 0.08 * axis, 0.004, tone, body.name)
     com = body.com / unit
     yield Shape("masses", "ball", i, com, com, 1.6 * LINK, MASS, body.name)
-    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid of the same mass and moments
+    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid of equal mass and moments
         moments, axes = np.linalg.eigh(body.inertia)
         half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0)) / unit
         yield Shape("ellipsoids", "ellipsoid", i, com, axes * np.maximum(half, 1e-3), 1.0, colour, body.name)
 
 
 def mark(joint: Joint) -> tuple[str, Array]:
-    """Return the body that carries the mark of a joint, and the place in its frame [m]. Shape (3,).
+    """Return the body on which the mark of a joint is drawn, and its position in that body's frame [m]. Shape (3,).
 
-    A guide on ground has its block on the body that slides; between two moving bodies it is half way along at home.
+    The block of a guide on ground belongs to the sliding body; between two moving bodies it is halfway along at home.
     """
     if joint.slides == 1 and GROUND in joint.bodies:
         return next((body, frame.p) for body, frame in joint.sides if body != GROUND)
@@ -250,7 +250,7 @@ def mark(joint: Joint) -> tuple[str, Array]:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Yield the axes of a joint, each in the body that carries it; driven and cut joints are marked."""
+    """Yield the axes of a joint, each in the body that carries it, and marks of driven and cut joints."""
     colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
     first, at = parent if body == joint.parent else child, place / unit
     if joint.fixed:
@@ -280,7 +280,7 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
 
 
 def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
-    """Yield the symbol of ground at a joint on ground."""
+    """Yield the ground symbol of a joint on ground."""
     for p in (frame.p / unit for body, frame in joint.sides if body == GROUND):
         yield Shape("joints", "foot", 0, p, p, 2.0 * JOINT, STANDING, joint.name)
 
@@ -290,7 +290,7 @@ def viewed_from(mechanism: Mechanism) -> Array:
     """Return the direction to the viewer: face-on for a planar mechanism, else from the front, hiding no joint."""
     every = place_shapes(mechanism)
     points = np.array([one.a for one in every if one.group == "masses" or one.kind in ("slide", "ball")])
-    places = [place for _, place, _ in joint_marks(mechanism)]  # none where all bodies are free
+    places = [place for _, place, _ in joint_marks(mechanism)]  # empty if all bodies are free
     points = np.unique(np.concatenate([points, np.reshape(places, (-1, 3))]).round(6), axis=0)
     lay = layout(mechanism)
     screws = pose(lay, mechanism.home[None]).S[0]
@@ -311,8 +311,8 @@ def facing(points: Array, axes: Array) -> Array | None:
     """Return the direction that shows a planar mechanism face-on; None for a spatial one.
 
     Args:
-        points: Of joints and bodies, in lengths of the mechanism. Shape (n, 3).
-        axes: Of all rotations; a row of zeros is a translation. Shape (m, 3).
+        points: Points of joints and bodies, in lengths of the mechanism. Shape (n, 3).
+        axes: Axes of all rotations; a row of zeros is a translation. Shape (m, 3).
     """
     flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
     if flat:
@@ -325,14 +325,14 @@ def facing(points: Array, axes: Array) -> Array | None:
 
 
 def across(direction: Array) -> Array:
-    """Return the viewer's right and up, z being up if possible. Shape (2, 3)."""
+    """Return the viewer's right and up directions, with z up if possible. Shape (2, 3)."""
     right = np.cross([0.0, 0.0, 1.0] if abs(direction[2]) < 0.99 else [0.0, 1.0, 0.0], direction)
     right /= np.linalg.norm(right)
     return np.stack([right, np.cross(direction, right)])
 
 
 def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Return the joints with places and last axes, in the world, at home; in lengths of the mechanism."""
+    """Return the joints with positions and last axes, in the world at home; in lengths of the mechanism."""
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()
@@ -347,7 +347,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
     """Add a ball at each centre of mass and bars from there to the body's joints; copies get none.
 
     Args:
-        solid: They collide; else they are only seen.
+        solid: Whether they collide; otherwise they are only visible.
     """
     radius = 0.02 * length_scale(tree.mechanism)
     for link in tree.links:
@@ -362,7 +362,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """Return the joint points of a body; one with a single joint extends as far beyond its centre of mass."""
+    """Return the joint points of a body; with a single joint, add its mirror image in the centre of mass."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in joint.sides:
@@ -383,14 +383,14 @@ def _geom(body: ET.Element, kind: str, radius: float, solid: bool) -> ET.Element
 
 
 def add_contact_pairs(root: ET.Element, tree: Tree) -> None:
-    """Exclude contacts between bodies that share a joint: they overlap there."""
+    """Exclude contacts between bodies that share a joint, since they overlap there."""
     contact = ET.SubElement(root, "contact")
     for first, second in sorted({(joint.parent, joint.child) for joint in tree.mechanism.joints}):
         ET.SubElement(contact, "exclude", body1=first, body2=second)
 
 
 def add_sensors(root: ET.Element, tree: Tree) -> None:
-    """Add sensors for poses of all bodies, positions and rates of all joints of the tree."""
+    """Add sensors for the poses of all bodies, and the positions and rates of all joints of the tree."""
     sensor = ET.SubElement(root, "sensor")
     for link in tree.links:
         for kind in ("framepos", "framequat"):

@@ -1,4 +1,4 @@
-"""Singular home poses: first-order freedoms that no motion follows, as of a straight leg between fixed ends."""
+"""Detects singular home poses: first-order freedoms without a finite motion, as of a straight fixed leg."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 
-#: Step of the difference quotients [rad or lengths], and size of second derivatives that is no rounding of theirs.
+#: Step of the difference quotients [rad or lengths], and size of second derivatives that exceeds their rounding error.
 STEP, CURVED = 1e-4, 1e-6
-#: Share of the largest rate below which a joint takes no part, and how many joints are named.
+#: Share of the largest rate below which a joint is not involved, and number of joints that are named.
 PART, NAMED = 0.05, 9
 
 
 def straight(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the joints whose motion at home opens the loops to second order; none where home is regular.
+    """Return the joints whose motion at home opens the loops to second order; empty if home is regular.
 
-    Constraints that depend on each other at home alone, ``l G = 0``, do not stop the rates ``G v = 0``; a motion
-    follows only where ``l dG(v) v = 0``.
+    Constraints that are dependent only at home, ``l G = 0``, do not prevent the rates ``G v = 0``; a finite motion
+    exists only where ``l dG(v) v = 0``.
     """
     lay = layout(replace(mechanism, independent={}))
     loops, q = loop_equations(lay), mechanism.home[None]
@@ -46,7 +46,7 @@ def straight(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_singular(mechanism: Mechanism) -> str:
-    """Return a phrase with the joints that make home singular; empty where it is regular."""
+    """Explain which joints make the home pose singular; empty if it is regular."""
     joints = straight(mechanism)
     if not joints:
         return ""
