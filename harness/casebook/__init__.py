@@ -1,1 +1,1 @@
-"""Named discrepancies of the engines, each with its cause, its remedy and the versions that showed it."""
+"""Named discrepancies of the engines, each with its cause, its remedy and the affected versions."""

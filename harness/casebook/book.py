@@ -1,7 +1,7 @@
 """The casebook: named discrepancies, with the versions of the engines that showed them.
 
-``casebook.toml`` has their texts, ``shown.toml`` the measurements of the reproductions in the project's tests, version
-by version. Nothing runs here: the behaviour of the installed versions follows from these measurements.
+``casebook.toml`` contains their texts, ``shown.toml`` the measurements of the reproductions in the project's tests for
+each version. Nothing is run here: the behaviour of the installed versions is inferred from these measurements.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ Versions = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A discrepancy that has a name.
+    """A named discrepancy.
 
     Attributes:
         id: Name of the case.
         title: The symptom, without numbers.
-        engines: Engines that take part.
-        symptom, cause, remedy: A sentence in three parts; `{symptom}`, `{expected}`, `{mended}`, `{said}` stand for
+        engines: Engines involved.
+        symptom, cause, remedy: The three parts of a sentence; `{symptom}`, `{expected}`, `{mended}`, `{said}` stand for
             measured values.
-        versions: Versions with which users met it, as far as known.
-        last: Last version of the only engine that has it; empty if the newest one does.
-        links: Reports of users.
+        versions: Versions with which users encountered it, as far as known.
+        last: Last affected version of the only engine involved; empty if the newest version is affected.
+        links: Reports by users.
         touches: All quantities that it makes wrong on correct model files.
-        shown, not_shown: Versions whose reproduction was measured, by its result.
-        numbers: Placeholder -> value that the newest of these gave, as text; no `symptom` where it was not shown.
+        shown, not_shown: Versions for which the reproduction was measured, by its result.
+        numbers: Placeholder -> value measured for the newest of these, as text; no `symptom` if it was not shown.
     """
 
     id: str
@@ -61,7 +61,7 @@ class Case:
         return f"{symptom[0].upper()}{symptom[1:]}, because {cause}; {remedy}."
 
     def shows(self, versions: Sequence[str]) -> bool:
-        """True if versions show the case: the newest measured versions up to these did."""
+        """True if versions show the case, that is, if the newest measured versions up to these did."""
         if self.last and version_key(versions) > version_key([self.last]):
             return False
         measured = [*self.shown, *self.not_shown]
@@ -74,7 +74,7 @@ class Case:
 
 
 def version_key(versions: Sequence[str]) -> list[list[int]]:
-    """Return a key to sort versions by."""
+    """Return a sort key for versions."""
     return [[int(part) for part in re.findall(r"\d+", each)] for each in versions]
 
 
@@ -111,7 +111,7 @@ CASES = {entry["id"]: _case({**entry, **_MEASURED.get(entry["id"], {})}) for ent
 
 
 def find_case(id: str) -> Case:
-    """Return the case of that name.
+    """Return the case with a given name.
 
     Raises:
         ScrewgaugeError: The casebook has no such case.
@@ -134,7 +134,7 @@ def is_shown_here(case: Case) -> bool:
 
 
 def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case]:
-    """Yield cases that explain wrong quantities, touch no right one, and that the installed packages show."""
+    """Yield cases that explain wrong quantities, affect no correct one, and that the installed packages show."""
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages and is_shown_here(case):

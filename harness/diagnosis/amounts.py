@@ -1,4 +1,4 @@
-"""Amounts and nouns in words: numbers with the digits that distinguish them, steps along axes, tensors, lists."""
+"""Formats amounts and nouns: numbers with the digits that distinguish them, steps along axes, tensors, lists."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def noun(what: str) -> str:
 
 
 def other_side(side: str) -> str:
-    """Return the other side."""
+    """Return the opposite side: ``B`` for ``A``, ``A`` for ``B``."""
     return "B" if side == "A" else "A"
 
 
@@ -75,9 +75,9 @@ def compare_values(what: str, a: Array, b: Array, unit: str) -> str:
     return f"{said} ({_difference(b - a, unit)})" if what in ("com", "gravity") else said
 
 
-#: Owner, such as ``link3 in A``, and directions in A's world at home as columns, shape (3, 3).
+#: Name of a frame, such as ``link3 in A``, and its axes in A's world at home as columns, shape (3, 3).
 Axes = tuple[str, Array]
-#: Axes of places without a body.
+#: World axes, for steps that belong to no body.
 WORLD: Axes = ("the world in A", np.eye(3))
 #: Share of a step, or of a vector, below which its other part, or a component, is rounding.
 _SHARE = 1e-5
@@ -86,11 +86,11 @@ _SHARE = 1e-5
 def turn_and_way(
     step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
 ) -> str:
-    """Format a turn [rad] and a way [m] with their directions, unless they vanish. Shape (2, 3).
+    """Format a rotation [rad] and a translation [m] with their directions, omitting those that vanish. Shape (2, 3).
 
     Args:
-        length: Size of the machine [m], by which a turn and a way are compared.
-        brief: Leave out vectors.
+        length: Size of the machine [m], which makes a rotation and a translation comparable.
+        brief: Omit vectors.
     """
     angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
     parts = []
@@ -102,12 +102,12 @@ def turn_and_way(
 
 
 def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
-    """Format a step along one axis with its sign; else its size, and its vector in the first axes.
+    """Format a step along one axis with its sign; otherwise format its size, and its vector in the first axes.
 
     Args:
-        step: In A's world [rad or m]. Shape (3,).
+        step: Step in A's world [rad or m]. Shape (3,).
         unit: ``deg`` or ``mm``.
-        brief: Leave out the vector.
+        brief: Omit the vector.
     """
     shown_ = np.degrees(step) if unit == "deg" else step * 1e3
     for name, R in axes:
@@ -122,7 +122,7 @@ def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = 
 
 
 def format_value(value: object) -> str:
-    """Format a number, or the entries of a vector in brackets."""
+    """Format a number, or the entries of a vector in parentheses."""
     array = np.asarray(value, float)
     return f"{array:.6g}" if array.ndim == 0 else f"({', '.join(f'{x:.6g}' for x in array.ravel())})"
 
@@ -147,7 +147,7 @@ def _difference(step: Array, unit: str) -> str:
 
 
 def digits(value: float, other: float) -> str:
-    """Format a number with two digits more than distinguish it from another one, at least 4."""
+    """Format a number with two digits more than needed to distinguish it from another number, at least 4."""
     if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
@@ -157,8 +157,8 @@ def digits(value: float, other: float) -> str:
 
 
 def vector(value: Array, other: Array) -> str:
-    """Format the entries of a vector in brackets."""
-    least = 1e-13 * max(_largest(value), _largest(other))  # rounding beside the largest entry
+    """Format the entries of a vector in parentheses."""
+    least = 1e-13 * max(_largest(value), _largest(other))  # rounding error relative to the largest entry
     pairs = zip(value.ravel(), other.ravel(), strict=True)
     return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
 
@@ -181,7 +181,7 @@ def format_change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Format the only entry that differs; else principal moments, or a change of the axes alone."""
+    """Format the only entry that differs; otherwise the principal moments, or a mere change of the axes."""
     apart = np.triu(np.abs(a - b))
     entries = np.argwhere(apart > 1e-6 * apart.max())
     if len(entries) == 1:

@@ -1,4 +1,4 @@
-"""A diagnosis in words: headline, explanation, differences, causes with their slips, notes."""
+"""Formats a diagnosis as text: headline, explanation, differences, causes with their slips, notes."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.model import Model
     from screwgauge.models.readings.reading import Reading
 
-#: Words of a headline at most.
+#: Maximum number of words in a headline.
 WORDS = 30
-#: Family of causes -> its properties; all others belong to geometry.
+#: Family of causes -> its properties; all other properties belong to geometry.
 _FAMILIES = {
     "inertia": ("mass", "com", "inertia", "gravcomp"),
     "rotor": ("armature",),
@@ -42,14 +42,14 @@ FAMILIES = {what: family for family, whats in _FAMILIES.items() for what in what
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Difference:
-    """A fact in words.
+    """A fact with the sentence that describes it.
 
     Attributes:
-        item_a, item_b: The part, as each file calls it; empty on a side that lacks it, and for the model as a whole.
+        item_a, item_b: Name of the part in each file; empty on a side that lacks it, and for the model as a whole.
         what: Property or event.
-        a, b: Values in A's frames and counting; a step from A to B is a rotation vector [rad] and a way [m].
-        size: Relative, or in lengths of the machine and rad; infinite where a side has none.
-        kind: ``model``; ``convention``, which changes no motion; ``digits``, rounding of printed numbers.
+        a, b: Values in A's frames and counting; a step from A to B is a rotation vector [rad] and a translation [m].
+        size: Relative difference, or difference in lengths of the machine and rad; infinite if a side has no value.
+        kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
     """
 
     item_a: str
@@ -65,18 +65,18 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class ToldCause:
-    """A cause in words.
+    """A cause with the sentences that describe it.
 
     Attributes:
-        name: The property and its parts, in a few words.
-        sentence: Names the difference and the likely slips; `short` leaves out details.
-        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows; ``small``, several
-            of little weight.
-        share: Of the torque difference, that cause alone; NaN where no value makes it.
+        name: The property and its parts, abbreviated.
+        sentence: Description of the difference and the likely slips; `short` omits details.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, without effect on torques; ``small``,
+            several causes of little weight.
+        share: Share of the torque difference due to this cause alone; NaN if no change of a value reproduces it.
         family: ``geometry``, ``inertia``, ``rotor``, ``friction``, ``spring``, ``actuator``, ``limit``, ``loop``,
-            ``environment`` or ``content``; empty of rounding.
-        differences: Numbers of its differences.
-        slips: Likely mistakes behind it, a phrase each.
+            ``environment`` or ``content``; empty for rounding.
+        differences: Indices of its differences.
+        slips: Phrases that name likely mistakes behind it.
     """
 
     name: str
@@ -91,17 +91,17 @@ class ToldCause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """The answer to two models: differences, causes, proof.
+    """The result of comparing two models: differences, causes, proof.
 
     Attributes:
         found: All findings, as data.
-        headline: Names the first difference, or says that there is none, in one sentence.
+        headline: One sentence that names the first difference, or states that there is none.
         explanation: Further sentences: effect of the causes, proof, and other findings.
-        differences: Facts with a sentence each, from the ground outwards.
-        causes: Differences by cause, the one that matters most first.
+        differences: Facts with their sentences, from the ground outwards.
+        causes: Differences grouped by cause, the most important cause first.
         notes: Assumptions, and content that was not compared.
-        not_compared: Content that could differ and is not compared, a phrase each, with its side.
-        not_fixed: Differences that the file of `write_fix` leaves, each with the reason.
+        not_compared: Phrases, each with its side, for content that could differ and is not compared.
+        not_fixed: Differences that the file of `write_fix` retains, each with the reason.
         date: Time of the comparison, ISO 8601 in UTC.
     """
 
@@ -143,37 +143,37 @@ class Diagnosis:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Work that the time limit left out."""
+        """Work omitted because of the time limit."""
         return self.found.left_out
 
     def __bool__(self) -> bool:
-        """`assert diagnosis` passes only if the two are the same."""
+        """Return True if the two models are the same, for use in `assert diagnosis`."""
         return self.exit_status == 0
 
     @property
     def exit_status(self) -> int:
-        """Exit status: 0 the same, 1 different or partly compared, 3 a library failed or the time was over."""
+        """Exit status: 0 the same, 1 different or partly compared, 3 a library failed or the time limit was reached."""
         if self.left_out or any(witness.failed for witness in self.found.witnesses):
             return 3
         return 0 if self.same else 1
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Sentences on implausible numbers of the models."""
+        """Messages about implausible numbers of the models."""
         a, b = (implausible(model.reading) for model in (self.a, self.b))
         both = [f"A and B: {text}" for text in a if text in b]
         ours, theirs = [f"A: {text}" for text in a if text not in b], [f"B: {text}" for text in b if text not in a]
         return (*both, *ours, *theirs)
 
     def write_fix(self, out: str | Path, *, force: bool = False) -> Path:
-        """Write B, corrected so that it agrees with A.
+        """Write a corrected copy of B that agrees with A.
 
         Args:
-            out: Path of the new file; B itself is refused.
-            force: Replace any other file in the way.
+            out: Path of the new file; it must not be B itself.
+            force: Replace any other existing file.
 
         Raises:
-            OutputError: Nothing can be corrected, or a file that another program wrote or changed is in the way.
+            OutputError: Nothing can be corrected, or `out` exists and was written or changed by another program.
         """
         fix = self.found.fix
         if fix is None or not fix.text or self.b.file is None:
@@ -185,7 +185,7 @@ class Diagnosis:
 
 
 def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
-    """Put findings into words."""
+    """Format findings as a diagnosis."""
     causes = tuple(_causes(findings))
     first, *rest = [*([headline(findings, causes)] if causes else []), *news(findings)]
     return Diagnosis(
@@ -202,7 +202,7 @@ def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
 
 
 def _not_fixed(findings: Findings) -> Iterator[str]:
-    """List the differences that the corrected file leaves, each with the reason."""
+    """List the differences that the corrected file retains, each with the reason."""
     if findings.fix is not None:
         yield from findings.fix.why_not
         yield from (f"{findings.b.library} reads no {noun_of(what)} from the file" for what in findings.fix.unheard)
@@ -211,7 +211,7 @@ def _not_fixed(findings: Findings) -> Iterator[str]:
 
 
 def headline(findings: Findings, told: Sequence[ToldCause]) -> str:
-    """Tell the first cause in at most `WORDS` words, and count the others."""
+    """Describe the first cause in at most `WORDS` words, and count the others."""
     others = sum(cause.kind != "digits" for cause in told[1:])
     more = f", and {others} more cause{'s' * (others > 1)}" if others else ""
     brief = Speaker(findings.pair.a, brief=True).cause(findings.causes[0])
@@ -235,7 +235,7 @@ def _causes(findings: Findings) -> Iterator[ToldCause]:
 
 
 def _slips(findings: Findings, cause: Cause) -> Iterator[str]:
-    """Name the likely slips behind a cause."""
+    """Describe the likely slips behind a cause."""
     facts = {id(fact) for fact in cause.facts}
     if cause.kind != "digits":
         reasons = (each for each in findings.reasons if any(id(fact) in facts for fact in each.facts))
@@ -250,7 +250,7 @@ def _name(speaker: Speaker, cause: Cause) -> str:
 
 
 def family_of(facts: Sequence[Fact]) -> str:
-    """Return the family of the first of some facts."""
+    """Return the family of the first fact."""
     first = facts[0]
     if first.what == "whole" and first.b.length == 1.0 and not first.b.mirrored and not first.b.stands:
         return "inertia"
@@ -258,7 +258,7 @@ def family_of(facts: Sequence[Fact]) -> str:
 
 
 def differences_of(pair: Pair, facts: Sequence[Fact]) -> Iterator[Difference]:
-    """Tell facts one by one."""
+    """Describe each fact as a difference."""
     speaker, a = Speaker(pair.a), pair.a.reading
     partners = {name: partner.name for name, partner in pair.joints.items()}
     for fact in facts:
@@ -273,11 +273,11 @@ def _has(reading: Reading, name: str) -> bool:
     return any(name in room for room in rooms)
 
 
-#: Slips in the tensor of one link, which change several properties of its body.
+#: Slips in the tensor of one link, each of which changes several properties of its body.
 _OF_TENSORS = ("about the origin", "not turned", "turned", "turned twice", "turned transposed", "meant transposed")
-#: Singular of properties that are named in the plural.
+#: Singular of properties whose name is plural.
 _ONE = {"limits": "limit"}
-#: Slip -> sentence: ``it`` stands for the properties, ``noun`` for the first of them, ``part`` for body or joint.
+#: Slip -> sentence: ``it`` stands for the properties, ``noun`` for the first of them, ``part`` for the body or joint.
 SLIPS: Mapping[str, str] = {
     "unit": "{it} is in {0}",
     "unit of A": "{it} is as if A were in {0}",
@@ -335,7 +335,7 @@ SLIPS: Mapping[str, str] = {
 
 
 def phrase(reason: Reason) -> str:
-    """Put a slip into words."""
+    """Describe a slip."""
     first, parts = reason.facts[0], {fact.part for fact in reason.facts}
     whats = sorted({fact.what for fact in reason.facts}, key=[*PROPERTIES, *EVENTS].index)
     nouns = [_ONE.get(what) or noun(what) for what in whats]
@@ -350,7 +350,7 @@ def phrase(reason: Reason) -> str:
 
 
 def _places(moved: str | float) -> str:
-    """Tell where a decimal point is, by the power of ten."""
+    """Describe how far a decimal point is misplaced, given the power of ten."""
     n = int(abs(float(moved)))
     places = ("one place", "two places", "three places")[n - 1]
     return f"{places} too far to the {'right' if float(moved) > 0.0 else 'left'}"

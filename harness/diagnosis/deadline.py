@@ -1,4 +1,4 @@
-"""The time limit of a diagnosis: when it is over, the answer so far is reported and lists the work left out."""
+"""The time limit of a diagnosis: once it is reached, the result so far is reported and lists the work left out."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from time import monotonic
 
 from screwgauge.reference.errors import DescriptionError
 
-#: Default limit [s]: the largest public robots take a minute.
+#: Default limit [s]; the largest public robots take a minute.
 LIMIT = 3600.0
 
 
@@ -18,12 +18,12 @@ class Deadline:
     """A time limit, checked before each piece of work.
 
     Attributes:
-        seconds: From now on [s].
+        seconds: Time allowed from now on [s].
         clock: Returns the time [s].
-        left_out: Work for which no time was left.
+        left_out: Work that was skipped for lack of time.
 
     Raises:
-        DescriptionError: The time is no positive number.
+        DescriptionError: The limit is not a positive number.
     """
 
     seconds: float = math.inf
@@ -37,7 +37,7 @@ class Deadline:
         self._end = self.clock() + self.seconds
 
     def over(self, work: str) -> bool:
-        """True if no time is left for a piece of work, which is then noted."""
+        """True if no time is left for a piece of work; record the work as skipped."""
         if self.clock() < self._end:
             return False
         if work not in self.left_out:

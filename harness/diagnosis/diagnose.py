@@ -1,4 +1,4 @@
-"""Diagnosis of two models of a machine: from two files to facts, causes, words and a fix."""
+"""Diagnoses two models of a machine: from two files to facts, causes, text and a fix."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from screwgauge.models.content import kinds
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_seed, shown
 
-#: Groups of properties that can be compared alone.
+#: Groups of properties that can be compared separately.
 ONLY = ("rigid",)
-#: Share of joints with a partner below which two models are of different machines; and number of identical names that
-#: is no chance: models with so many are compared in any case.
+#: Share of matched joints below which two models count as different machines; and number of identical names that is
+#: unlikely to be chance: models with that many are compared in any case.
 ALIKE, NO_CHANCE = 0.5, 5
 
 
@@ -58,7 +58,7 @@ def diagnose(
     """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Files or names; also `model.weigh_side` copies with mass from meshes.
+        a, b: Files or names; also copies by `model.weigh_side` with mass from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -79,8 +79,8 @@ def find(
     """Compare two models.
 
     Args:
-        names: Partners by name.
-        only: The one group of properties to compare; empty for all.
+        names: Partners matched by name.
+        only: The only group of properties to compare; empty for all.
     """
     a, b = models
     marked = partial(mark_rounding, digits=(a.digits, b.digits), longest=(a.longest, b.longest))
@@ -112,14 +112,14 @@ def find(
 
 
 def _share_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
-    """Give a reading without gravity that of the other reading."""
+    """Copy the gravity of one reading to the other if the other has none."""
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
 
 
 def _is_outside_torques(found: Findings) -> bool:
-    """True if nothing differs that torques of bodies and joints depend on."""
+    """True if no difference concerns anything on which torques of bodies and joints depend."""
     outside = {*kinds(), "density", "viscosity"}
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
@@ -166,7 +166,7 @@ def _origins(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
 
 
 def _are_comparable(pair: Pair, names: Names) -> bool:
-    """True if enough joints have partners for a comparison, by names or by geometry."""
+    """True if enough joints are matched for a comparison, by name or by geometry."""
     counts = [len(machine.reading.joints) - len(pair.joints) for machine in (pair.a, pair.b)]
     if not pair.joints or pair.alignment.covers(pair.a, pair.b):
         return bool(pair.joints) or not any(machine.reading.joints for machine in (pair.a, pair.b))

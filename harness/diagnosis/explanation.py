@@ -1,4 +1,4 @@
-"""Facts of two machines with the fewest causes: as they stand, or with B first laid onto A as a whole."""
+"""Explains two machines with the fewest causes: as they stand, or with B first aligned with A as a whole."""
 
 from __future__ import annotations
 
@@ -28,30 +28,32 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Cost of a cause of conventions alone, which changes nothing; of each fact besides its cause; and of a placement,
-#: which a change of one body may replace.
+#: Cost of a cause that consists of conventions only, which changes no motion; of each fact in addition to its cause;
+#: and of a placement, which a change of one body may replace.
 CONVENTION, EACH, PLACE = 0.2, 0.02, 0.01
-#: Cost of an explanation by one cause, which none can beat.
+#: Cost of an explanation with one cause, which no other explanation can undercut.
 ONE = 1.1
-#: Facts of places and of parts without a partner, which another alignment may avoid; and the share of most bodies.
+#: Facts about placements and unmatched parts, which another alignment may avoid; and the share that counts as most
+#: bodies.
 ELSEWHERE = frozenset({"placement", "axis", "end", "zero", "sign", "start", "kind", "base", "branch", "link", "name"})
 MOST = 0.5
-#: Cost of a whole besides its cause.
+#: Cost of a transformation of the whole in addition to its cause.
 WHOLE = 0.01
-#: Assumptions on the placement of bodies, in the order of trial.
+#: Assumptions about the placement of bodies, in the order in which they are tried.
 BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
-#: Number of placements of links at the ground that are tried as wholes.
+#: Number of ground link placements that are tried as transformations of the whole.
 ROOTS = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """An account of two machines by facts.
+    """An explanation of two machines by facts.
 
     Attributes:
-        pair: The pair that the facts describe; B is moved and scaled where a whole is among them.
-        facts: All facts, the whole first.
-        whole: None where B is compared as it stands; else `standing` has the facts of B as it stands.
+        pair: The pair that the facts describe; B is moved and scaled if `whole` is set.
+        facts: All facts, that of `whole` first.
+        whole: Transformation of B as a whole; None if B is compared as it stands, otherwise `standing` has the facts
+            without it.
     """
 
     pair: Pair
@@ -61,9 +63,9 @@ class Explanation:
 
     @cached_property
     def cost(self) -> float:
-        """Length of the explanation, in causes; the shortest one is chosen."""
+        """Cost of the explanation, in causes; the explanation with the lowest cost is chosen."""
         groups = group_facts(self.real)
-        # a whole is light if it explains all
+        # the whole costs little if it explains everything
         light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
         causes = sum(CONVENTION if each else 1.0 for each in light)
         places = sum(fact.what == "placement" for fact in self.real)
@@ -77,9 +79,10 @@ class Explanation:
 
     @property
     def plain(self) -> bool:
-        """True if no explanation can be shorter: one cause, or conventions alone.
+        """True if no explanation can be shorter: one cause, or conventions only.
 
-        A displacement on a round body may be a turn of the whole, and so may differences of a left and a right part.
+        A displacement on a round body may be a rotation of the whole, and so may differences of a left and a right
+        part.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
         places = [fact.of for fact in self.real if fact.what == "placement"]
@@ -88,9 +91,9 @@ class Explanation:
 
     @property
     def _settled(self) -> bool:
-        """True if all parts are in the same places, so that another alignment cannot be shorter.
+        """True if all parts have the same placement, which rules out a shorter alignment.
 
-        A body of another mass may have another centre; masses of most bodies may be in another unit.
+        A body with another mass may have another centre of mass; masses of most bodies may be in another unit.
         """
         heavy = {fact.part for fact in self.real if fact.what == "mass"}
         elsewhere = any(
@@ -106,8 +109,8 @@ def explain(
     """Choose the explanation with the fewest causes.
 
     Args:
-        a, b: At the home of their files.
-        marked: Marks facts that are the rounding of a file.
+        a, b: Readings at the home of their files.
+        marked: Marks facts that are due to the rounding of a file.
     """
     best, standing = None, tuple[Fact, ...]()
     for each in _explanations(machine_of(a), b, names):
@@ -121,7 +124,7 @@ def explain(
 
 
 def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
-    """Yield explanations: B as it stands, as a whole, by geometry alone, by the placement of links at the ground."""
+    """Yield explanations of B as it stands, moved as a whole, aligned by geometry alone, or by its ground links."""
     theirs = machine_of(b)
     for believed in BELIEVED:
         yield compare_machines(a, theirs, names, believed)
@@ -137,7 +140,7 @@ def compare_readings(a: Reading, b: Reading, names: Names | None = None) -> Expl
     """Compare two readings of one machine as they stand.
 
     Args:
-        names: Partners; by default those by name.
+        names: Partners; by default parts with equal names.
     """
     one, two, names = machine_of(a), machine_of(b), names or find_partners(a, b)
     return min((compare_machines(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
@@ -149,11 +152,11 @@ def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = 
 
 
 def compare_pair(pair: Pair) -> Explanation:
-    """Compare two machines whose bodies have partners."""
+    """Compare two machines with matched bodies."""
     return Explanation(pair, tuple(fact for compare in COMPARISONS for fact in compare(pair)))
 
 
-#: Comparisons of a pair; those of links find the partners of joints.
+#: Comparisons of a pair; those of links also match the joints.
 COMPARISONS: Sequence[Callable[[Pair], Iterator[Fact]]] = (
     structure_facts,
     link_facts,
@@ -172,7 +175,7 @@ def _compare_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explan
 
 
 def _fact(whole: Whole, a: Machine) -> Fact:
-    """Make the fact of a whole; a turn about the only joint at the ground belongs to that joint."""
+    """Create the fact for a transformation of the whole; one about the only ground joint belongs to that joint."""
     gravity = known_gravity(a.reading.gravity)
     turned = float(np.abs(whole.placement[:3, :3].T @ gravity - gravity).max())
     kind: Kind = "convention" if whole.stands and turned < 1e-9 * float(np.linalg.norm(gravity)) + 1e-12 else "model"
@@ -180,7 +183,7 @@ def _fact(whole: Whole, a: Machine) -> Fact:
 
 
 def _root(T: Array, a: Machine) -> str:
-    """Return the only hinge at the ground if a displacement turns about it; else an empty name."""
+    """Return the only hinge at the ground if a displacement is a rotation about it; otherwise an empty name."""
     links = [link for link in a.links if link.joins(GROUND)]
     if len(links) != 1 or links[0].kind != "R" or not links[0].joints:
         return ""
@@ -192,7 +195,7 @@ def _root(T: Array, a: Machine) -> str:
 
 
 def _roots(pair: Pair) -> Iterator[Whole]:
-    """Yield placements that lay links at the ground onto their partners, the most frequent first."""
+    """Yield placements that align ground links with their partners, the most frequent first."""
     found: dict[bytes, list[Array]] = {}
     for one, _ in pair.alignment.links:
         T = pair.alignment.placed[one.far]

@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """Results of a comparison of two models, as data.
+    """Results of comparing two models, as data.
 
     Attributes:
-        pair: The two machines with partners; `how`: joint of A -> ``given``, ``name``, ``similar name``, ``geometry``
-            or ``geometry, against its name``.
-        alike: True if enough parts have a partner for a comparison.
-        facts: Facts of bodies, joints, loops and content; a whole first.
-        standing: Facts of B as it stands, where a fact of the whole replaces them.
+        pair: The two machines, matched; `how`: joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or
+            ``geometry, against its name``.
+        alike: Whether enough parts have a partner for a comparison.
+        facts: Facts about bodies, joints, loops and content; that of the whole first.
+        standing: Facts about B as it stands, if a fact of the whole replaces them.
         causes: Causes of the facts, ranked; `reasons`: likely slips behind them.
         withheld: Content that could differ and is not compared, with its side; `aside`: content out of scope.
         torques: Largest effect of all facts on the torques of A; `by_joint`: the scaled effect on each component.
         mobility: Freedoms that loops leave in A and in B; None without loops.
-        agreement: Difference of the dynamics of both readings, where nothing else differs; `together`: that of the
-            libraries as loaded, or None and `why_not`.
-        left_out: Work for which `limit` seconds left no time.
-        only: The one group of properties that was compared; empty for all.
+        agreement: Difference of the dynamics of both readings, if nothing else differs; `together`: difference of the
+            libraries' dynamics as loaded, or None with the reason in `why_not`.
+        left_out: Work skipped because the time limit of `limit` seconds was reached.
+        only: The only group of properties that was compared; empty for all.
     """
 
     a: Model
@@ -73,7 +73,7 @@ class Findings:
 
     @property
     def agrees(self) -> bool:
-        """True if nothing that was compared differs."""
+        """True if no compared property differs."""
         real = [fact for fact in self.facts if fact.what not in IDLE]
         closed = not (self.a.never_closed or self.b.never_closed) and self.mobility_agrees
         dynamics = (self.agreement is None or self.agreement.scaled <= SAME) and (
@@ -96,12 +96,12 @@ class Findings:
 
 
 SCHEMA = 3
-#: Quantity of which causes have shares.
+#: Quantity in which the shares of causes are measured.
 SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the content of ``diagnosis.json``; `differences` of causes are indices into the list of all."""
+    """Build the content of ``diagnosis.json``; `differences` of causes are indices into the list of all."""
     found = diagnosis.found
     return {
         "schema": SCHEMA,

@@ -1,4 +1,4 @@
-"""The fix: a copy of B's file with A's values, and the proof that it agrees once it is read again."""
+"""The fix: a copy of B's file with A's values, and the proof that it agrees with A when read again."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.outputs import save_file
 from screwgauge.reference.rotations import Array
 
-#: Files that an MJCF includes or attaches.
+#: Pattern of elements that make an MJCF include or attach a file.
 _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
 #: Rounding of a computed number, relative to the largest entry.
 DUST = 1e-15
@@ -50,11 +50,11 @@ class Fix:
     """A copy of B's file that agrees with A.
 
     Attributes:
-        text: Text of the file; empty where nothing can be written.
-        left: Facts that remain when it is read again; None where it was not read.
-        why_not: Reasons why changes are missing, a sentence each.
-        unheard: Properties in the file that B's library does not read.
-        open: Facts of B against A that no value corrects.
+        text: Text of the file; empty if nothing can be written.
+        left: Facts that remain after reading the file again; None if it was not read.
+        why_not: Reasons why changes are missing, as sentences.
+        unheard: Properties in the file that B's library ignores.
+        open: Facts of B relative to A that no value corrects.
     """
 
     text: str
@@ -65,7 +65,7 @@ class Fix:
 
     @property
     def proved(self) -> bool:
-        """True if nothing differs any more."""
+        """True if no difference remains after reading the file again."""
         return self.left is not None and not self.left
 
 
@@ -73,9 +73,9 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
     """Write a copy of B that agrees with A, and read it again.
 
     Args:
-        pair: A and B with their partners.
-        moved: True if B of the pair was laid onto A as a whole.
-        only: The one group of properties to compare; empty for all.
+        pair: A and B, matched.
+        moved: Whether B of the pair was aligned with A as a whole.
+        only: The only group of properties to compare; empty for all.
     """
     if b.file is None or not b.text:
         form = b.reading.form.upper()
@@ -113,7 +113,7 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
 
 
 def _compare_back(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
-    """Compare B with A as it stands, so that each change gives B the value of A."""
+    """Compare B with A as it stands, which yields changes that give B the values of A."""
     if not moved:
         return compare_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
@@ -141,7 +141,7 @@ def _carrier(change: Change, written: Reading, before: Mapping[str, Array], afte
 
 
 def _derived_ends(target: Reading) -> Iterator[Change]:
-    """Yield changes of second ends of closures that a file derives from the first ones."""
+    """Yield changes to second ends of closures that a file derives from the first ends."""
     for name, closure in target.closures.items():
         (_, one), (_, other) = target.ends(name)
         way = other[:3, :3].T @ (one - other)[:3, 3]
@@ -150,7 +150,7 @@ def _derived_ends(target: Reading) -> Iterator[Change]:
 
 
 def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
-    """Convert a change of a joint on a body that is displaced by X, shape (4, 4), to the pose of the file."""
+    """Convert a change to a joint on a body that is displaced by X, shape (4, 4), to the pose of the file."""
     value = change.value
     if change.what in ("placement", "seat"):
         value = np.linalg.inv(X) @ value @ X
@@ -164,7 +164,7 @@ def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Chan
 
 
 def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
-    """Read a file with another text; the file itself stays as it is.
+    """Read a copy of a file with another text, leaving the file itself unchanged.
 
     Raises:
         ScrewgaugeError: The text cannot be read.
@@ -190,21 +190,21 @@ def _copy_parts(source: Path, folder: Path, text: str) -> None:
         seen.add(copy)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(origin, copy)
-        # includes are relative to the whole file, attached models to the one that attaches them
+        # includes are relative to the main file, attached models to the file that attaches them
         base = base if tag == "include" else (base / name).parent
         waiting += [(base, *named) for named in re.findall(_NAMED, read_file(origin))]
 
 
 def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, force: bool = False) -> None:
-    """Write the changed file, see `save_file`.
+    """Write the corrected file, see `save_file`.
 
     Args:
         b: The user's file.
         inputs: Other files that were read.
-        force: Replace any other file in the way.
+        force: Replace any other existing file.
 
     Raises:
-        OutputError: The path is B's own, has the ending of another format, is taken, or cannot be written.
+        OutputError: The path is B's own, has the suffix of another format, is taken, or cannot be written.
     """
     if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
@@ -216,15 +216,15 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 
 
 def make_speller(text: str) -> Callable[[str], str]:
-    """Make a function that prints computed numbers as nearly equal numbers of a file, else as short decimals.
+    """Build a function that replaces computed numbers with nearly equal numbers from a file, or short decimals.
 
-    Products of frames leave rounding in the last digits, and next to larger entries of a vector in place of a zero.
+    Products of frames leave rounding errors in the last digits, and replace zeros next to larger vector entries.
 
     Args:
-        text: Of the file.
+        text: Text of the file.
 
     Returns:
-        The value of an attribute, of numbers or not -> the same as it is to be written.
+        A function from an attribute value, numeric or not, to its written form.
     """
     numbers = sorted({*numbers_in(text)})
     nothing = min([DUST, *(1e-3 * abs(number) for number in numbers if number)]) if numbers else 0.0

@@ -1,6 +1,6 @@
-"""Torques of the libraries: each against the dynamics of its reading, and both models, as loaded, against each other.
+"""Compares the libraries' torques: each library with the dynamics of its reading, and both models as loaded.
 
-They are compared along the motions that loops leave, where neither the forces that hold loops matter nor the cuts.
+Torques are compared along the motions that loops allow, which makes them independent of constraint forces and cuts.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clea
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
-#: Library with dynamics -> module that asks it.
+#: Library with dynamics -> module that queries it.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.raw_queries", "mujoco": "screwgauge.engines.mujoco.raw_queries"}
-#: Libraries that also answer for loops.
+#: Libraries that also provide the equations of loops.
 CLOSING = ("mujoco",)
-#: Content whose passive forces no option switches off.
+#: Content whose passive forces no option disables.
 _UNKNOWN = {"flexible bodies", "plugins"}
 
 
 def ask_library(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Ask one library for the dynamics of a file, at states of the tree that it reads.
+    """Query one library for the dynamics of a file, at states of the tree that it reads.
 
     Args:
-        whole: Include all forces of the file as loaded, also those that no reading holds.
+        whole: Include all forces of the file as loaded, including those that readings cannot represent.
     """
     ask: Ask = import_module(ASKED[library]).ask
     return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
@@ -70,16 +70,16 @@ def _scaled(theirs: Array, ours: Array, least: float = 0.0) -> float:
 
 
 def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, float]:
-    """Return scaled differences of quantities of the open tree."""
+    """Compute the scaled differences of quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
-    force = float(np.abs(ours.tau).max())  # scale of forces that vanish
+    force = float(np.abs(ours.tau).max())  # scale for forces that vanish
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
     by_name = {"tau": _scaled(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
         by_name[name] = _scaled(getattr(theirs, name), getattr(ours, name), least)
     by_name["acceleration"] = _scaled(theirs.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
-        del by_name["tau"], by_name["bias"]  # own dynamics have no medium
+        del by_name["tau"], by_name["bias"]  # the reading's own dynamics have no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
         del by_name["tau"]
     return by_name
@@ -88,22 +88,22 @@ def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict
 def compare_loops(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
 ) -> dict[str, float]:
-    """Return scaled differences of quantities of closed loops, independent of the rows that state them.
+    """Compute the scaled differences of quantities of closed loops, independent of the form of their equations.
 
-    States near singular poses have less weight.
+    States near singular poses have a lower weight.
     """
     soft = [each.softness for each in tree.reading.closures.values()]
     soft += [each.softness for each in tree.reading.couplings.values()]
-    if library not in CLOSING or not soft or not all(soft):  # the library does not know loops of another file
+    if library not in CLOSING or not soft or not all(soft):  # the library ignores loops defined in a separate file
         return {}
-    drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding alone
+    drawn = float(np.abs(states.qdd).max())  # admissible accelerations may be rounding only
     states, fits = closed(tree, states)
     states = states.at(clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
         return {}
     rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
-    if rows.shape != own.rows.shape:  # the library has constraints that no reading holds
+    if rows.shape != own.rows.shape:  # the library has constraints that readings cannot represent
         return {}
     (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
     # least squares amplify rounding, of rows and of gaps, by the square of the condition number
@@ -117,7 +117,7 @@ def compare_loops(
     }
 
 
-#: Largest rounding of an engine against the dynamics of its reading, scaled; 1e-14 is usual.
+#: Largest scaled rounding error of an engine relative to the dynamics of its reading; 1e-14 is usual.
 ROUNDING = 1e-11
 #: Number of states at which libraries are compared.
 STATES = 10
@@ -125,13 +125,13 @@ STATES = 10
 
 @dataclass(frozen=True, slots=True)
 class LibraryCheck:
-    """A library on the model that it has read.
+    """Result of checking a library against its own reading of a model.
 
     Attributes:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: Forces that its inverse dynamics leave out; `adds`: forces that they contain besides inertia and weight.
-        failed: Error message; empty if the library answered.
+        omits: Forces that its inverse dynamics omit; `adds`: forces that they contain besides inertia and weight.
+        failed: Error message; empty if the library succeeded.
     """
 
     side: str
@@ -173,20 +173,20 @@ def _ask(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, 
     return theirs, {**compare_tree(theirs, tree, states), **loops}
 
 
-#: Torques lose weight where loops are conditioned worse than this, see `admissible_projector`.
+#: Torques lose weight if the conditioning of loops is worse than this, see `admissible_projector`.
 SURE = 0.01
-#: Torques of a tree at its states. Shape (n, n_freedom).
+#: Computes the torques of a tree at its states. Shape (n, n_freedom).
 _Dynamics = Callable[[ReadingTree, TreeStates], Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """The libraries' own torques of both models, as loaded, with forces that no reading holds.
+    """Both models' torques as their libraries compute them from the loaded files, with all forces.
 
     Attributes:
-        row: Largest difference, projected on the motions that loops leave.
-        calls: Functions that were called for A and B; empty for a description or a reader without dynamics.
-        states: Number of compared states.
+        row: Largest difference, projected onto the motions that loops allow.
+        calls: Functions called for A and B; empty for a description or a reader without dynamics.
+        states: Number of states compared.
         largest: Largest torque of the same unit.
     """
 
@@ -197,7 +197,7 @@ class Together:
 
     @property
     def agrees(self) -> bool:
-        """True if the torques differ by rounding alone."""
+        """True if the torques differ only by rounding."""
         return self.row.scaled <= ROUNDING
 
 
@@ -215,10 +215,10 @@ def compare_libraries(models: tuple[Model, Model], pair: Pair, seed: int) -> tup
 
 
 def compare_dynamics(pair: Pair, seed: int, only: str = "") -> Largest | None:
-    """Compare the torques of both readings; None where B follows A at no state.
+    """Compare the torques of both readings; None if B cannot follow A at any state.
 
     Args:
-        only: The one group of properties to compare; empty for all.
+        only: The only group of properties to compare; empty for all.
     """
     if only:
         a, b = (replace(machine, reading=without_forces(machine.reading)) for machine in (pair.a, pair.b))
@@ -233,7 +233,7 @@ def _largest_difference(
     """Return the largest difference of torques, the largest torque of its unit, and the number of states.
 
     Args:
-        models: Models whose libraries compute the torques; by default the dynamics of readings do.
+        models: Models whose libraries compute the torques; by default, the dynamics of the readings do.
     """
     torques = Torques(with_gravity(pair.a.reading), seed)
     sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
@@ -253,7 +253,7 @@ def _largest_difference(
 
 
 def _states(torques: Torques) -> TreeStates:
-    """Select some states: forces that a library adds to a reading appear at all of them."""
+    """Select some states; forces that a library adds to a reading appear at all states."""
     return torques.states.at(slice(STATES))
 
 
@@ -267,7 +267,7 @@ def _torques_along(
 
 
 def _library_torques(model: Model) -> _Dynamics:
-    """Make a function that has a library compute the torques of all motors for the file as it is."""
+    """Build a function that lets a library compute the torques of all joints for the file as it is."""
 
     def tau(tree: ReadingTree, states: TreeStates) -> Array:
         if model.library not in ASKED or model.file is None or model.retyped:
@@ -280,7 +280,7 @@ def _library_torques(model: Model) -> _Dynamics:
 
 
 def _project(torques: Torques, tau: Array) -> Array:
-    """Project torques on the motions that loops leave, with less weight near singular poses. (n, n_freedom)."""
+    """Project torques onto the motions that loops allow, with less weight near singular poses. (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
     P, sure = admissible_projector(equations(tree_of(reading), _states(torques)).rows, slides, size(reading))
     units = np.where(slides, size(reading), 1.0)

@@ -1,4 +1,4 @@
-"""A side of a diagnosis: a model file as a library reads it."""
+"""One side of a diagnosis: a model file as a library reads it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
 
-#: Reads a file by a library: (file, library, floating).
+#: Reads a file with a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
-#: Loops files of URDFs: one file for all, or one for each side.
+#: Loops files of URDFs: one file for both sides, or one for each side.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
-#: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
+#: Largest gap of closed loops at home, as for a description [rad or lengths of the model].
 HOME = 1e-9
 
 
@@ -41,19 +41,19 @@ class Model:
     """A model as one library reads it.
 
     Attributes:
-        label: Name as the user gave it.
+        label: Name as given by the user.
         file: Model file; None for a built-in mechanism.
         library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` for a description.
-        floating: True if the base of a URDF is read as moving freely.
-        digits: Number of digits that its numbers are cut to.
-        sha256: Digest of the file; empty without one.
+        floating: Whether the base of a URDF is read as floating.
+        digits: Number of digits to which its numbers are rounded.
+        sha256: Digest of the file; empty without a file.
         loops: File with the closures of a URDF; `loops_sha256`: its digest.
-        own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
-        as_read: The library's own reading, without closures and joint types of a file beside it; None if that is
+        own: The user's file, if `file` is a copy of it with mass and inertia from meshes.
+        as_read: The library's own reading, without closures and joint types from a file beside it; None if it equals
             `reading`.
-        open_by: Gaps of its loops at home as written, in words; empty where they are closed.
-        never_closed: Loops that close from no start, in words; empty where all close.
-        remarks: Changes made by the reader, a sentence each.
+        open_by: Gaps of its loops at home as written, formatted; empty if they are closed.
+        never_closed: Loops that close from no start, formatted; empty if all close.
+        remarks: Sentences on changes made by the reader.
     """
 
     label: str
@@ -78,12 +78,12 @@ class Model:
 
     @property
     def retyped(self) -> bool:
-        """True if a file beside it changes types of joints, or adds rotors, which the library does not know."""
+        """True if a file beside it changes joint types, or adds rotors, which the library ignores."""
         return self.as_read is not None
 
     @property
     def says_closures(self) -> bool:
-        """True if its files can hold closures; a URDF alone cannot."""
+        """True if its files can define closures; a URDF alone cannot."""
         return self.reading.form != "urdf" or self.loops is not None
 
     @property
@@ -93,36 +93,36 @@ class Model:
 
     @property
     def longest(self) -> int:
-        """Digits of the longest number in its file; 0 for a description."""
+        """Number of digits of the longest number in its file; 0 for a description."""
         if self.reading.form == "usd":
             return SINGLE
         return 0 if self.described or self.file is None else longest_number(read_file(self.file))
 
     @cached_property
     def home(self) -> dict[str, float]:
-        """Home of a URDF, from the file of its loops [rad or m]."""
+        """Home coordinates of a URDF, from its loops file [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
         home = read_loops(self.loops).home if own and self.loops else {}
         return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
-        """Read another file in its place, by the same library."""
+        """Read another file in its place with the same library."""
         reading = load(file, self.library, self.floating)
         return with_loops(reading, self.loops) if self.loops else reading
 
     @cached_property
     def posed(self) -> Reading:
-        """The reading at its home, which a URDF cannot state."""
+        """The reading in its home pose, which a URDF cannot define."""
         return rehome(self.reading, self.home)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A side of a diagnosis, with a copy that has mass and inertia from meshes.
+    """A side of a diagnosis whose copy has mass and inertia from meshes.
 
     Attributes:
-        given: Name as the user gave it.
-        copy: Copy of the file; the file itself where no mass comes from meshes.
+        given: Name as given by the user.
+        copy: Copy of the file; the file itself if no mass comes from meshes.
     """
 
     given: str
@@ -133,10 +133,10 @@ class Weighed:
 
 
 def weigh_side(given: str | Path, folder: Path) -> Weighed:
-    """Give a side of a diagnosis mass and inertia from meshes, where the file has some.
+    """Copy a side of a diagnosis with mass and inertia from meshes, if its file uses them.
 
     Args:
-        folder: Folder of the copy.
+        folder: Folder for the copy.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -155,10 +155,10 @@ def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path |
     """Load one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
 
     Args:
-        loops: Closures of a URDF, in place of the file in its folder.
+        loops: Loops file of a URDF, used instead of the file in its folder.
 
     Raises:
-        ScrewgaugeError: It cannot be read.
+        ScrewgaugeError: The side cannot be read.
     """
     text, library = _split_library(given)
     own = Path(text)
@@ -190,7 +190,7 @@ def loops_of_sides(
     """Return the loops file of each side, from a pair, or one file for every URDF.
 
     Raises:
-        ScrewgaugeError: The value is neither, or no side is a URDF.
+        ScrewgaugeError: The value is neither a file nor a pair, or no side is a URDF.
     """
     if loops is None:
         return None, None
@@ -208,7 +208,7 @@ def loops_of_sides(
 
 
 def _split_library(given: str | Path | Weighed) -> tuple[str, str]:
-    """Split a side into file or name and the requested library; empty without one."""
+    """Split a side into the file or name and the requested library, which may be empty."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
@@ -240,7 +240,7 @@ def _read_description(mechanism: Mechanism, cut: str, gravity: Array | None) -> 
 
 
 def match_cuts(a: Model, b: Model, load: Read = read_here) -> tuple[Model, Model]:
-    """Cut a description as the other side's file is cut, and free the base of a URDF if the other side's is free."""
+    """Cut a description like the other side's file, and give a URDF a floating base if the other side has one."""
     return _match_cut(a, b, load), _match_cut(b, a, load)
 
 

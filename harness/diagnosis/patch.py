@@ -1,4 +1,4 @@
-"""Writes changes of a reading into the text of its model file, and nothing else."""
+"""Writes changes of a reading into the text of its model file, leaving everything else unchanged."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from screwgauge.models.poses import matrix, relative, shortest_step
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
 
-#: Tag of the outermost element -> module that writes such a file.
+#: Tag of the outermost element -> module that writes its format.
 WRITERS: Mapping[str, ModuleType] = {"robot": urdf, "mujoco": mjcf}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
-    """A model file about to be changed.
+    """A model file opened for changes.
 
     Attributes:
         xml: Parsed text.
         writer: Module that writes its format.
         links: Links, parents first.
-        owner: Body of each link; empty for the ground's, and for massless links between two joints.
+        owner: Body of each link; empty for links of the ground, and for massless links between two joints.
         reading: Reading of the file.
     """
 
@@ -44,11 +44,11 @@ class Opened:
         return self.writer is urdf
 
     def of(self, body: str) -> list[int]:
-        """Return the links of a body; the link that its joints move is the first."""
+        """List the links of a body, starting with the link that its joints move."""
         return [i for i, owner in enumerate(self.owner) if owner == body]
 
     def parts(self, body: str) -> dict[int, Matter]:
-        """Return the matter of each link of a body, in the frame of the body."""
+        """Return the mass properties of each link of a body, in the frame of the body."""
         whole = self.reading.bodies[body]
         links = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
         parts = {i: displace(matter, T) for i, (matter, T) in links.items() if matter is not None}
@@ -62,8 +62,8 @@ def open_model(text: str, reading: Reading) -> Opened:
     """Open a file with its reading.
 
     Raises:
-        DescriptionError: The file is no XML.
-        UnpatchableError: The file is no URDF or MJCF, or does not match the reading.
+        DescriptionError: The file is not XML.
+        UnpatchableError: The file is neither a URDF nor an MJCF, or does not match the reading.
     """
     xml = XmlText(text, reading.name)
     if xml.root.tag not in WRITERS:
@@ -71,7 +71,7 @@ def open_model(text: str, reading: Reading) -> Opened:
     writer = WRITERS[xml.root.tag]
     links, ends = writer.links(xml), {body.joints[-1]: name for name, body in reading.bodies.items()}
     known = {joint for link in links for joint in link.joints}
-    floating = [name for joint, name in ends.items() if joint not in known]  # a base that the reader freed
+    floating = [name for joint, name in ends.items() if joint not in known]  # a floating base added by the reader
     owner = list[str]()
     for link in links:
         if unknown := [joint for joint in link.joints if joint not in reading.joints]:
@@ -97,10 +97,10 @@ def frames_of(file: Opened, target: Reading) -> list[Array]:
 
 
 def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Array]:
-    """Write placements and axes of another reading of the same machine.
+    """Write the placements and axes of another reading of the same machine.
 
     Args:
-        gone: Links to remove: their children are attached, in place, to an ancestor.
+        gone: Links to remove; their children are attached to an ancestor without moving.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
@@ -127,7 +127,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
 
 
 def _rehang(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
-    """Attach a link to its nearest ancestor that stays."""
+    """Attach a link to its nearest remaining ancestor."""
     while link.near in gone:
         before = file.links[link.near]
         link = replace(link, near=before.near, base=before.base @ link.base)
@@ -150,7 +150,7 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:
-    """Return the vector from a frame's origin to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
+    """Compute the vector from a frame's origin to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
     along, r = joint.direction, joint.centre - F[:3, 3]
@@ -159,7 +159,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
 
 
 def _turn_to_zero(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
-    """Return the displacement from home, the zero of the file, to the zero of the target. Shape (4, 4)."""
+    """Compute the displacement from home, the zero of the file, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
@@ -169,7 +169,7 @@ def _turn_to_zero(file: Opened, target: Reading, link: TextLink, F: Array) -> Ar
 
 
 def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
-    """Return the axis of a joint and a point on it, in a frame. Shape (3,) each."""
+    """Express the axis of a joint and a point on it in a frame. Shape (3,) each."""
     return F[:3, :3].T @ joint.direction, F[:3, :3].T @ (joint.centre - F[:3, 3])
 
 
@@ -189,19 +189,19 @@ def change_file(
     plain: bool = False,
     spell: Callable[[str], str] = str,
 ) -> tuple[str, Left]:
-    """Make changes in a model file.
+    """Apply changes to the text of a model file.
 
     Args:
         text: Text of the file.
         reading: Reading of the file, to which the changes refer.
-        plain: Write whole inertials in the axes of their links instead of the least change.
+        plain: Write complete inertials in the axes of their links instead of the smallest change.
         spell: Formats the value of an attribute.
 
     Returns:
-        Text of the changed file, and changes that it does not contain.
+        Text of the changed file, and the changes that could not be written.
 
     Raises:
-        DescriptionError: The file is no XML.
+        DescriptionError: The file is not XML.
     """
     try:
         file = open_model(text, reading)
@@ -230,10 +230,10 @@ def change_file(
 
 
 def _check(file: Opened, change: Change) -> None:
-    """Check that the file can hold a change.
+    """Check that the format of the file supports a change.
 
     Raises:
-        UnpatchableError: It cannot.
+        UnpatchableError: The change is not supported.
     """
     if not getattr(PROPERTIES[change.what], "urdf" if file.urdf else "mjcf"):
         raise UnpatchableError(f"a {'URDF' if file.urdf else 'MJCF'} cannot say {change.what}")
@@ -262,7 +262,7 @@ def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) ->
 
 
 def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> None:
-    """Write properties of joints, couplings and gears. `elements`: those of the joints."""
+    """Write properties of joints, couplings and gears. `elements`: elements of the joints."""
     reading = file.reading
     for name, joint in target.joints.items():
         for what in file.writer.JOINT:
@@ -294,7 +294,7 @@ def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
-    """Write the mass properties of a body, by the simplest change of one of its links if possible."""
+    """Write the mass properties of a body, if possible through the simplest change of one of its links."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     new = _change_parts(parts, old, body)
@@ -307,7 +307,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
 
 
 def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
-    """Change one part of a body, if that is possible, else all of them."""
+    """Change one part of a body if this is possible, otherwise all of them."""
     if is_same(old, new):
         return parts
     chosen, matter = plainest(parts, old, new)
@@ -318,14 +318,14 @@ def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[in
 
 
 def _links_of_joint(file: Opened, joint: str) -> list[int]:
-    """Return the links of the body that a joint moves, and massless ones between its joints."""
+    """List the links of the body that a joint moves, and massless links between its joints."""
     name = file.reading.moved_by(joint)
     joints = {*file.reading.bodies[name].joints}
     return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]
 
 
 def _descendants(file: Opened, joint: str) -> list[TextLink]:
-    """Return the links that descend from a joint."""
+    """List the links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):
         if joint in link.joints or link.near in gone:

@@ -1,4 +1,4 @@
-"""The table of properties of parts of a model, and changes of their values."""
+"""The table of properties of a model's parts, and changes of their values."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _Recount = Callable[[PolynomialSum], PolynomialSum]
 
 
 def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
-    """Return the bodies that a joint carries, and the joints, itself first."""
+    """Return the bodies that a joint carries, and the joints moved with it, starting with itself."""
     bodies: list[str] = []
     joints: list[str] = []
     for name, body in reading.bodies.items():
@@ -55,7 +55,7 @@ def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
 
 
 def put_on_axis(joint: JointReading, direction: Array, centre: Array) -> JointReading:
-    """Put a hinge or slide on another axis. Shape (3,) both."""
+    """Put a hinge or slide on another axis. Shape (3,) each."""
     parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
     return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
@@ -70,13 +70,13 @@ def displace(reading: Reading, joint: str, T: Array) -> Reading:
 
 
 def displace_seat(reading: Reading, joint: str, T: Array) -> Reading:
-    """Displace the bodies that a joint carries, and leave the joint in place. T: shape (4, 4)."""
+    """Displace the bodies that a joint carries, leaving the joint in place. T: shape (4, 4)."""
     moved_ = displace(reading, joint, T)
     return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
 
 
 def reverse(reading: Reading, name: str) -> Reading:
-    """Reverse the coordinate of a joint, also in its couplings."""
+    """Reverse the coordinate of a joint, including its couplings."""
     joint = reading.joints[name]
     low, high = joint.limits
     new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
@@ -84,7 +84,7 @@ def reverse(reading: Reading, name: str) -> Reading:
 
 
 def shift_home(reading: Reading, name: str, home: float) -> Reading:
-    """Shift the coordinate of a joint to another home, also in its limits, its rest and its couplings."""
+    """Shift the coordinate of a joint to another home, including its limits, its rest and its couplings."""
     joint = reading.joints[name]
     step = home - joint.home
     low, high = joint.limits
@@ -93,20 +93,20 @@ def shift_home(reading: Reading, name: str, home: float) -> Reading:
 
 
 def _recount(reading: Reading, name: str, joint: JointReading, lead: _Recount, follow: _Recount) -> Reading:
-    """Replace a joint by one that counts differently. `lead`, `follow`: convert couplings that it leads, or follows."""
+    """Replace a joint by one that counts differently. `lead`, `follow`: convert couplings that it leads or follows."""
     couplings = {key: replace(each, function=lead(each.function)) for key, each in reading.couplings.items()}
     own = {key: replace(each, function=follow(each.function)) for key, each in couplings.items() if each.joint == name}
     return replace(reading, joints={**reading.joints, name: joint}, couplings={**couplings, **own})
 
 
 def remove(reading: Reading, joint: str) -> Reading:
-    """Remove a joint, the other joints of its body and all that it carries."""
+    """Remove a joint, the other joints of its body and everything that it carries."""
     bodies, joints = descendants(reading, joint)
     return _drop(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
 
 
 def splice(reading: Reading, joint: str) -> Reading:
-    """Remove the body that a joint moves; its children are attached, in place, to its parent."""
+    """Remove the body that a joint moves, attaching its children to its parent without moving them."""
     name = reading.moved_by(joint)
     gone = reading.bodies[name]
     bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
@@ -130,11 +130,11 @@ def _drop(reading: Reading, bodies: Collection[str], joints: Collection[str]) ->
 
 
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
-#: Case of the casebook on springs that Pinocchio does not read.
+#: Casebook entry on springs that Pinocchio ignores.
 SPRINGS = "pin-mjcf-springs"
 #: Library -> its call for inverse dynamics.
 CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
-#: Owner -> attribute of a reading that holds its kind.
+#: Owner -> attribute of a reading with parts of that kind.
 ROOMS = {
     "body": "bodies",
     "joint": "joints",
@@ -146,21 +146,21 @@ ROOMS = {
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Property:
-    """A property that parts of a model have.
+    """A property of the parts of a model.
 
     Attributes:
-        owner: Kind of part that has it.
-        shape: Shape of its value; None where no value changes it.
-        unit: SI unit; of a joint that turns and, behind a bar, of one that slides.
+        owner: Kind of part to which it belongs.
+        shape: Shape of its value; None if no value changes it.
+        unit: SI unit; for a joint, the unit for a rotation and, after a bar, the unit for a translation.
         noun: Noun, if different from its name.
-        part: True for the presence of a part.
-        scales: True if one factor may change it in many parts.
-        default: Value where a file states none; None where every file states one.
-        urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where the format cannot.
+        part: Whether it is the presence of a part.
+        scales: Whether a common factor may change it in many parts.
+        default: Value if a file specifies none; None if every file specifies one.
+        urdf, mjcf: Element, and attribute after an ``@``, that contain it; empty if the format lacks it.
         entry: Name of the entry in a reading, if different.
-        write: Returns the reading with another value of a part, where that changes more than one entry.
-        cases: Library that ignores it -> case of the casebook.
-        call: Case of the casebook on inverse dynamics that contain it in one library and not in another.
+        write: Returns the reading with another value for a part, if that changes more than one entry.
+        cases: Library that ignores it -> casebook entry.
+        call: Casebook entry on inverse dynamics that contain it in one library and not in another.
     """
 
     owner: Owner
@@ -215,12 +215,12 @@ def _presence(less: Callable[[Reading, str], Reading]) -> Property:
     return Property(owner="joint", shape=(), part=True, urdf="joint", mjcf="body", write=write)
 
 
-#: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
-#: ``pose`` moves the frame of a body with its matter; ``placement`` displaces a joint and all that it carries, ``seat``
-#: only the bodies that it carries; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at home;
-#: ``sign`` -1 reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint and all that it carries,
-#: ``link`` 0 a joint and the body that it moves, whose children are attached to its parent.
-#: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
+#: Name -> property. Poses, axes and points are in the world at home, as everywhere in a reading. ``pose`` moves the
+#: frame of a body with its mass; ``placement`` displaces a joint and everything that it carries, ``seat`` only the
+#: bodies that it carries; ``axis`` and ``centre`` move only the screw; ``zero`` is the coordinate at home; ``sign`` -1
+#: reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint and everything that it carries,
+#: ``link`` 0 a joint and the body that it moves, whose children are attached to its parent. ``inertia`` is about the
+#: centre of mass in the axes of the body. ``softness`` also applies to couplings.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", scales=True),
     "com": _matter((3,), "m", noun="centre of mass"),
@@ -312,9 +312,9 @@ class Change:
     """A property and its new value.
 
     Attributes:
-        item: Body, joint, closure, coupling or actuator of the reading; empty for the model.
+        item: Name of a body, joint, closure, coupling or actuator of the reading; empty for the model.
         what: Key of `PROPERTIES`.
-        value: New value, of the shape of the property.
+        value: New value, with the shape of the property.
     """
 
     item: str
@@ -322,12 +322,12 @@ class Change:
     value: Array
 
 
-#: Changes of places, applied from the outermost part inwards; and removals, applied last.
+#: Changes of placements, applied from the outermost part inwards; and removals, applied last.
 _FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branch", "link")
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:
-    """Sort the changes of facts, which go from the ground outwards, into the order of application."""
+    """Sort the changes of facts, which are ordered from the ground outwards, into the order of application."""
     changes = [change for each in several for change in each.changes]
     places = [change for change in changes if change.what in _FIRST]
     lost = [change for change in changes if change.what in _LAST]
@@ -335,10 +335,10 @@ def sequence(several: Iterable[Any]) -> list[Change]:
 
 
 def apply_changes(reading: Reading, changes: Iterable[Change]) -> Reading:
-    """Apply changes to a reading, one after the other.
+    """Apply changes to a reading in sequence.
 
     Raises:
-        UnknownNameError: The reading has no such item, or an item no such property.
+        UnknownNameError: The reading has no such item, or the item no such property.
     """
     for change in changes:
         if change.what not in PROPERTIES or PROPERTIES[change.what].shape is None:

@@ -1,4 +1,4 @@
-"""Sentences on findings other than facts: effect, proof, loops, libraries, agreement, limits of the comparison."""
+"""Formats findings other than facts: effect, proof, loops, libraries, agreement, limits of the comparison."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.shares import Largest
 
 _NAMED = 3
-#: Properties that only the libraries' own torques depend on, besides content.
+#: Properties that, besides content, affect only the libraries' own torques.
 _MEDIUM = ("density", "viscosity")
-#: Facts on the closing of loops.
+#: Facts about the closing of loops.
 _LOOPS = CLOSING | {"held"}
-#: Quantity that a library computes differently from its reading -> case of the casebook.
+#: Quantity that a library computes differently from its reading -> casebook entry.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 
 
 def news(found: Findings) -> Iterator[str]:
-    """Yield sentences on findings without a fact, the worst first, the agreement last."""
+    """Yield sentences about findings without a fact, the most serious first, the agreement last."""
     if not found.alike:
         yield from _different_machines(found)
         return
@@ -62,7 +62,7 @@ def news(found: Findings) -> Iterator[str]:
 
 
 def _gravity(found: Findings) -> Iterator[str]:
-    """Warn if libraries assume another gravity for a file that states none."""
+    """Warn if libraries assume another gravity for a file that specifies none."""
     side = other_gravity(found.a.reading, found.b.reading)
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
@@ -71,7 +71,7 @@ def _gravity(found: Findings) -> Iterator[str]:
 
 
 def explanation(found: Findings) -> Iterator[str]:
-    """Yield sentences on the effect of the facts on torques, and on the proof."""
+    """Yield sentences about the effect of the facts on torques, and about the proof."""
     few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
     if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
         yield _partial(found)
@@ -110,7 +110,7 @@ def _pairs(found: Findings) -> str:
 
 
 def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
-    """Yield sentences on the effect of causes on torques, and on causes without one."""
+    """Yield sentences about the effect of causes on torques, and about causes without an effect."""
     seen = [each for each in causes if each.kind != "unseen" and not math.isnan(each.share)]
     if seen and found.torques.scaled > UNSEEN:
         most = max(seen, key=lambda each: each.share)
@@ -148,7 +148,7 @@ def _force(found: Findings, *, several: bool = False) -> str:
 
 
 def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
-    """Return subject and verb of a sentence on some of the causes."""
+    """Return subject and verb of a sentence about some of the causes."""
     if len(some) < len(causes):
         return f"{len(some)} of these causes change{'s' * (len(some) == 1)}"
     return "It changes" if len(some) == 1 else "They change"
@@ -188,7 +188,7 @@ def _proof(found: Findings) -> Iterator[str]:
 
 
 def name_ignored(library: str, whats: Iterable[str]) -> str:
-    """Name properties of a file that a library ignores, with their cases."""
+    """Name properties of a file that a library ignores, with their casebook entries."""
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
@@ -196,7 +196,7 @@ def name_ignored(library: str, whats: Iterable[str]) -> str:
 
 
 def _ignored_properties(found: Findings) -> Iterator[str]:
-    """Name properties that one library reads from a file and the other one ignores."""
+    """Name properties that one library reads from a file and the other ignores."""
     for k, model in enumerate((found.a, found.b)):
         whats = [
             fact.what for fact in found.facts if fact.what in OPTIONAL and _is_ignored((fact.a, fact.b), k, fact.what)
@@ -206,7 +206,7 @@ def _ignored_properties(found: Findings) -> Iterator[str]:
 
 
 def _is_ignored(values: tuple[object, object], k: int, what: str) -> bool:
-    """True if the value of side k is the default, and the other one is not."""
+    """True if the value of side k is the default, and that of the other side is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]
@@ -222,7 +222,7 @@ def _loops(found: Findings) -> Iterator[str]:
 
 
 def _agreement(found: Findings) -> Iterator[str]:
-    """Report the agreement where nothing differs, and content that was not compared."""
+    """Report the agreement if nothing differs, and content that was not compared."""
     if not found.agrees:
         return
     reading = found.a.reading
@@ -276,7 +276,7 @@ def _join(sentences: Iterable[str]) -> str:
 
 
 def notes(found: Findings) -> Iterator[str]:
-    """Yield assumptions on the models, a sentence each; once for both sides where they share it."""
+    """Yield sentences about assumptions on the models, once for both sides if both share them."""
     sides = dict[str, list[str]]()
     for side, model in zip("AB", (found.a, found.b), strict=True):
         for sentence in _of_side(model, found):
@@ -305,7 +305,7 @@ def name_sides(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
 
 
 def _of_side(model: Model, found: Findings) -> Iterator[str]:
-    """Yield assumptions on one model."""
+    """Yield assumptions about one model."""
     readings = (found.a.reading, found.b.reading)
     yield from (*model.remarks, *(remark.rstrip(".") for remark in model.reading.remarks))
     if model.open_by:

@@ -27,21 +27,21 @@ from screwgauge.witness.constraints import DEPENDENT, closed, equations
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
-#: Number of random states: more than the ten inertial parameters of a body require.
+#: Number of random states; exceeds the ten inertial parameters of a body.
 STATES = 24
-#: Largest rounding of scaled torques: own dynamics leave 1e-14, MuJoCo's tensors 5e-14.
+#: Largest rounding error of scaled torques: the reference dynamics contribute 1e-14, MuJoCo's tensors 5e-14.
 UNSEEN = 1e-11
 #: Largest difference of scaled torques of equal readings: loops are closed to about 1e-11.
 SAME = 1e-9
 
 
 def with_gravity(reading: Reading) -> Reading:
-    """Return a reading with the standard gravity where its file states none."""
+    """Return a reading with the standard gravity if its file specifies none."""
     return replace(reading, gravity=known_gravity(reading.gravity))
 
 
 def freedom_left(reading: Reading, seed: int = 0) -> int:
-    """Count freedoms that closures and couplings leave at poses near home; -1 where no pose closes."""
+    """Count the freedoms that closures and couplings leave at poses near home; -1 if no pose closes the loops."""
     tree = tree_of(reading)
     if not (reading.closures or reading.couplings):
         return reading.freedom
@@ -62,7 +62,7 @@ def _units(reading: Reading) -> Array:
 
 
 def _reach(reading: Reading) -> float:
-    """Return the largest distance of a body's centre of mass from that of all, independent of frames [m]."""
+    """Compute the largest distance of a body's centre of mass from that of the machine, independent of frames [m]."""
     bodies = [body for body in reading.bodies.values() if body.mass > 0.0]
     if not bodies:
         return 1.0
@@ -72,7 +72,7 @@ def _reach(reading: Reading) -> float:
 
 
 def components(reading: Reading) -> list[tuple[str, str]]:
-    """Return name and unit of the force along each velocity."""
+    """Return the name and unit of the force along each velocity."""
     ends = {"hinge": ("",), "slide": ("",), "ball": (".x", ".y", ".z"), "free": (".wx", ".wy", ".wz", ".x", ".y", ".z")}
     return [
         (name + end, "N" if joint.kind == "slide" or (joint.kind == "free" and k > 2) else "N m")
@@ -93,7 +93,7 @@ class Largest:
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques of a machine, before and after changes, at motions that its loops admit.
+    """Torques of a machine, before and after changes, for motions that its loops admit.
 
     Attributes:
         reading: The machine, with gravity.
@@ -105,7 +105,7 @@ class Torques:
 
     @cached_property
     def states(self) -> TreeStates:
-        """Random states; with loops, closed ones near home, with admissible velocities and accelerations."""
+        """Random states; with loops, closed states near home, with admissible velocities and accelerations."""
         tree = tree_of(self.reading)
         if not (self.reading.closures or self.reading.couplings):
             return draw(self.reading, STATES, self.seed)
@@ -121,7 +121,7 @@ class Torques:
 
     @cached_property
     def own(self) -> Array:
-        """Torques of the machine as it is. Shape (n, n_freedom)."""
+        """Torques of the unchanged machine. Shape (n, n_freedom)."""
         return inverse_dynamics(tree_of(self.reading), self.states)
 
     @cached_property
@@ -134,7 +134,7 @@ class Torques:
         return scale
 
     def effect(self, facts: Iterable[Fact]) -> Array | None:
-        """Return the change of torques by facts; None where it cannot be computed. Shape (n, n_freedom)."""
+        """Compute the change of torques due to facts; None if this is impossible. Shape (n, n_freedom)."""
         try:
             tau = inverse_dynamics(tree_of(self.changed(facts)), self.states)
         except (ScrewgaugeError, LookupError, ValueError):  # another change removes the part
@@ -142,7 +142,7 @@ class Torques:
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
 
     def changed(self, facts: Iterable[Fact]) -> Reading:
-        """Return the machine with B's values, a whole applied last.
+        """Return the machine with B's values; a transformation of the whole is applied last.
 
         Raises:
             ScrewgaugeError: A change refers to a part that another change removes.
@@ -178,7 +178,7 @@ class Torques:
 
 
 def without_forces(reading: Reading) -> Reading:
-    """Return a reading without passive forces, in standard gravity."""
+    """Remove passive forces from a reading and set standard gravity."""
     joints, bodies = reading.joints.items(), reading.bodies.items()
     nothing: dict[str, Any] = dict.fromkeys(PASSIVE, 0.0)
     return replace(
@@ -190,14 +190,14 @@ def without_forces(reading: Reading) -> Reading:
 
 
 def have_values(facts: Sequence[Fact]) -> bool:
-    """True if changes of values make all of some facts, apart from names."""
+    """True if changes of values reproduce all of the facts, apart from names."""
     real = [fact for fact in facts if fact.what != "name"]
     return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)
 
 
 #: Number of joints that a sentence names.
 _NAMED = 3
-#: Largest permutation that a sentence states; `Order.permutation` and ``diagnosis.json`` have all.
+#: Longest permutation that a sentence contains; `Order.permutation` and ``diagnosis.json`` always contain it.
 PASTED = 12
 
 
@@ -206,9 +206,9 @@ class Order:
     """Two orders of the same joints.
 
     Attributes:
-        first, second: Joints in either order, by the names of the first.
-        sentence: Names the libraries, their orders and the cost of a comparison by index.
-        value: Largest difference of torques that are compared by index, in `unit`; `largest`: largest torque.
+        first, second: Joints in each order, by the names of the first.
+        sentence: Names the libraries, their orders and the error of a comparison by index.
+        value: Largest difference of torques compared by index, in `unit`; `largest`: largest torque.
         joints: The two joints with the index of that difference, in the first order and in the second.
         permutation: ``q_b = q_a[permutation]`` for forces and velocities, and for coordinates without balls.
     """
@@ -224,7 +224,7 @@ class Order:
 
 
 def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
-    """Compare the orders of the joints that two models share; None where they agree, or a model is a description.
+    """Compare the orders of the joints that two models share; None if they agree, or a model is a description.
 
     Args:
         joints: Joint of A -> joint of B.
@@ -240,10 +240,10 @@ def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed:
 
 
 def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
-    """Warn where libraries order the joints of a model file differently, which its description cannot show.
+    """Warn if libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
-        meshes: True if it was imported with mass from meshes.
+        meshes: Whether the file was imported with mass from meshes.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
@@ -267,8 +267,8 @@ def _order(
     """Compare two orders of joints of a reading by the torques of its dynamics at the same random states.
 
     Args:
-        names: Joints in the second order by their own names.
-        phrases: Library and joints of either order, in words.
+        names: Joints in the second order, with their own names.
+        phrases: Library and joints of each order, as text.
     """
     first, second = orders
     if first == second:

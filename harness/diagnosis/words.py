@@ -1,4 +1,4 @@
-"""Sentences on facts and causes, made from data alone."""
+"""Formats facts and causes as sentences, from data alone."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND
 
 _NAMED = 3
-#: Axes in which a whole is described.
+#: Axes in which a transformation of the whole is described.
 _THERE: Axes = ("the world", WORLD[1])
 #: Owner of a property -> plural.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
-#: Event of several joints -> predicate; the side follows.
+#: Event of several joints -> predicate, followed by the side.
 _SUBTREES = {
     "branch": "joints are missing, with all that they carry, from",
     "fixed": "joints do not move in",
     "link": "joints are missing from",
 }
-#: Properties that are named in the plural.
+#: Properties whose name is plural.
 _PLURAL = {"limits"}
 
 
 @dataclass(frozen=True, slots=True)
 class Speaker:
-    """Makes sentences on facts of two machines.
+    """Describes facts of two machines in sentences.
 
     Attributes:
-        a: Machine in whose frames facts are stated.
-        brief: True to leave out lists, vectors and consequences.
+        a: Machine in whose frames facts are expressed.
+        brief: Whether to omit lists, vectors and consequences.
     """
 
     a: Machine
@@ -77,7 +77,7 @@ class Speaker:
         return f"{self.group(first)}; partly cancelled by: {'; '.join(map(self.group, rest[:2]))}{more}"
 
     def group(self, facts: Sequence[Fact]) -> str:
-        """Describe facts that one edit would make."""
+        """Describe facts that a single edit would explain."""
         parts = list(dict.fromkeys(fact.part for fact in facts))
         if len(parts) > 1:
             return self._several(facts, parts)
@@ -117,7 +117,7 @@ class Speaker:
         return join([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
-        """Describe facts of several parts by what they share, else by an example."""
+        """Describe facts about several parts by what they share, otherwise by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
             return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
@@ -170,7 +170,7 @@ class Speaker:
         return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:
-        """Describe the step of a place, in the axes of its body, else of the body that it carries."""
+        """Describe a displacement in the axes of its body, otherwise of the body that it carries."""
         joint = fact.part.partition("/")[0]
         carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
         return turn_and_way(np.asarray(fact.b), self.axes(fact.of, *carried), self.a.length, turned, brief=self.brief)
@@ -195,7 +195,7 @@ def _values(fact: Fact) -> str:
 
 
 def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
-    """Describe what many facts share, as a predicate; empty where they share nothing."""
+    """Describe what many facts share, as a predicate; empty if they share nothing."""
     factor, verb = factor_of(facts[0]), "are" if several else "is"
     if factor is not None and all(factor_of(fact) == factor for fact in facts):
         return f"in B {verb} {factor:g} times {'those' if several else 'that'} in A ({percent(factor)})"
@@ -211,13 +211,13 @@ def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
 
 
 def _has_value(fact: Fact, side: str) -> bool:
-    """True if a side has a value other than 0, or one that is no number."""
+    """True if a side has a nonzero or non-numeric value."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
 
 
 def nouns(facts: Sequence[Fact]) -> str:
-    """List the nouns of some facts, once each."""
+    """List the nouns of some facts, without repetition."""
     order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
     whats = sorted({fact.what for fact in facts}, key=[*order].index)
     return join([noun(what) for what in whats])
@@ -299,7 +299,7 @@ def _leading_joint(speaker: Speaker, fact: Fact) -> str:
 
 
 def _is_unit(factor: float, unit: str) -> bool:
-    """True if a factor is that of a unit that people mix up."""
+    """True if a factor is that of a commonly confused unit."""
     return factor == 1.0 or any(
         math.isclose(factor, x, rel_tol=1e-4) or math.isclose(factor, 1.0 / x, rel_tol=1e-4) for x in UNITS[unit]
     )
@@ -339,7 +339,7 @@ _SENTENCES = {
     "actuator": "actuator {fact.part} of {fact.of} is in {fact.side} only",
     "driven joint": "actuator {fact.part} drives {fact.b} in B, {fact.a} in A",
 }
-#: Property -> addition for a convention.
+#: Property -> text appended for a convention.
 _SAME = {
     "gear": "; the same motor, as its joint counts the other way",
     "limits": "; the same numbers, counted from another zero",

@@ -1,4 +1,4 @@
-"""Causes: facts that one edit would make, with their share of the torque difference, ranked."""
+"""Groups facts that a single edit would explain into causes, ranked by share of the torque difference."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from screwgauge.diagnosis.shares import UNSEEN, Torques, have_values
 from screwgauge.models.content import kinds
 from screwgauge.reference.rotations import Array
 
-#: Least number of parts that share a factor, or a lack, as one cause; and relative tolerance of the factor.
+#: Smallest number of parts with a common factor, or a common missing property, that form one cause; and relative
+#: tolerance of the factor.
 SEVERAL, FACTOR = 3, 1e-5
 
 
 def group_facts(facts: Iterable[Fact], known: Sequence[Sequence[Fact]] = ()) -> list[tuple[Fact, ...]]:
-    """Group facts that one edit would make; each fact is in one group.
+    """Group facts that a single edit would explain; each fact is in one group.
 
     Args:
-        known: Facts that a single slip explains.
+        known: Groups of facts that a single slip explains.
     """
     left, groups = list(facts), list[tuple[Fact, ...]]()
     for some in known:
@@ -59,12 +60,12 @@ def _merge_sides(groups: Sequence[tuple[Fact, ...]]) -> list[tuple[Fact, ...]]:
 
 
 def without_sides(name: str) -> str:
-    """Return a name without its marks of left and right."""
+    """Remove the markers of left and right from a name."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))
 
 
 def factor_of(fact: Fact) -> float | None:
-    """Return the factor from A's value to B's; None where there is no common factor other than 1."""
+    """Return the factor from A's value to B's; None if there is no common factor other than 1."""
     if fact.what not in PROPERTIES or not (PROPERTIES[fact.what].scales or fact.what == "com"):
         return None
     if fact.a is None or fact.b is None:
@@ -74,12 +75,12 @@ def factor_of(fact: Fact) -> float | None:
         return None
     factor = float(np.vdot(a, b) / np.vdot(a, a))
     fits = factor > 0.0 and np.linalg.norm(b - factor * a) <= FACTOR * np.linalg.norm(b)
-    more = float(f"{factor - 1.0:.4g}")  # a factor near 1 keeps as many digits
+    more = float(f"{factor - 1.0:.4g}")  # a factor near 1 keeps the same number of digits
     return (1.0 + more if abs(more) < 0.1 else float(f"{factor:.5g}")) if fits and more else None
 
 
 def _weight(fact: Fact) -> Hashable:
-    """Key of masses and inertias that share a factor, as with another density."""
+    """Return a key for masses and inertias that share a factor, as after a change of density."""
     return factor_of(fact) if fact.what in ("mass", "inertia") else None
 
 
@@ -89,14 +90,14 @@ def _factor(fact: Fact) -> Hashable:
 
 
 def _value(fact: Fact) -> Hashable:
-    """Key of a property that one side lacks, with the value on the other side."""
+    """Return a key for a property that one side lacks, with the value on the other side."""
     lacks = _lack(fact)
     value = fact.b if fact.a is None or not np.any(fact.a) else fact.a
     return lacks and (*lacks, str(value))
 
 
 def _lack(fact: Fact) -> tuple[str, ...] | None:
-    """Key of a property that one side lacks: the property and the side."""
+    """Return a key for a property that one side lacks: the property and the side."""
     if fact.what == "limits":
         return (fact.what, fact.side, fact.unit) if fact.side else None
     if fact.what not in PROPERTIES or PROPERTIES[fact.what].shape != () or fact.a is None or fact.b is None:
@@ -108,12 +109,12 @@ def _lack(fact: Fact) -> tuple[str, ...] | None:
 
 
 def _absence(fact: Fact) -> Hashable:
-    """Key of a part that one side lacks, or fixes."""
+    """Return a key for a part that one side lacks or fixes."""
     return (fact.what, fact.side) if fact.what in ("branch", "fixed", "link") else None
 
 
 def _part(fact: Fact) -> Hashable:
-    """Key of one part: mass properties of a body, place of a joint, coordinate of a joint, or a single property."""
+    """Return a key for one part: mass properties of a body, placement or coordinate of a joint, or one property."""
     if fact.kind == "convention" and fact.what in ("zero", "limits", "rest"):
         return "zero", fact.part
     if fact.what in INERTIAL:
@@ -140,21 +141,21 @@ _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
 CANCELS = -0.5, 1.5
 #: All causes cancel if the total is below this share of the largest effect.
 NOTHING = 1e-6
-#: Share of a small cause, and number of small, or unseen, causes that are merged.
+#: Share below which a cause is small, and number of small, or unseen, causes from which they are merged.
 SMALL, SEVERAL = 1e-4, 3
-#: Facts on missing parts, which lead whatever their share.
+#: Facts about missing parts, which are ranked first whatever their share.
 STRUCTURE = PARTS | {"held", "coupling", "leading joint", "fixed"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """Facts with one cause.
+    """Facts with a common cause.
 
     Attributes:
-        groups: Groups of facts; more than one where their effects cancel and they are shown together.
-        share: Of the torque difference, that cause alone; NaN where no value makes it.
+        groups: Groups of facts; several groups if their effects cancel and they are shown together.
+        share: Share of the torque difference due to this cause alone; NaN if no change of a value reproduces it.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, without effect on torques; ``small``,
-            several of little weight.
+            several causes of little weight.
     """
 
     groups: tuple[tuple[Fact, ...], ...]
@@ -167,17 +168,17 @@ class Cause:
 
 
 def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
-    """Rank causes: the whole, missing parts, the largest shares; then conventions, unseen facts and rounding.
+    """Rank causes: B as a whole, missing parts, the largest shares; then conventions, unseen facts and rounding.
 
     Args:
-        known: Facts that a single slip explains.
+        known: Groups of facts that a single slip explains.
     """
     digits = sorted((fact for fact in facts if fact.kind == "digits"), key=lambda fact: -fact.size)
     ranked = _rank([fact for fact in facts if fact.kind != "digits"], torques, known)
     return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
 
 
-#: Groups that are shown together, with their scaled effect on torques; None where no value makes them.
+#: Groups that are shown together, with their scaled effect on torques; None if no values reproduce them.
 _Row = tuple[tuple[tuple[Fact, ...], ...], Array | None]
 
 
@@ -186,7 +187,7 @@ def _size(row: _Row) -> float:
 
 
 def _share(row: _Row, total: Array) -> float:
-    """Return the projection on the total effect, as a share of it."""
+    """Return the projection onto the total effect, as a share of it."""
     return 0.0 if row[1] is None else float(np.vdot(total, row[1]) / np.vdot(total, total))
 
 
@@ -215,7 +216,7 @@ def _row(groups: Sequence[tuple[Fact, ...]], torques: Torques) -> _Row:
 
 
 def _give_shares(rows: list[_Row], total: Array, torques: Torques) -> list[Cause]:
-    """Give each row its share; merge the largest row with the one that cancels it best until no share is absurd."""
+    """Assign shares; merge the largest row with the row that best cancels it until no share is out of bounds."""
     size = float(np.linalg.norm(total))
     if size < NOTHING * max(map(_size, rows)):
         return [Cause(tuple(group for groups, _ in rows for group in groups), math.nan)]

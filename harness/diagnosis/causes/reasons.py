@@ -1,4 +1,4 @@
-"""Reasons of facts: slips that turn A's values into B's."""
+"""Finds reasons for facts: slips that turn A's values into B's."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from screwgauge.models.poses import relative
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Places of joints, which are steps and no numbers of a file.
+#: Properties that describe the placement of joints as steps, not as numbers in a file.
 PLACED = ("placement", "axis", "centre", "zero", "sign")
 
 #: Bodies at the ends of a link.
@@ -36,8 +36,8 @@ class Reason:
     Attributes:
         slip: Key of `answer.SLIPS`.
         facts: Facts that it explains.
-        values: Names and numbers that its sentence needs.
-        part: Fixed link of the body, if the slip concerns that link alone.
+        values: Names and numbers to insert into its sentence.
+        part: Fixed link of the body, if the slip concerns only that link.
     """
 
     slip: str
@@ -48,7 +48,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unexplained:
-    """Unexplained facts, the two machines and the texts of their files."""
+    """The facts still to explain, the two machines and the texts of their files."""
 
     facts: Sequence[Fact]
     pair: Pair
@@ -60,17 +60,17 @@ class Unexplained:
         return max(each.loose for each in self.files)
 
     def of(self, *whats: str) -> list[Fact]:
-        """Return the facts of some properties."""
+        """Return the facts about the given properties."""
         return [fact for fact in self.facts if fact.what in whats]
 
 
 def find_reasons(
     facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | None] = (None, None)
 ) -> list[Reason]:
-    """Find reasons: first those of several facts together, then of each fact that is left.
+    """Find reasons: first those that explain several facts together, then those of each remaining fact.
 
     Args:
-        files: Of A and B; None where there is none.
+        files: Files of A and B; None for a side without a file.
     """
     real = [fact for fact in facts if fact.kind != "digits"]
     case, found = Unexplained(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
@@ -101,7 +101,7 @@ def _whole(case: Unexplained) -> Iterator[Reason]:
 
 
 def _geoms(case: Unexplained) -> Iterator[Reason]:
-    """Find bodies whose mass properties one side alone takes from geoms."""
+    """Find bodies whose mass properties only one side takes from geoms."""
     for fact in case.of(*INERTIAL):
         names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
         sides = zip(case.files, names, machines, strict=True)
@@ -111,7 +111,7 @@ def _geoms(case: Unexplained) -> Iterator[Reason]:
 
 
 def _totals(case: Unexplained) -> Iterator[Reason]:
-    """Explain one factor of all masses and inertias: by a total mass, or by another density of all geoms."""
+    """Explain a common factor of all masses and inertias by a total mass, or by another density of all geoms."""
     machines = case.pair.a, case.pair.b
     wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
     facts = wholes or case.of("mass", "inertia")
@@ -171,7 +171,7 @@ def _exchanges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """True if both sides have a number, vector or tensor that a file states."""
+    """True if both sides have a number, vector or tensor that a file specifies."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -181,7 +181,7 @@ def _trial(case: Unexplained, a: object, b: object, unit: str = "") -> Trial:
 
 
 def _gears(case: Unexplained) -> Iterator[Reason]:
-    """Find armature, damping or friction that one side states before the gear."""
+    """Find armature, damping or friction that one side specifies before the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
         gears = {abs(side[name]) for side, name in zip(sides, (fact.part, fact.partner), strict=True) if name in side}
@@ -196,7 +196,7 @@ def _gears(case: Unexplained) -> Iterator[Reason]:
 
 
 def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
-    """Yield bodies that differ, from either side: machine, body, other machine, both matters in its frame, facts."""
+    """Yield bodies that differ, from either side: machine, body, other machine, both mass properties, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
         other = pair.alignment.bodies[name]
@@ -208,13 +208,13 @@ def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine
 
 
 def _to_a(pair: Pair, name: str) -> Array:
-    """Return the frame of a body's partner, in the frame of the body. Shape (4, 4)."""
+    """Return the frame of a body's partner relative to the frame of the body. Shape (4, 4)."""
     other = pair.b.bodies[pair.alignment.bodies[name]]
     return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
-    """Find fixed links that the other side merged into their body with a mistake: all of them, or one."""
+    """Find fixed links that the other side merged into their body incorrectly: all of them together, or one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
@@ -226,7 +226,7 @@ def _merges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _same(one: Matter, other: Matter, loose: float) -> bool:
-    """True if two bodies have equal mass properties, each up to a share of its size."""
+    """True if two bodies have equal mass properties, each within a share of its size."""
     pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
     return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
 
@@ -234,7 +234,7 @@ def _same(one: Matter, other: Matter, loose: float) -> bool:
 def _mergers(
     frames: Mapping[str, Array], parts: Mapping[str, Matter], names: Sequence[str], whole: Matter
 ) -> Iterator[tuple[list[str], Matter]]:
-    """Yield slips and the body that they make of some parts; fewer slips first."""
+    """Yield combinations of slips and the body that results from merging some parts with them; fewer slips first."""
     own = remainder(whole, (parts[name] for name in names))
     yield ["missing part"], own
     local = {name: displace(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
@@ -261,7 +261,7 @@ def _mergers(
 
 
 def _conventions(case: Unexplained) -> Iterator[Reason]:
-    """Find placements that agree once the rotations of one file are read in another convention."""
+    """Find placements that agree when the rotations of one file are read in another convention."""
     moved = [*_differing_joints(case)]
     told = set[tuple[str | float, str]]()
     for k, side in ((1, "B"), (0, "A")) if moved else ():
@@ -277,14 +277,14 @@ def _conventions(case: Unexplained) -> Iterator[Reason]:
 
 
 def _local(file: Written, machine: Machine, ends: Ends) -> Array:
-    """Return the far body in the frame of the near one, as the file states it, else at the home of the machine."""
+    """Return the far body's frame in the near one, as the file specifies it, otherwise from the machine's home."""
     written = file.plain
     near, far = (written[n] if {*ends} <= written.keys() else machine.bodies[n].pose for n in ends)
     return relative(near, far)
 
 
 def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
-    """Yield facts on the placement of a link, the bodies at its ends, and its placement in A and in B."""
+    """Yield facts about the placement of a link, the bodies at its ends, and its placement in A and in B."""
     for one, other in case.pair.alignment.links:
         names = {"/".join(one.joints), *one.joints}
         facts = [f for f in case.of("placement", "zero") if f.part in names]
@@ -315,7 +315,7 @@ def _of_placement(case: Unexplained, facts: tuple[Fact, ...], a: Array, b: Array
 
 
 def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
-    """Yield single values with their facts, link and property; link by link where both files divide a body alike."""
+    """Yield single values with their facts, link and property; link by link if both files divide a body equally."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -330,7 +330,7 @@ def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Tri
 
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
-    """Yield the links of a body that both files divide alike: name, matter in A and properties in B, in its frame."""
+    """Yield the links of a body with equal links in both files: name, mass properties in A and in B, in its frame."""
     bodies = pair.a.bodies[name], pair.b.bodies[pair.alignment.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:
@@ -345,7 +345,7 @@ def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array
 def _inertials(
     files: tuple[Written, Written], names: tuple[str, str]
 ) -> tuple[dict[str, Array], list[tuple[Slip, Array]]]:
-    """Return the axes in which the files write a tensor, and turns of A's tensor if these are in another convention."""
+    """Return the axes in which the files write a tensor, and rotations of A's tensor for axes in another convention."""
     frames, turns = {}, list[tuple[Slip, Array]]()
     for side, file, name in zip("AB", files, names, strict=True):
         if (link := file.link(name)) is None:

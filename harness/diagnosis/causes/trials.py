@@ -1,4 +1,4 @@
-"""Slips of single values, tried one by one, and other meanings of the text of a model file."""
+"""Tries slips of single values one by one, and reads the text of a model file in other conventions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from screwgauge.reference.rotations import Array, rotation_vector
 LEFT, SUM = 1e-6, 5.0
 #: Default density of geoms [kg/m^3].
 WATER = 1000.0
-#: Sequences of Euler angles in MJCF's notation; capitals denote fixed axes, as in URDF.
+#: Euler angle sequences in MJCF's notation; capitals denote fixed axes, as in URDF.
 URDF = "XYZ"
 _SEQUENCES = [text for order in permutations("xyz") for text in ("".join(order), "".join(order).upper())]
 
-#: Key of a slip, with the names and numbers of its sentence.
+#: Key of a slip, followed by the names and numbers of its sentence.
 Slip = tuple[str | float, ...]
 
 
@@ -42,7 +42,7 @@ class Written:
         form: ``urdf`` or ``mjcf``.
         links: Links, parents first.
         options: Attributes of all ``<compiler>`` elements.
-        densities: Densities that its geoms state [kg/m^3]; `total`: mass to which all is scaled [kg], else 0.
+        densities: Densities that its geoms specify [kg/m^3]; `total`: mass to which the model is scaled [kg], or 0.
         loose: Relative error that its printed digits allow.
     """
 
@@ -54,7 +54,7 @@ class Written:
     total: float = 0.0
 
     def link(self, name: str) -> TextLink | None:
-        """Return the link of that name."""
+        """Return the link with a name; None if there is none."""
         return next((link for link in self.links if link.name == name), None)
 
     @property
@@ -63,7 +63,7 @@ class Written:
         return {GROUND: np.eye(4), **{link.name: link.frame for link in self.links}} if self.links else {}
 
     def meanings(self, holder: Element | None) -> Iterator[tuple[Slip, Array]]:
-        """Yield the rotation of an element in other conventions: units, sequence, place of w."""
+        """Yield the rotation of an element in other conventions: units, sequence, position of w."""
         place = holder and (holder.find("origin") if self.form == "urdf" else holder)
         text = place and place.get("rpy" if self.form == "urdf" else "euler")
         if place and self.form == "mjcf" and (quat := place.get("quat")):
@@ -80,7 +80,7 @@ class Written:
                 yield ("sequence", own, other), _rotation({"euler": text}, {"eulerseq": other, "angle": units[0]})
 
     def frames(self) -> Iterator[tuple[Slip, dict[str, Array]]]:
-        """Yield frames of all links with placements read in another convention. Shape (4, 4) each."""
+        """Yield the frames of all links, with placements read in another convention. Shape (4, 4) each."""
         others = [dict(self.meanings(link.mount)) for link in self.links]
         for slip in dict.fromkeys(slip for each in others for slip in each):
             frames: list[Array] = []
@@ -94,7 +94,7 @@ class Written:
             yield slip, {GROUND: np.eye(4), **{link.name: F for link, F in zip(self.links, frames, strict=True)}}
 
     def from_geoms(self, name: str, library: str) -> str:
-        """Return the slip by which a link has its mass properties from geoms; empty where the file states them."""
+        """Return the slip by which a link gets its mass properties from geoms; empty if the file specifies them."""
         link = self.link(name)
         geoms = [each for each in link.element.children if each.tag in ("geom", "collision")] if link else []
         if geoms and library == "mujoco" and self.options.get("inertiafromgeom") == "true":
@@ -106,7 +106,7 @@ class Written:
 
 
 def parse_file(file: Path | None) -> Written:
-    """Parse a model file; a file that is no URDF or MJCF gives an empty record."""
+    """Parse a model file; return an empty record for a file other than URDF or MJCF."""
     try:
         text = read_file(file) if file else ""
         xml = XmlText(text, "the model file")
@@ -126,11 +126,11 @@ def _rotation(attributes: dict[str, str], compiler: Mapping[str, str]) -> Array:
     return mjcf.pose(Element("body", attributes, 0, None), compiler)[:3, :3]
 
 
-#: Largest share of a difference that a slip may leave, whatever the printed digits.
+#: Largest share of a difference that a slip may leave unexplained, regardless of the printed digits.
 SHARE = 1e-2
-#: Digits of a rounded number; angles may have three, as 1.57 for 90 degrees.
+#: Range of digits of a rounded number; angles may have three, as in 1.57 for 90 degrees.
 FEWEST, MOST = 4, 8
-#: Largest relative difference of equal moments of inertia; least turn [degrees].
+#: Largest relative difference of equal moments of inertia; smallest rotation that is reported [degrees].
 EQUAL, TURN = 1e-3, 0.01
 _AXES = "xyz"
 
@@ -139,14 +139,14 @@ Guesses = Iterator[tuple[Slip, Array]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """A value in both models, seen from one frame.
+    """A value in both models, expressed in one frame.
 
     Attributes:
         a, b: Values in A and in B.
         unit: SI unit.
         loose: Relative error that printed digits allow.
-        matter: Matter of the body in A that has the value.
-        frames: Axes in which either file writes the value. Shape (3, 3) each.
+        matter: Mass properties of the body in A to which the value belongs.
+        frames: Axes in which each file writes the value. Shape (3, 3) each.
         turns: Slips in these axes, with the rotation that each applies to A's value. Shape (3, 3) each.
     """
 
@@ -159,13 +159,13 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """True if a value equals B's to the digits of the files and is far nearer to it than A's."""
+        """True if the value matches B's to the precision of the files and is much closer to it than A's value is."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
 
     def slips(self, what: str) -> list[Slip]:
-        """Return slips that give B's value, one of each kind; later entries are tried if no earlier one fits."""
+        """Return slips that reproduce B's value, one of each kind; later entries only if no earlier one fits."""
         for entry in ENTRIES.get(what, NUMBER):
             found = dict[str | float, Slip]()
             guesses = [((entry,), PLAIN[entry](self.a))] if isinstance(entry, str) else entry(self)
@@ -178,7 +178,7 @@ class Trial:
 
 
 def rounding(*values: Array, least: int = FEWEST) -> float:
-    """Return half a unit of the last digit of rounded numbers, relative; `LEFT` where no number is rounded."""
+    """Return half a unit of the last digit of rounded numbers, relative; `LEFT` if no number is rounded."""
     digits = (re.sub(r"e.*|\.", "", f"{abs(float(x)):.12g}").strip("0") for each in values for x in np.ravel(each))
     return max([LEFT, *(0.5 / int(text) for text in digits if least <= len(text) <= MOST)])
 
@@ -190,11 +190,11 @@ def units(t: Trial) -> Guesses:
     for factor, name in UNITS.get(t.unit, {}).items():
         for slip, value in ((("unit", name), factor * t.a), (("unit of A", name), t.a / factor)):
             if t.b.any() and near.fits(value):
-                yield slip, t.b  # equal to the digits of the files
+                yield slip, t.b  # equal to the precision of the files
 
 
 def one_number(t: Trial) -> Guesses:
-    """Try one number with the other sign, or with its decimal point moved."""
+    """Try one number with the opposite sign, or with its decimal point moved."""
     for i in map(tuple, np.argwhere(t.a)):
         guesses = [("decimal point", places) for places in (1, -1, 2, -2, 3, -3)]
         for slip, factor in ((("other sign",), -1.0), *((slip, 10.0 ** slip[1]) for slip in guesses)):
@@ -286,7 +286,7 @@ def axes(t: Trial) -> Guesses:
     if apart.all():
         turns = [W @ np.diag(signs) @ V.T for signs in product((1.0, -1.0), repeat=3)]
         angle = min(float(np.linalg.norm(rotation_vector(R))) for R in turns if np.linalg.det(R) > 0.0)
-    else:  # ignore turns about the axis of two equal moments
+    else:  # ignore rotations about the axis between two equal moments
         k = 2 if apart[1] else 0
         angle = float(np.arccos(min(1.0, abs(float(V[:, k] @ W[:, k])))))
     if np.degrees(angle) > TURN:
@@ -294,12 +294,12 @@ def axes(t: Trial) -> Guesses:
 
 
 def one_entry(t: Trial) -> Guesses:
-    """Try one entry of a tensor with the other sign, or with its decimal point moved, in the axes of either file."""
+    """Try one tensor entry with the opposite sign, or its decimal point moved, in the axes of either file."""
     for R in (t.frames or {"": np.eye(3)}).values():
         yield from ((slip, R @ value @ R.T) for slip, value in one_number(Trial(R.T @ t.a @ R, t.b)))
 
 
-#: Slips that depend on A's value alone.
+#: Slips that depend only on A's value.
 PLAIN: Mapping[str, Callable[[Array], Array]] = {
     "left out": np.zeros_like,
     "upside down": np.negative,
@@ -308,7 +308,7 @@ PLAIN: Mapping[str, Callable[[Array], Array]] = {
     "no rotation": lambda a: np.eye(3),
 }
 Entry = str | Callable[[Trial], Guesses]
-#: Entries of a number, and of other properties, the likely ones first: later ones are tried if no earlier one fits.
+#: Entries of a number, and of other properties, likely ones first: later ones are tried only if no earlier one fits.
 NUMBER: Sequence[Entry] = (units, one_number)
 ENTRIES: Mapping[str, Sequence[Entry]] = {
     "mass": (units, "left out", one_number),

@@ -1,4 +1,4 @@
-"""Facts of bodies: mass, centre of mass, inertia, and the compensated share of weight."""
+"""Compares bodies: mass, centre of mass, inertia, and the compensated share of weight."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def body_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matter) -> Iterator[Fact]:
-    """Compare two matters in A's world."""
+    """Compare the mass properties of two bodies in A's world."""
     sizes = _sizes(ours, theirs, pair.a.length)
     if not any(sizes.values()):
         return
@@ -39,10 +39,10 @@ def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matte
 
 
 def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
-    """Return the size of the difference of each property; 0 where it is rounding."""
+    """Return the size of the difference of each property; 0 if it is rounding."""
     solid = min(ours.mass, theirs.mass) > NO_MASS
     most = max(float(np.abs(ours.inertia).max()), float(np.abs(theirs.inertia).max()))
-    # a tensor about another centre is only as exact as that centre
+    # a tensor about another centre is only as accurate as that centre
     floor = TOLERANCE * max(ours.mass, theirs.mass) * length**2
     away = float(np.linalg.norm(ours.com - theirs.com)) / length
     off = float(np.abs(ours.inertia - theirs.inertia).max())
@@ -54,7 +54,7 @@ def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
 
 
 def _changes(machine: Machine, name: str, whole: Matter) -> dict[str, Change]:
-    """Return the changes of the heaviest member of a body that give the whole body a matter, in A's world."""
+    """Return the changes to the heaviest member of a body that give the whole body these mass properties."""
     members, bodies = machine.bodies[name].members, machine.reading.bodies
     main = max(members, key=lambda each: bodies[each].mass)
     others = (displace(bodies[each], bodies[each].pose) for each in members if each != main)

@@ -19,10 +19,10 @@ from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Differences up to this are none: relative, or in lengths of the machine and rad. Rounding of readers leaves 1e-14,
-#: Newton's method that closes loops 1e-11.
+#: Differences up to this value count as none: relative, or in lengths of the machine and rad. Readers have rounding
+#: errors of 1e-14, Newton's method for closing loops 1e-11.
 TOLERANCE = 1e-9
-#: Gravity of a file that states none [m/s^2].
+#: Gravity of a file that specifies none [m/s^2].
 STANDARD = np.array(PROPERTIES["gravity"].default)
 
 #: Facts without effect on motions and coordinates: coordinates determine where a free body starts.
@@ -36,17 +36,17 @@ class Fact:
     """A physical difference.
 
     Attributes:
-        part: Body, joint, closure or actuator by its name in A, in B where A has none; empty of the model.
-        what: Property or event; see `words` for all of them.
-        a, b: Values in A's frames and counting; None of a side that has none. A step from A to B in A's world is a
-            rotation vector [rad] and a way [m], shape (2, 3).
-        unit: SI; empty of a number without one.
-        size: Relative, or in lengths of the machine and rad; infinite where a side has none.
-        kind: ``model``; ``convention``, which changes no motion; ``digits``, rounding of printed numbers.
-        changes: Changes that give A the value of B; empty where no value does.
-        partner: Name of the part in B; empty where it has none.
-        of: A second part: the body in whose axes a step is stated, the joint of an actuator.
-        more: Further names, such as the bodies that a lost link carries.
+        part: Name of the body, joint, closure or actuator in A, or in B if A lacks it; empty for the model.
+        what: Property or event; `words` lists all of them.
+        a, b: Values in A's frames and counting; None for a side without a value. A step from A to B in A's world is a
+            rotation vector [rad] and a translation [m], shape (2, 3).
+        unit: SI unit; empty for a dimensionless number.
+        size: Relative difference, or difference in lengths of the machine and rad; infinite if a side has no value.
+        kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
+        changes: Changes that give A the value of B; empty if no value does.
+        partner: Name of the part in B; empty if B lacks it.
+        of: A second part: the body in whose axes a step is expressed, or the joint of an actuator.
+        more: Further names, such as the bodies that a missing link carries.
     """
 
     part: str
@@ -63,13 +63,13 @@ class Fact:
 
     @property
     def side(self) -> str:
-        """The only side that has a value; empty where both have one."""
+        """The only side that has a value; empty if both have one."""
         return "A" if self.b is None and self.a is not None else "B" if self.a is None and self.b is not None else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """A joint of B, whose coordinate is ``sign`` times that of its partner in A, plus ``zero`` [rad or m]."""
+    """A joint of B whose coordinate equals ``sign`` times that of its partner in A, plus ``zero`` [rad or m]."""
 
     name: str
     sign: float = 1.0
@@ -78,10 +78,10 @@ class Partner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Two machines, their alignment, and joints of A with their partners; filled while links are compared.
+    """Two machines, their alignment, and the joints of A with their partners; completed while links are compared.
 
     Attributes:
-        lost: Facts of links and welds that either side has alone, and that the machines are without.
+        lost: Facts about links and welds that only one side has and that were removed from the machines.
     """
 
     a: Machine
@@ -102,7 +102,7 @@ class Pair:
         return {partner.name: name for name, partner in self.joints.items()}
 
     def displacement(self, near: str, far: str) -> Array:
-        """Return the displacement from the far body of A to that of B, with the near ones aligned. Shape (4, 4)."""
+        """Return the displacement from the far body of A to that of B, with the near bodies aligned. Shape (4, 4)."""
         placed = self.alignment.placed
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
@@ -112,17 +112,17 @@ class Pair:
         return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
 
     def partner(self, joint: str) -> Partner:
-        """Return the partner of a joint of A; its namesake where it has none."""
+        """Return the partner of a joint of A; for an unmatched joint, the joint of B with the same name."""
         return self.joints.get(joint, Partner(joint))
 
 
 def known_gravity(gravity: Array | None) -> Array:
-    """Return the stated gravity, or the standard one where a file states none [m/s^2]. Shape (3,)."""
+    """Return the gravity of a file, or the standard value if the file specifies none [m/s^2]. Shape (3,)."""
     return STANDARD if gravity is None else gravity
 
 
 def other_gravity(a: Reading, b: Reading) -> str:
-    """Return the side without gravity if the other side states a non-standard one; else an empty name."""
+    """Return the side without gravity if the other side specifies a non-standard one; otherwise an empty name."""
     if (a.gravity is None) == (b.gravity is None):
         return ""
     usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
@@ -130,12 +130,12 @@ def other_gravity(a: Reading, b: Reading) -> str:
 
 
 def select(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
-    """Keep the facts of one group of properties; all facts for an empty name."""
+    """Keep the facts about one group of properties; all facts for an empty name."""
     return tuple(fact for fact in facts if not only or fact.what in RIGID)
 
 
 def difference(a: float, b: float, least: float = 0.0) -> float:
-    """Return the relative difference of two numbers, 0 where it is rounding.
+    """Compute the relative difference of two numbers, 0 if it is rounding.
 
     Args:
         least: Smallest magnitude to divide by.
@@ -145,32 +145,32 @@ def difference(a: float, b: float, least: float = 0.0) -> float:
 
 
 def step_of(T: Array, point: Array) -> Array:
-    """Return a displacement as a rotation vector and the way of a point. Shape (4, 4) -> (2, 3)."""
+    """Express a displacement as a rotation vector and the translation of a point. Shape (4, 4) -> (2, 3)."""
     return np.array([rotation_vector(np.asarray(T[:3, :3])), T[:3, :3] @ point + T[:3, 3] - point])
 
 
 #: Digits of numbers in full precision.
 ALL = 15
-#: Digits of numbers of 32 bits.
+#: Digits of 32-bit numbers.
 SINGLE = 8
-#: Least share of a file's longer numbers that have as many digits as the longest if a program cut them, and their least
-#: number: one or two are somebody's edit.
+#: Smallest share of a file's longer numbers that have the maximum length if a program rounded them, and the smallest
+#: count of these: one or two are a manual edit.
 CUT, FEWEST = 0.3, 5
-#: Numbers of fewer digits are intended, those of more are exact; and rounding appears in several places.
+#: Numbers with fewer digits are intended, those with more are exact; and rounding appears in at least this many places.
 MEANT, EXACT, SEEN = 5, 12, 4
-#: Rounding of a value computed from several numbers, in units of the last digit.
+#: Rounding error of a value computed from several numbers, in units of the last digit.
 SUM = 5.0
-#: Properties that a file states directly.
+#: Properties that a file specifies directly.
 ITSELF = {"mass", *PASSIVE}
-#: Case of tensors that MuJoCo's compiler rotates inexactly, and a bound of its error.
+#: Casebook entry on tensors that MuJoCo's compiler rotates inexactly, and a bound on the error.
 AXES, INEXACT = "mj-axes-before-3.14", 1e-6
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)?(?![\w.])")
 
 
 def digits_of(text: str) -> int:
-    """Return the number of digits that a program cut the numbers of a file to; `ALL` if none did.
+    """Return the number of digits to which a program rounded the numbers of a file; `ALL` if none did.
 
-    A program leaves many numbers of the same length and no longer one; people do not.
+    A program produces many numbers of the same maximum length; people do not.
     """
     counts = _counts(text)
     long = {n: count for n, count in counts.items() if n > 3}
@@ -186,28 +186,28 @@ def longest_number(text: str) -> int:
 
 
 def numbers_in(text: str) -> list[float]:
-    """Return all numbers in the attributes of a file."""
+    """List all numbers in the attributes of a file."""
     return [float(match[0]) for value in _values(text) for match in _NUMBER.finditer(value)]
 
 
 def _counts(text: str) -> Counter[int]:
-    """Count numbers by their digits, without those in comments."""
+    """Count the numbers outside comments by their number of digits."""
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     found = (match[0] for value in _values(text) for match in _NUMBER.finditer(value))
     return Counter(len(re.sub(r"[eE].*|[-+.]", "", number).lstrip("0")) for number in found)
 
 
 def _values(text: str) -> list[str]:
-    """Return the values of all attributes, and the texts of elements, which hold the numbers of an SDF."""
+    """Return the values of all attributes, and the texts of elements, which contain the numbers of an SDF."""
     return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
 
 
 def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, int] = (0, 0)) -> list[Fact]:
-    """Mark facts that are the rounding of a file.
+    """Mark facts that are due to the rounding of a file.
 
     Args:
-        digits: That numbers of A's and of B's file are cut to.
-        longest: Of their longest numbers; 0 where there is no file.
+        digits: Digits to which the numbers of A's and B's files are rounded.
+        longest: Digits of their longest numbers; 0 without a file.
     """
     n = min(digits)
     if n < ALL and any(isinstance(fact.b, Whole) and not fact.b.stands for fact in facts):
@@ -228,13 +228,13 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
     """True if a fact is within half a unit of the last digit, or a few units if it is computed from several numbers.
 
     Args:
-        n: Digits of the file with fewer digits; `side`: its side.
+        n: Digits of the file with fewer digits; `side`: the side of that file.
     """
     unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
         return fact.size <= SUM * unit
     value = float(getattr(fact, side))
-    if float(f"{value:.{n}g}") != value:  # no number of that file, but made of some, such as of a geom
+    if float(f"{value:.{n}g}") != value:  # not a number of that file but computed from several, such as those of a geom
         return fact.size <= SUM * unit
     decade = 10.0 ** math.floor(math.log10(abs(float(fact.a)))) if fact.a else 0.0
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
@@ -246,13 +246,13 @@ def _is_printed(fact: Fact, n: int) -> bool:
         return False
     try:
         a, b = (np.asarray(value, float).ravel() for value in (fact.a, fact.b))
-    except ValueError:  # letters, such as those of a kind of joint
+    except ValueError:  # letters, such as a kind of joint
         return False
     return any(all(float(f"{x:.{n}g}") == y for x, y in zip(*pair, strict=True)) for pair in ((a, b), (b, a)))
 
 
 def mark_compiled(facts: Sequence[Fact], libraries: Sequence[str]) -> list[Fact]:
-    """Mark tensors that differ by no more than what the installed MuJoCo makes of those of a file."""
+    """Mark tensors whose difference is within the error of the installed MuJoCo's compiler."""
     small = [fact.what == "inertia" and fact.kind == "model" and fact.size <= INEXACT for fact in facts]
     if not any(small) or "mujoco" not in libraries or not is_shown_here(CASES[AXES]):
         return list(facts)

@@ -1,7 +1,7 @@
-"""Facts of links: kind, place, axis, zero and sense of joints, their passive forces and limits.
+"""Compares links: kind, placement, axis, zero and sense of joints, their passive forces and limits.
 
-Where a body lies on its partner, the displacement between two neighbours is what their joint does and what is left:
-the first is a zero, the rest a placement; the axis is where the joint lies on either body.
+With a body aligned with its partner, the displacement between two neighbours splits into the motion of their joint and
+a remainder: the former is a zero, the latter a placement; the axis is the location of the joint on either body.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
 
-#: Limits beyond this are none [rad or m]: writers put 1000 for none, while 180 is a limit in degrees.
+#: Limits beyond this value count as none [rad or m]: some programs write 1000 for none, while 180 is a limit in
+#: degrees.
 BOUNDLESS = 900.0
 
 
@@ -50,7 +51,7 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _is_plain(link: Link) -> bool:
-    """True if a link consists of hinges and slides of the file alone."""
+    """True if a link consists only of hinges and slides of the file."""
     return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
 
 
@@ -68,7 +69,7 @@ def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Yield joints that the other side fixes; else the two kinds of link, which may be equivalent in loops."""
+    """Yield joints that the other side fixes; otherwise the two kinds of link, which may be equivalent in loops."""
     met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
@@ -109,7 +110,7 @@ def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Split the displacement of the far body into what the joints do and what is left."""
+    """Split the displacement of the far body into the motion of the joints and a remainder."""
     a, b = pair.a, pair.b
     D = _displacement(pair, one, other)
     joints = [
@@ -142,7 +143,7 @@ def _displacement(pair: Pair, one: Link, other: Link) -> Array:
 
 
 def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
-    """Return the sense of each joint of B against its partner, 1 or -1."""
+    """Return the sense of each joint of B relative to its partner, 1 or -1."""
     R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]
     return [
         (1.0 if x.direction @ (R @ y.direction) >= 0.0 else -1.0) * (-1.0 if x.turned != y.turned else 1.0)
@@ -151,10 +152,10 @@ def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
 
 
 def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequence[float]:
-    """Return the steps of the joints of a link that come nearest to a displacement D.
+    """Compute the steps of the joints of a link that best approximate a displacement D.
 
     Args:
-        same: Steps to equal coordinates, preferred if they explain as much.
+        same: Steps to equal coordinates, preferred if they fit equally well.
     """
     fitted = steps_of(link, D, length)
     if (
@@ -181,23 +182,23 @@ def _entries(E: Array, length: float) -> Array:
 
 
 def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
-    """Return the remainder of a displacement after steps of the joints, shape (4, 4), and its size."""
+    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and its size."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):
-        T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions come first
+        T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions first
     E = np.asarray(np.linalg.inv(T) @ D)
     return E, float(np.abs(_entries(E, length)).max())
 
 
 def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
-    """Tell on which of its bodies a link sits elsewhere.
+    """Create the fact for a displaced link, and determine on which of its bodies it is displaced.
 
     Args:
-        D: Displacement of the near body of B against that of A, seen from the far ones; `X`: what of it is left of the
-            far ones where the link does not move. Shape (4, 4) each.
+        D: Displacement of the near body of B relative to that of A, with the far bodies aligned; `X`: that of the
+            far body, with the near bodies aligned, beyond the motion of the link. Shape (4, 4) each.
     """
     ends = {body for body, *_ in _shifts(pair, one, other)}
-    far = ends == {one.far} if ends else one.elements[0].turned  # a shift along its axis shows on neither body
+    far = ends == {one.far} if ends else one.elements[0].turned  # a shift along the axis is visible on neither body
     body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
     X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
     change = _end_change(one, body, X)
@@ -219,7 +220,7 @@ def _end_change(link: Link, body: str, X: Array) -> Change:
     """Return the change that displaces the end of joints on one of their bodies."""
     far = body == link.far
     element = link.elements[-1 if far else 0]
-    if element.turned == far:  # the file leads from this body to the other one
+    if element.turned == far:  # the file declares the joint from this body to the other
         return Change(element.joint, "placement", X)
     return Change(element.joint, "seat", np.asarray(np.linalg.inv(X)))
 
@@ -239,7 +240,7 @@ def _count_facts(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
 
 
 def _joint_facts(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
-    """Compare passive forces and limits of a joint, with B's coordinate counted as A's."""
+    """Compare passive forces and limits of a joint, with B's coordinate converted to A's."""
     partner = pair.joints[name]
     a, b = pair.a.reading.joints[name], pair.b.reading.joints[partner.name]
     for what in PASSIVE:
@@ -256,7 +257,7 @@ def _joint_facts(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fac
 
 
 def _change_to_b(name: str, what: str, value: object) -> Change:
-    """Make a change to B's own number, for a joint whose zero and sense are already those of B."""
+    """Create a change to B's own number, for a joint whose zero and sense are already those of B."""
     return Change(name, what, np.asarray(value, float))
 
 
@@ -267,10 +268,10 @@ def _entry(name: str, what: str, a: object, b: object, joint: JointReading, size
 
 
 def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, described: bool) -> Iterator[Fact]:
-    """Compare limits, of which unreachable ones count as none; a joint with another zero may keep its numbers.
+    """Compare limits, ignoring unreachable ones; a joint with another zero may keep its numbers.
 
     Args:
-        described: True if a side is a description, whose files omit limits.
+        described: Whether a side is a description, whose files omit limits.
     """
     theirs = sorted(partner.sign * (x - partner.zero) for x in b.limits)
     first, second = (np.clip(each, -BOUNDLESS, BOUNDLESS) for each in (a.limits, theirs))
@@ -295,10 +296,10 @@ def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, de
 
 
 def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact]:
-    """Compare the places of a link on its two bodies.
+    """Compare the locations of a link on its two bodies.
 
     Args:
-        moved: True if a displacement of the carried body is already a fact.
+        moved: Whether a displacement of the carried body is already a fact.
     """
     sides = [*_shifts(pair, one, other)]
     if not sides or (moved and len(sides) < 2):
@@ -328,7 +329,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
 
 
 def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
-    """Yield features of a link whose places on a body and on its partner differ, with the distance."""
+    """Yield features of a link whose locations on a body and on its partner differ, with the distance."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
             y = y.move(pair.alignment.placed[body])
@@ -338,7 +339,7 @@ def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, 
 
 
 def _step(x: Feature, y: Feature) -> Array:
-    """Return turn and way from one feature to another, without motion along a line. Shape (2, 3)."""
+    """Compute the rotation and translation from one feature to another, ignoring motion along a line. Shape (2, 3)."""
     way = y.point - x.point
     way = {"R": way - (way @ y.direction) * y.direction, "S": way, "P": np.zeros(3)}[x.kind]
     sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
@@ -349,7 +350,7 @@ def _step(x: Feature, y: Feature) -> Array:
 
 
 def _axis(joint: str, x: Feature, y: Feature, step: Array, length: float) -> Iterator[Change]:
-    """Yield the changes that move the axis of a joint alone."""
+    """Yield the changes that move only the axis of a joint."""
     if np.linalg.norm(step[0]) > TOLERANCE:
         sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
         yield Change(joint, "axis", sense * y.direction)

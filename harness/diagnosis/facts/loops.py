@@ -1,4 +1,4 @@
-"""Facts of loops: ends of closures, couplings as functions of A's coordinates, and softness."""
+"""Compares loops: ends of closures, couplings as functions of A's coordinates, and softness."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.linear import rank
 from screwgauge.reference.rotations import Array
 
-#: Tolerances by which a place that several numbers determine may differ.
+#: Number of tolerances by which a location computed from several numbers may differ.
 SUM = 3.0
 
 
@@ -39,7 +39,7 @@ def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
-    """Pair closures of two elements by name, else by the distances of their points."""
+    """Pair closures of two elements by name, otherwise by the distances of their points."""
     if {*x.closures} == {*y.closures}:
         return {name: name for name in x.closures}
     T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
@@ -56,7 +56,7 @@ def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
 
 
 def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
-    """Yield displaced ends of a closure, without an end that the file derives from the other one."""
+    """Yield displaced ends of a closure, except an end that the file derives from the other end."""
     a, b = pair.a.reading, pair.b.reading
     known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
     derived = a.closures[name].derived and b.closures[partner].derived
@@ -75,19 +75,19 @@ def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
             yield Fact(name, "end", np.zeros((2, 3)), step, "m", size, changes=(change,), partner=partner, of=body)
 
 
-#: Tolerance of couplings over a unit range [rad or m], and of features that a turn leaves in place.
+#: Tolerance of couplings over a unit range [rad or m], and of features that a rotation leaves unchanged.
 SAME, ROUND = 1e-8, 1e-6
 
 
 def coupling_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare couplings by the joint that follows; a round body may be turned so that they agree.
+    """Compare couplings with the same dependent joint; a round body may be rotated to make them agree.
 
-    Linear ones that leave the same motions are the same, whichever joints follow.
+    Linear couplings that allow the same motions are equal, whichever joints depend.
     """
     if _are_equivalent(pair):
         return
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
-    # couplings to joints of one side alone are part of the facts on these joints
+    # couplings to joints that only one side has are part of the facts about these joints
     ours = {name for name, each in a.items() if {*each.named} <= pair.joints.keys()}
     theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
     yield from (_lone_coupling(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
@@ -97,13 +97,13 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
     counts = Counter(name for each in a.values() for name in each.named)
     free = {
         name for name in _free_zeros(pair.a, pair) if counts[name] == 1
-    }  # a turn for one coupling would spoil another one
+    }  # a rotation that suits one coupling would violate another
     for name, other in partners.items():
         yield from _compare_couplings(pair, name, a[name], b[other], free)
 
 
 def _lone_coupling(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
-    """Make the fact of a joint that is coupled or held on one side only."""
+    """Create the fact for a joint that is coupled or held on one side only."""
     back = pair.back if side == "B" else {}
     joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
     held = not function.terms
@@ -123,7 +123,7 @@ def _compare_couplings(
     """Compare two couplings of one joint.
 
     Args:
-        free: Joints whose zero nothing shows; one that a coupling fixes is taken out.
+        free: Joints whose zero is unobservable; a joint whose zero a coupling fixes is removed.
     """
     ours, joint, follower = one.function, one.joint, pair.partner(one.joint)
     other = other.solved(follower.name)
@@ -136,11 +136,11 @@ def _compare_couplings(
         size, more = _size(ours.minus(theirs)), (_leaders(ours), _leaders(own))
         yield Fact(joint, "leading joint", a, b, "", size, of=more[0], more=more)
         return
-    # turn a free joint so that the two couplings agree
+    # rotate a free joint to make the two couplings agree
     if abs(step := ours.constant - theirs.constant) > SAME and (turning := free & {joint, *own.terms}):
         free.discard(joint if joint in free else min(turning))
         theirs = theirs.plus(step)
-    # a joint that is mounted turned about its own axis carries its coupling along
+    # a joint mounted with a rotation about its own axis takes its coupling with it
     plain = ours.beside(_function_in_a(pair, other, zeros=False))
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
@@ -151,10 +151,10 @@ def _compare_couplings(
 
 
 def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
-    """Return the function of a coupling of B in coordinates of A.
+    """Express the function of a coupling of B in coordinates of A.
 
     Args:
-        zeros: True to count from A's zeros.
+        zeros: Whether to count from A's zeros.
     """
     function, back = coupling.function.renamed(pair.back), pair.back
     partners = {name: pair.partner(name) for name in (*function.terms, back.get(coupling.joint, coupling.joint))}
@@ -165,7 +165,7 @@ def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True)
 
 
 def _are_equivalent(pair: Pair) -> bool:
-    """True if all couplings are linear and leave the same motions."""
+    """True if all couplings are linear and allow the same motions."""
     a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
     if not (a and b) or not all(each.function.linear for each in (*a, *b)):
         return False
@@ -181,7 +181,7 @@ def _are_equivalent(pair: Pair) -> bool:
 
 
 def _size(function: PolynomialSum) -> float:
-    """Return the largest value over coordinates between -1 and 1."""
+    """Estimate the largest magnitude over coordinates between -1 and 1."""
     x = np.linspace(-1.0, 1.0, 7)
     values = [Polynomial([0.0, *p])(x) for p in function.terms.values()]
     ends = (sum((float(end(each)) for each in values), function.constant) for end in (np.min, np.max))
@@ -189,13 +189,13 @@ def _size(function: PolynomialSum) -> float:
 
 
 def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
-    """Return hinges without an observable zero: one of their bodies is round."""
+    """Return hinges whose zero is unobservable because one of their bodies is round."""
     links = [one for one, _ in pair.alignment.links if len(one.elements) == 1 or one.kind == "C"]
     return {x.joint for link in links for x in link.elements if x.joint and _is_round(machine, link, x)}
 
 
 def _is_round(machine: Machine, link: Link, x: Element) -> bool:
-    """True if a turn about a hinge leaves the body at one of its ends unchanged."""
+    """True if a rotation about a hinge leaves the body at one of its ends unchanged."""
     if x.kind != "hinge":
         return False
     T = exponential("hinge", x.direction, x.centre, 1.0)
@@ -203,7 +203,7 @@ def _is_round(machine: Machine, link: Link, x: Element) -> bool:
 
 
 def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
-    """True if a turn leaves the matter and the other links of a body in place."""
+    """True if a rotation leaves the mass properties and the other links of a body unchanged."""
     if body not in machine.reading.bodies:
         return False
     matter = machine.bodies[body].matter
@@ -217,7 +217,7 @@ def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
 
 
 def softness_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare how softly a library keeps closures and couplings, where both files say it."""
+    """Compare how softly a library enforces closures and couplings, if both files specify it."""
     for room, partners in (("closures", _closure_partners(pair)), ("couplings", coupling_partners(pair))):
         for name, other in partners.items():
             a, b = (
@@ -242,7 +242,7 @@ def _closure_partners(pair: Pair) -> dict[str, str]:
 
 
 def coupling_partners(pair: Pair) -> dict[str, str]:
-    """Pair couplings of A and B by the joint that follows, else by all their joints."""
+    """Pair couplings of A and B by the dependent joint, otherwise by all their joints."""
     a, b, back, found = pair.a.reading.couplings, pair.b.reading.couplings, pair.back, dict[str, str]()
     named = {name: [back.get(joint, joint) for joint in each.named] for name, each in b.items()}
     keys: tuple[Callable[[Sequence[str]], Hashable], ...] = (lambda joints: joints[0], frozenset)

@@ -1,4 +1,4 @@
-"""Facts of missing parts, of the model, of actuators, and of content without a typed entry."""
+"""Compares the structure of two machines: missing parts, the model, actuators, and content without a typed entry."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from screwgauge.reference.mechanism import GROUND
 
 
 def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
-    """Align two machines; bodies that only one side moves against each other are fused on both.
+    """Align two machines, and fuse on both sides bodies that move relative to each other on one side only.
 
-    Names show them before the alignment; without names they are found afterwards.
+    Such bodies are found by name before the alignment; those without matching names are found afterwards.
     """
     lost = list[Fact]()
     if names.bodies:
@@ -41,7 +41,7 @@ def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> P
 
 
 def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
-    """Find links to bodies without a partner whose mass is part of the partner of their neighbour."""
+    """Find links to unmatched bodies whose mass is contained in the partner of their neighbour."""
     for side, each in (("A", pair), ("B", pair.inverse)):
         partners = each.alignment.bodies
         for link in (end for one in each.alignment.only_a for end in (one, one.reversed())):
@@ -54,7 +54,7 @@ def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
 
 
 def _fuse_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
-    """Fuse bodies that the other machine has as one, and drop welds that it lacks."""
+    """Fuse bodies that are one body on the other machine, and drop welds that it lacks."""
     sides, facts = {"A": a, "B": b}, list[Fact]()
     for side, other in ("AB", "BA"):
         sides[side], lost = _drop_welds(sides[side], sides[other], side)
@@ -66,12 +66,12 @@ def _fuse_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]
 
 
 def _owners(machine: Machine) -> dict[str, str]:
-    """Return the body of each link."""
+    """Return the body to which each link belongs."""
     return {name: body for body, each in machine.bodies.items() for name in each.frames}
 
 
 def _drop_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """Drop welds between bodies that the other machine has apart."""
+    """Drop welds between bodies that are separate on the other machine."""
     owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
     gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
     if not gone:
@@ -83,7 +83,7 @@ def _drop_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """Fuse bodies that the other machine has as one, at the coordinate at which it holds them."""
+    """Fuse bodies that are one body on the other machine, at the coordinate at which it holds them."""
     owners = _owners(other)
     held = {
         link.joints: q
@@ -103,13 +103,13 @@ def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
-    """True if both bodies of a link are a single one on the other side, by the names of their members."""
+    """True if the members of both bodies of a link belong to a single body on the other side, by their names."""
     ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
 
 def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """Return the coordinate of a joint at which its bodies stand as on the other side; None at home, or without one."""
+    """Return the joint coordinate that poses its bodies as on the other side; None if it is home or missing."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -123,7 +123,7 @@ def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mappin
 
 
 def structure_facts(pair: Pair) -> Iterator[Fact]:
-    """Yield parts of one side alone: joints that the other side fixes, subtrees, links between paired bodies."""
+    """Yield parts that only one side has: joints that the other side fixes, subtrees, links between paired bodies."""
     yield from pair.lost
     for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
         machine = pair.a if side == "A" else pair.b
@@ -142,7 +142,7 @@ def structure_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) -> list[str]:
-    """Return the bodies without a partner that are connected to some of them."""
+    """Return the unmatched bodies that are connected to the given ones."""
     found = list(bodies)
     for body in found:
         ends = {end for link in links if link.joins(body) for end in (link.near, link.far)}
@@ -151,7 +151,7 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
 
 
 def _lost_link(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
-    """Make the fact of a link without a partner, with its bodies, and their mass or its coordinate."""
+    """Create the fact for an unmatched link, with its bodies, and their mass or its coordinate."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
     fact = _lone_fact(side, "/".join(link.joints or link.names), what, link.kind)
@@ -171,7 +171,7 @@ def name_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def model_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare gravity, where both sides state it, and the medium."""
+    """Compare gravity, if both sides specify it, and the medium."""
     a, b = pair.a.reading, pair.b.reading
     if a.gravity is not None and b.gravity is not None:
         most = max(float(np.linalg.norm(a.gravity)), float(np.linalg.norm(b.gravity)), 1e-300)
@@ -185,7 +185,7 @@ def model_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare motors by the joints that they drive, where both files have some."""
+    """Compare motors by the joints that they drive, if both files have motors."""
     a, b = pair.a.reading.actuators, pair.b.reading.actuators
     if not (a and b):
         return
@@ -213,7 +213,7 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_partners(pair: Pair) -> dict[str, str]:
-    """Pair actuators: by name and joint, by a name that a file gives, by joint, by name."""
+    """Pair actuators: by name and joint, by explicit name, by joint, by name."""
     a, b, back = pair.a.reading.actuators, pair.b.reading.actuators, pair.back
     ours = {name: joint for name, (joint, _) in a.items()}
     theirs = {name: back.get(joint, joint) for name, (joint, _) in b.items()}
@@ -239,7 +239,7 @@ Sided = tuple[tuple[str, Content], ...]
 
 
 def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
-    """Compare content without a typed entry item by item, paired by the parts that it acts on.
+    """Compare content without a typed entry item by item, paired by the parts on which it acts.
 
     Returns:
         Differences; content that could differ and is not compared; content out of scope.
@@ -263,13 +263,13 @@ def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
 
 
 def _drop_lone(content: Iterable[Content], pair: Pair) -> list[Content]:
-    """Drop content that acts only on joints without a partner, which are facts themselves."""
+    """Drop content that acts only on unmatched joints, which are facts themselves."""
     acts = [({name for room, name, _ in each.of if room == "joints"}, each) for each in content]
     return [each for joints, each in acts if not joints or joints & pair.joints.keys()]
 
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
-    """Pair items that act on the same parts, equal ones first."""
+    """Pair items that act on the same parts, equal items first."""
     ours, theirs = _group(a), _group(b)
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
@@ -285,7 +285,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
 
 
 def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
-    """Group content by kind and by the parts that it acts on, or by its name where it acts on none."""
+    """Group content by kind and by the parts on which it acts, or by its name if it acts on none."""
     groups = defaultdict[object, list[Content]](list)
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
@@ -295,7 +295,7 @@ def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
 
 
 def _entries(a: Content, b: Content) -> Iterator[tuple[str, float | str, float | str]]:
-    """Yield label and both values of each entry of two items."""
+    """Yield the label and both values of each entry of two items."""
     for (_, name, x), (*_, y) in zip(sorted(a.of), sorted(b.of), strict=False):
         yield f"coefficient of {name}", x, y
     for (key, one), (_, other) in zip(a.values or (), b.values or (), strict=False):
@@ -313,7 +313,7 @@ def _size(x: float | str, y: float | str) -> float:
 
 
 def _same(a: Content, b: Content) -> bool:
-    """True if both items are known and have equal values, numbers up to rounding."""
+    """True if both items are known and have equal values, up to rounding."""
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
     labels = all(key == other for (key, _), (other, _) in zip(a.values, b.values, strict=True))
@@ -321,16 +321,16 @@ def _same(a: Content, b: Content) -> bool:
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, alike: bool) -> str:
-    """Return ``same``, ``differs``, or a fate of `content.toml`.
+    """Return ``same``, ``differs``, or a fate defined in `content.toml`.
 
     Args:
-        alike: True if all joints have the same names in both.
+        alike: Whether all joints have the same names in both models.
     """
     one = a or b
     assert one is not None
     kind, both = kinds()[one.kind], a is not None and b is not None
     if kind.name == OTHER and alike and a is not None and b is not None and _same(a, b):
-        return "same"  # both files state it in the same words for the same parts
+        return "same"  # both files specify it identically for the same parts
     if kind.fate != "compared":
         return kind.fate
     if any(each is not None and each.values is None for each in (a, b)):
@@ -348,7 +348,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _fact(a: Content | None, b: Content | None) -> Fact:
-    """Make a fact whose values are the differing numbers and texts, by label."""
+    """Create a fact whose values are the differing numbers and texts, by label."""
     one = a or b
     assert one is not None
     names = [each.whose.rpartition(" ")[2] if each else "" for each in (a, b)]

@@ -1,7 +1,8 @@
 """Pairs bodies and links of two machines, outwards from the ground, by names and by geometry.
 
-At each pair of bodies their links are assigned to each other at the least cost, by names, kind, place, mass and number
-of neighbours. The body behind a pair of links is then placed in the first machine's world (`placement`).
+For each pair of bodies, their links are assigned to each other at minimal cost, which depends on names, kind, location,
+mass and number of neighbours. The body behind a pair of links is then placed in the first machine's world
+(`placement`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from screwgauge.reference.tables import read_toml
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Partners by their names.
+    """Partners matched by name.
 
     Attributes:
         joints, bodies: Name in A -> name in B.
@@ -40,10 +41,10 @@ class Names:
 
 
 def read_map(path: Path) -> dict[str, str]:
-    """Read names of A and of B from a TOML file.
+    """Read a mapping from names of A to names of B from a TOML file.
 
     Raises:
-        DescriptionError: It is no table of names.
+        DescriptionError: The file is not a table of names.
     """
     given = read_toml(path)
     for name, other in given.items():
@@ -53,13 +54,13 @@ def read_map(path: Path) -> dict[str, str]:
 
 
 def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Names:
-    """Find partners as given, by name, then by similar name.
+    """Find partners: as given, then by name, then by similar name.
 
     Args:
-        given: Joints or bodies of A -> those of B.
+        given: Joint or body of A -> that of B.
 
     Raises:
-        UnknownNameError: A given name is of neither.
+        UnknownNameError: A given name does not exist in its model.
     """
     given = given or {}
     for name, other in given.items():
@@ -81,7 +82,7 @@ def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None
 
 
 def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
-    """Pair further joints of one kind whose names, once simplified, are unique."""
+    """Pair further joints of one kind whose simplified names are unique."""
     left = [name for name in b.joints if name not in joints.values()]
     keys, own = [similar(name) for name in left], [similar(name) for name in a.joints if name not in joints]
     found = {}
@@ -107,31 +108,32 @@ def _pair_prefixed(a: Reading, b: Reading) -> dict[str, str]:
 
 
 def _simplify(name: str) -> str:
-    """Simplify a name: drop case, separators, the words joint and link, and a robot's name before it."""
+    """Simplify a name: drop case, separators, the words joint and link, and a preceding robot name."""
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
 
-#: Largest distance of near features in lengths of the machine; and the share of near features of a matching body.
+#: Largest distance of nearby features in lengths of the machine; and smallest share of nearby features of a matching
+#: body.
 NEAR, MANY = 0.01, 0.5
-#: Largest cost of partners; and of partners that carry bodies of one name.
+#: Largest cost of partners; and of partners that carry bodies with the same name.
 MOST, NAMED = 3.2, 6.0
-#: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
+#: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not matched.
 FAR = 0.1
-#: Cost of pairing a joint that leads with one that follows: it distinguishes fingers that are equal otherwise.
+#: Cost of pairing a leading joint with a following one: it distinguishes otherwise identical fingers.
 UNLIKE = 0.5
-#: Cost in place of one that is no finite number, above all others.
+#: Cost that replaces an infinite or undefined one, above all others.
 DEAREST = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """Bodies and links of A with those of B.
+    """The matching of bodies and links of A with those of B.
 
     Attributes:
-        bodies: Of A -> of B.
-        placed: Body of A -> placement of B's world in A's that lays its partner onto it, both at their closed poses.
+        bodies: Body of A -> body of B.
+        placed: Body of A -> placement of B's world in A's that aligns its partner with it, both at their closed poses.
             Shape (4, 4).
-        links: Pairs, each seen from the body of it that is nearer to the ground.
+        links: Pairs of links, each seen from its body nearer to the ground.
         only_a, only_b: Links without a partner.
     """
 
@@ -152,7 +154,7 @@ class Alignment:
         return Alignment(bodies, placed_, links, self.only_b, self.only_a)
 
     def fuse(self, gone: Link, side: str) -> Alignment:
-        """Return the alignment with a body without a partner fused into its neighbour."""
+        """Fuse an unmatched body into its neighbour."""
         if side == "B":
             return self.inverse.fuse(gone, "A").inverse
         links = tuple((one.renamed(gone.far, gone.near), other) for one, other in self.links)
@@ -165,16 +167,17 @@ class Alignment:
 
 
 def assign(cost: Array) -> list[tuple[int, int]]:
-    """Pair rows with columns at the least total cost, each used once.
+    """Pair rows with columns at minimal total cost, each used once.
 
     Args:
-        cost: Shape (n, m); the fewer of both are all assigned, and what is no finite number costs most.
+        cost: Shape (n, m); every row or column of the smaller dimension is assigned, and values that are not finite
+            cost most.
     """
     if cost.shape[0] > cost.shape[1]:
         return [(i, j) for j, i in assign(cost.T)]
     cost = np.where(np.isfinite(cost), cost, DEAREST)
     cheapest = cost.argmin(axis=1)
-    if len({*cheapest}) == len(cost):  # no two rows compete, and SciPy takes half a second to import
+    if len({*cheapest}) == len(cost):  # no two rows compete, and importing SciPy takes half a second
         return [*enumerate(cheapest.tolist())]
     from scipy.optimize import linear_sum_assignment
 
@@ -183,7 +186,7 @@ def assign(cost: Array) -> list[tuple[int, int]]:
 
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
-    """Return two flags: joints of a link lead others by a coupling, and they follow others."""
+    """Return two flags: joints of a link lead others through a coupling, and they follow others."""
     joints, couplings = {*link.joints}, reading.couplings.values()
     return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 
@@ -194,18 +197,18 @@ def _next_links(machine: Machine, link: Link) -> list[Link]:
 
 
 def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed) -> Alignment:
-    """Find partners of all bodies and links.
+    """Match all bodies and links of two machines.
 
     Args:
-        known: Joints of A -> those of B, by names or as the user gave them.
-        bodies: Bodies of the readings of A -> those of B, likewise.
-        believed: Assumptions on the placement of bodies.
+        known: Joints of A -> those of B, by name or as given by the user.
+        bodies: Bodies of the readings, A -> B, likewise.
+        believed: Assumptions about the placement of bodies.
     """
     return _Walk(a, b, known, bodies, believed).walk()
 
 
 class _Walk:
-    """A walk from the ground outwards."""
+    """A walk from the ground outwards that matches links."""
 
     def __init__(
         self, a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
@@ -236,7 +239,7 @@ class _Walk:
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skip(self, near: str) -> list[tuple[Link, Link]]:
-        """Pair links of a body with coincident ones behind another link of its partner: that link is missing."""
+        """Pair links of a body with coincident links one step further out on its partner, where a link is missing."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]
@@ -252,7 +255,7 @@ class _Walk:
         return self._choose(skipped)
 
     def _choose(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
-        """Keep one pair for each link, the likeliest first: parallel slides coincide."""
+        """Keep one pair for each link, the likeliest first, since parallel slides coincide."""
         chosen = list[tuple[Link, Link]]()
         for one, other in sorted(filter(self._may_meet, pairs), key=lambda pair: self._cost(*pair)):
             if all(one is not x and other is not y for x, y in chosen):
@@ -268,7 +271,7 @@ class _Walk:
         return bool((off < NEAR).sum() >= MANY * len(off))
 
     def _assign(self, near: str) -> Iterator[tuple[Link, Link]]:
-        """Pair the links of a body, the surest first."""
+        """Pair the links of a body, the most certain pairs first."""
         there = self.bodies[near]
         ours = [link.of(near) for link in self.open_a if link.joins(near)]
         theirs = [link.of(there) for link in self.open_b if link.joins(there)]
@@ -283,13 +286,13 @@ class _Walk:
                 yield one, other
 
     def _may_meet(self, pair: tuple[Link, Link]) -> bool:
-        """True if the far bodies of two links are partners, or both have none."""
+        """True if the far bodies of two links are partners, or both are unmatched."""
         one, other = pair
         fresh = one.far not in self.bodies and other.far not in self.bodies.values()
         return fresh or self.bodies.get(one.far) == other.far
 
     def _cost(self, one: Link, other: Link) -> float:
-        """Return the dissimilarity of two links and their descendants; equal names outweigh all else."""
+        """Compute the dissimilarity of two links and their descendants; equal names outweigh everything else."""
         a, b, T = self.a, self.b, self.placed[one.near]
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):

@@ -1,4 +1,4 @@
-"""Features of bodies, points, lines and directions, and how a body lies on another one for a placement."""
+"""Features of bodies, points, lines and directions, and how well two bodies match for a placement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displace
 from screwgauge.reference.rotations import Array, cross
 
-#: Share of the machine's length, or of 1 rad, up to which features are the same.
+#: Share of the machine's length, or of 1 rad, up to which features are equal.
 EXACT = 1e-6
 UPPER = np.triu_indices(3)
 
@@ -47,7 +47,7 @@ def feature(element: Element) -> Feature:
 
 
 def gap(one: Feature, other: Feature, length: float) -> Array:
-    """Return the difference of two features: of directions, and of places in lengths of the machine. Shape (6,)."""
+    """Compute the difference of two features: of directions, and of locations in lengths of the machine. Shape (6,)."""
     if one.kind != other.kind:
         return np.append(2.0, np.zeros(5))
     sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
@@ -57,7 +57,7 @@ def gap(one: Feature, other: Feature, length: float) -> Array:
 
 
 class Shape:
-    """A body as arrays: its features and its matter."""
+    """A body as arrays: its features and its mass properties."""
 
     def __init__(self, machine: Machine, body: str) -> None:
         links = machine.at(body)
@@ -76,7 +76,7 @@ class Shape:
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield kind, point and direction of features with a place; the direction of a point is zero."""
+        """Yield kind, point and direction of features with a location; the direction of a point is zero."""
         yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
@@ -89,14 +89,14 @@ class Shape:
 
 
 def _is_derived(machine: Machine, link: Link, body: str) -> bool:
-    """True if the file derives the place of a link on a body from the home of its other body."""
+    """True if the file derives the location of a link on a body from the home pose of its other body."""
     closures = [machine.reading.closures[name] for each in link.elements for name in each.closures]
     ends = {machine.part_of(each.second) for each in closures}
     return bool(closures) and not link.joints and ends == {body} and all(each.derived for each in closures)
 
 
 class Overlay:
-    """A body of B laid on one of A, evaluated for one placement after the other."""
+    """A body of B compared with one of A under varying placements."""
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
         self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length
@@ -104,7 +104,7 @@ class Overlay:
         self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
 
     def residuals(self, T: Array) -> Array:
-        """Return a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
+        """Compute the residuals of each feature, of the centre of mass and of the inertia, as rows. Shape (n, 6).
 
         Args:
             T: Placement of B's world in A's. Shape (4, 4).
@@ -118,11 +118,11 @@ class Overlay:
         return np.array(rows or [np.zeros(6)])
 
     def misfits(self, T: Array) -> Array:
-        """Sizes of the `residuals`. Shape (n,)."""
+        """Compute the norms of the `residuals`. Shape (n,)."""
         return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
 
     def _gaps(self, T: Array) -> Array:
-        """Return the `gap` between each feature of A and the nearest one of B. Shape (n, 6)."""
+        """Compute the `gap` between each feature of A and the nearest feature of B. Shape (n, 6)."""
         ours = self.ours
         if not self.unlike.size:
             return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
@@ -140,5 +140,5 @@ class Overlay:
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """Return the misfits of a body of B laid on one of A; T places B's world in A's, shape (4, 4). Shape (n,)."""
+    """Compute the misfits of a body of B placed on one of A; T places B's world in A's, shape (4, 4). Shape (n,)."""
     return Overlay(a, b, bodies).misfits(T)

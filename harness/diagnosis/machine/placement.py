@@ -1,6 +1,6 @@
-"""Placement of a body of one machine in the world of another.
+"""Places a body of one machine in the world of another.
 
-A candidate, or a motion of its link, that brings most of its features and its matter onto those of its partner.
+Chooses a candidate, or a motion of its link, that aligns most of its features and its mass with those of its partner.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from screwgauge.reference.rotations import Array, cross
 
 #: Distance at which a feature counts half [lengths of the machine, rad, relative].
 HALF = 0.01
-#: Number of frames of one name that are tried.
+#: Number of frames with equal names that are tried.
 FRAMES = 6
-#: Least relative distance of distinct principal moments, or of a centre of mass from its axis; and largest one of equal
-#: moments of two bodies.
+#: Smallest relative distance of distinct principal moments, or of a centre of mass from its axis; and largest relative
+#: difference of equal moments of two bodies.
 DISTINCT, ALIKE = 1e-3, 1e-6
 #: Number of candidates that are fitted along a link, and initial angles of its hinges [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
-#: Least length of a vector across a hinge that determines an angle [lengths of the machine].
+#: Smallest length of a vector across a hinge that determines an angle [lengths of the machine].
 FLAT = 1e-6
 #: Gauss-Newton: finite difference, largest step, and scales at which residuals count half.
 STEP, FAR = 1e-7, 0.7
@@ -36,13 +36,13 @@ SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """Assumptions on the placement of bodies.
+    """Assumptions about the placement of bodies.
 
     Attributes:
-        exact: Weight of an exact feature beside a near one: in an edited copy most features are exact; in two robots
-            that are only alike a few are, by chance.
-        fits: True if motions of its link, principal axes and centres of mass may place a body, which a single displaced
-            feature would mislead; else only coordinates and frames of one name do.
+        exact: Weight of an exactly matching feature relative to a nearby one: in an edited copy most features match
+            exactly; in two merely similar robots, a few do by chance.
+        fits: Whether motions of its link, principal axes and centres of mass may place a body, although a single
+            displaced feature would mislead them; otherwise only coordinates and frames with equal names do.
     """
 
     exact: float = 0.25
@@ -55,10 +55,10 @@ class Believed:
 
 
 def place_body(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
-    """Place B's world in A's so that the descendants of a link lie on those of its partner.
+    """Place B's world in A's such that the descendants of a link are aligned with those of its partner.
 
     Args:
-        near: Placement by the parents of the links. Shape (4, 4).
+        near: Placement determined by the parents of the links. Shape (4, 4).
     """
     overlay = Overlay(a, b, (links[0].far, links[1].far))
     tried, score = list(_candidates(a, b, links, near)), believed.score
@@ -87,7 +87,7 @@ def _fitted_placements(
     tried: list[Array],
     score: Callable[[Array], float],
 ) -> Iterator[Array]:
-    """Yield placements by motions of the link, for use where no candidate is exact."""
+    """Yield placements reached by motions of the link, for use if no candidate is exact."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _free_motions(links[0]) if elsewhere else _freedoms(links[0])
@@ -95,7 +95,7 @@ def _fitted_placements(
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:
-    """Yield placements without a fit: equal coordinates, equal pose, the joint displaced, frames of one name."""
+    """Yield placements without a fit: equal coordinates, equal pose, displaced joint, frames with equal names."""
     one, other = links
     same = one.kind == other.kind and one.articulated and other.articulated
     if same and len(one.elements) == len(other.elements):
@@ -121,7 +121,7 @@ def _by_matter(a: Machine, b: Machine, links: tuple[Link, Link]) -> Iterator[Arr
 
 
 def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Return frames of the principal axes with all signs, and the moments; a round body has no frames."""
+    """Return frames of the principal axes with all signs, and the moments; no frames for a round body."""
     moments, R = np.linalg.eigh(body.matter.inertia)
     if body.matter.mass == 0.0 or np.diff(moments).min() < DISTINCT * abs(moments[-1]):
         return [], moments
@@ -151,8 +151,8 @@ def _frame(machine: Machine, body: Body) -> Array:
 def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
     """Return the placement of B's world at which the joints of B's link have A's coordinates.
 
-    Each element moves its far side whichever way its joint leads, and counts in the direction in which axes agree once
-    the elements before it are at A's coordinates.
+    Each element moves its far side regardless of its joint's direction, and its sense is that in which the axes agree
+    once the elements before it are at A's coordinates.
     """
     T = near
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):
@@ -160,13 +160,13 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
             continue
         p, q = a.reading.joints[mine.joint].home, b.reading.joints[yours.joint].home
         sign = 1.0 if mine.direction @ (T[:3, :3] @ yours.direction) >= 0.0 else -1.0
-        # outer motions come first: the axes are those of A's pose
+        # outer motions first: the axes are those of A's pose
         T = exponential(mine.kind, mine.direction, mine.centre, p - sign * q) @ T
     return T
 
 
 def lay(one: Feature, other: Feature) -> Array:
-    """Return the shortest displacement of the second feature onto the first. Shape (4, 4)."""
+    """Compute the shortest displacement of the second feature onto the first. Shape (4, 4)."""
     R: Array = np.eye(3)
     if one.kind != "S":
         sense = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
@@ -177,7 +177,7 @@ def lay(one: Feature, other: Feature) -> Array:
 
 
 def _fit(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
-    """Return the motion by some steps that lays most of a body exactly onto its partner."""
+    """Find the motion along some freedoms that aligns most of a body exactly with its partner."""
     best, most = near, -math.inf
     for T in _moves(overlay, steps, near):
         off = overlay.misfits(T)
@@ -189,7 +189,7 @@ def _fit(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[A
 
 
 def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
-    """Yield placements by some steps: in closed form with at most one hinge."""
+    """Yield placements reached along some freedoms: in closed form with at most one hinge."""
     hinges = [step for step in steps if step.kind == "hinge"]
     ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
     if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _are_parallel(ways, hinges[0].direction)):
@@ -207,7 +207,7 @@ def _are_parallel(ways: Array, axis: Array) -> bool:
 
 
 def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
-    """Yield turns about a hinge that bring a feature, the centre of mass or the inertia onto its partner."""
+    """Yield rotations about a hinge that align a feature, the centre of mass or the inertia with its partner."""
     axis, centre = hinge.direction, hinge.centre
     ours, theirs = overlay.ours, overlay.theirs.move(near)
     places = product(ours.places(), theirs.places())
@@ -228,7 +228,7 @@ def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
 
 
 def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
-    """Return shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
+    """Return shifts along some directions, shape (n, 3), that align a point of a body with its partner."""
     shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.move(near).places()):
         if kind == other:
@@ -238,7 +238,7 @@ def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
 
 
 def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
-    """Return the placement that a fit by some steps reaches from a start."""
+    """Return the placement that a fit along some freedoms reaches from a start."""
 
     def placement(q: Array) -> Array:
         out: Array = np.eye(4)
@@ -250,10 +250,10 @@ def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) 
 
 
 def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
-    """Minimise residuals by robust Gauss-Newton steps: large residuals lose weight (Cauchy).
+    """Minimise residuals with robust Gauss-Newton steps: large residuals lose weight (Cauchy).
 
     Args:
-        residuals: Coordinates, shape (k,) -> residuals in rows that count as one. Shape (n, m).
+        residuals: Maps coordinates, shape (k,), to residuals whose rows are weighted as units. Shape (n, m).
         q: Initial guess. Shape (k,).
     """
     r = residuals(q)
@@ -270,7 +270,7 @@ def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
 
 
 def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
-    """Return the distance of two links on their near bodies, in lengths of the machine or rad.
+    """Compute the distance of two links on their near bodies, in lengths of the machine or rad.
 
     Args:
         T: Placement of B's world in A's. Shape (4, 4).
@@ -281,7 +281,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
 
 
 def _free_motions(link: Link) -> list[Element]:
-    """Return hinges and slides by which the whole can still move once a link at the ground lies on its partner."""
+    """Return the rotations and translations that remain free once a ground link is aligned with its counterpart."""
     if link.kind not in ("R", "P"):
         return _freedoms(link)
     axis, centre = link.elements[0].direction, link.elements[0].centre

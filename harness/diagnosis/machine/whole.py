@@ -1,7 +1,7 @@
-"""Differences of the whole: another place, a mirror image, other units.
+"""Finds differences of the whole machine: another placement, a mirror image, other units.
 
-They are found from the features of all partners together, in the world: from the ground outwards, the freedom of the
-first joint would be mistaken for the answer.
+They are found from the features of all partners together, in the world: a search from the ground outwards would
+attribute them to the freedom of the first joint.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Least number of parts that share a factor of the whole, their least share of all parts, and the tolerance.
+#: Smallest number of parts that share a factor of the whole, their smallest share of all parts, and the tolerance.
 SEVERAL, MOST, SAME = 3, 0.6, 1e-4
 #: Largest relative difference of equal factors of masses and inertias: files print six digits.
 ROUNDED = 1e-5
-#: Distance at which a feature counts half, and below which it is in place [lengths of the machine, rad, relative].
+#: Distance at which a feature counts half, and below which it is aligned [lengths of the machine, rad, relative].
 NEAR, NONE = 0.02, 1e-6
-#: Share of features in place above which no whole is sought, and the least gain of a whole in another place.
+#: Share of aligned features above which no transformation is sought, and the smallest gain of a mere displacement.
 ENOUGH, GAIN = 0.9, 0.1
-#: Least sine between two axes that span a frame, and the number of pairs of axes that are tried.
+#: Smallest sine between two axes that span a frame, and number of pairs of axes that are tried.
 ACROSS, PAIRS = 0.3, 8
-#: Reflection of the frames of bodies in a mirrored whole.
+#: Reflection of the frames of bodies in a mirrored machine.
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 _AXES = "xyz"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whole:
-    """A transformation that makes B from A as a whole.
+    """A transformation of A as a whole that yields B.
 
     Attributes:
-        placement: A's world in B's, in A's lengths; of determinant -1 where B is mirrored. Shape (4, 4).
+        placement: Placement of A's world in B's, in A's lengths; with determinant -1 if B is mirrored. Shape (4, 4).
         length, mass, inertia: Factors from A to B.
     """
 
@@ -53,7 +53,7 @@ class Whole:
 
     @property
     def stands(self) -> bool:
-        """True if B is A in another place, in the same units."""
+        """True if B is A at another placement, in the same units."""
         return not self.mirrored and self.length == self.mass == self.inertia == 1.0
 
     @property
@@ -62,7 +62,7 @@ class Whole:
 
     @property
     def step(self) -> tuple[str, Array]:
-        """Axis of a mirror image, else empty; and rotation vector [rad] and way [m] from A to B, shape (2, 3)."""
+        """Axis of a mirror image, else empty; rotation vector [rad] and translation [m] from A to B. Shape (2, 3)."""
         R, way = self.placement[:3, :3], self.placement[:3, 3]
         if not self.mirrored:
             return "", np.array([rotation_vector(R), way])
@@ -71,7 +71,7 @@ class Whole:
         return _AXES[i], np.array([turns[i], way])
 
     def undo(self, b: Reading, a: Reading) -> Reading:
-        """Return B in the units and the place of A, under the gravity that is nearest to A's."""
+        """Convert B to the units and the placement of A, under the gravity nearest to A's."""
         T = np.asarray(np.linalg.inv(self.placement))
         g = gravity_of(b)
         tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
@@ -80,7 +80,7 @@ class Whole:
         return replace(out, gravity=None if b.gravity is None else gravity)
 
     def apply(self, a: Reading) -> Reading:
-        """Return A in the units and the place of B, under A's gravity, as for torques of B."""
+        """Convert A to the units and the placement of B, keeping A's gravity, as for torques of B."""
         T = self.placement.copy()
         T[:3, 3] *= self.length
         return replace(_transform(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
@@ -90,7 +90,7 @@ def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: 
     """Convert a reading to other units, then move or mirror it; coordinates of hinges stay.
 
     Args:
-        T: Transformation of determinant 1 or -1. Shape (4, 4).
+        T: Transformation with determinant 1 or -1. Shape (4, 4).
     """
     R, sense = T[:3, :3], float(np.sign(np.linalg.det(T)))
     F = MIRROR if sense < 0.0 else np.eye(4)
@@ -100,7 +100,7 @@ def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: 
         return F @ matrix(length * X[:3, 3], X[:3, :3]) @ F
 
     def there(X: Array) -> Array:
-        return T @ F @ frame(X)  # a frame stays right-handed
+        return T @ F @ frame(X)  # keeps frames right-handed
 
     def joint(one: JointReading) -> JointReading:
         k, way = (length, 1.0) if one.kind == "slide" else (1.0, sense)  # an axis of rotation is an axial vector
@@ -134,10 +134,10 @@ Pairs = tuple[Mapping[str, str], Mapping[str, str]]
 
 
 def find_wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
-    """Find transformations that may explain the whole, the likeliest first.
+    """Find transformations that may explain the differences as a whole, the likeliest first.
 
     Args:
-        joints, bodies: Sure partners, A -> B.
+        joints, bodies: Certain partners, A -> B.
     """
     pairs: Pairs = (joints, bodies)
     if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
@@ -167,13 +167,13 @@ def find_wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mappi
 
 
 def _round(T: Array) -> Array:
-    """Round entries of a placement that are nearly whole numbers. Shape (4, 4)."""
+    """Round entries of a placement that are nearly integers. Shape (4, 4)."""
     near = np.round(T)
     return np.where(np.abs(T - near) < 1e-9, near, T)
 
 
 def _pair_by_matter(a: Reading, b: Reading) -> Pairs:
-    """Pair joints and bodies by mass and moments of inertia, which no motion changes."""
+    """Pair joints and bodies by mass and moments of inertia, which are invariant under motion."""
     sides = []
     for reading in (a, b):
         at: dict[tuple[float, ...], list[str]] = {}
@@ -191,7 +191,7 @@ def _pair_by_matter(a: Reading, b: Reading) -> Pairs:
 
 
 def _poses(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
-    """Return B at the coordinates of A, if its loops close there, and at the closed pose next to its home."""
+    """Return B at the coordinates of A, if its loops close there, and at the closed pose nearest to its home."""
     b = at_closed_pose(b)
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
     if not q:
@@ -215,7 +215,7 @@ def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, floa
 
 
 def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
-    """Return the ratio that most pairs share; 1 if they share none."""
+    """Return the ratio that most pairs share; 1 if there is none."""
     ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
     middle = float(np.median(ratios)) if ratios else 1.0
     near = [ratio for ratio in ratios if abs(ratio / middle - 1.0) < SAME]
@@ -225,7 +225,7 @@ def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
 
 
 def _gap(one: JointReading, other: JointReading) -> float:
-    """Return the distance of two axes, which no motion of either joint changes [m]."""
+    """Compute the distance of two axes, which is invariant under motion of either joint [m]."""
     d, e = (each.direction if each.kind == "hinge" else np.zeros(3) for each in (one, other))
     step, normal = other.centre - one.centre, np.cross(d, e)
     if np.linalg.norm(normal) > 1e-6:
@@ -250,7 +250,7 @@ class _Overlay:
         self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
 
     def score(self, T: Array) -> Array:
-        """Count features of B on their partners; near ones count in part. Shape (n, 4, 4) -> (n,)."""
+        """Count the features of B aligned with their partners; nearby ones count in part. Shape (n, 4, 4) -> (n,)."""
         R, p = T[:, :3, :3], T[:, None, :3, 3]
         (d, e), (c, k), (m, n), (I, J) = self.axes, self.points, self.centres, self.inertias
         tilt = np.linalg.norm(np.cross(np.einsum("gij,nj->gni", R, e), d), axis=-1)
@@ -263,7 +263,7 @@ class _Overlay:
         return np.asarray((0.5 / (1.0 + (errors / NEAR) ** 2) + 0.5 * (errors < NONE)).sum(axis=1))
 
     def candidates(self) -> Array:
-        """Return candidate placements and mirrors of B's world in A's. Shape (n, 4, 4)."""
+        """Return candidate placements and mirror images of B's world in A's. Shape (n, 4, 4)."""
         points, others = self.centres if len(self.centres[0]) else self.points
         out = []
         for R in self._turns(points, others):
