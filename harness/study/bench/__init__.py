@@ -1,4 +1,4 @@
-"""Benches (`run`, `forward_run`) and stress: methods put to questions of `cases.toml`, measured and put into tables."""
+"""Benches (`run`, `forward_run`) and stress: questions of `cases.toml` that methods answer; measurements and tables."""
 
 import tomllib
 from pathlib import Path

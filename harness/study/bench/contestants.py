@@ -32,14 +32,14 @@ NOTHING = "none"
 
 
 def count(n: int, word: str) -> str:
-    """Return ``1 pass``, ``2 passes``."""
+    """Return a count with its noun: ``1 pass``, ``2 passes``."""
     ending = "es" if word.endswith("s") else "s"
     return f"{n} {word}{'' if n == 1 else ending}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """Method with a setting and a question; makes a row for each of its quantities.
+    """Method with a setting and a question; yields a row for each of its quantities.
 
     Attributes:
         setting: Description of the setting.
@@ -48,7 +48,7 @@ class Contestant:
         parameter: Name and value of the parameter that varies along that line.
         label: Short name of the setting in diagrams.
         drawn: True if the work-precision diagram shows it.
-        given: True if it starts from given joint motion: its time does not include closing the loops.
+        given: True if the joint motion is prescribed: the time does not include closing the loops.
         hint: Cause of a likely failure, for the row of that failure.
     """
 
@@ -96,7 +96,7 @@ class Contestant:
         return scores
 
 
-#: Fields of a contestant that an entry gives as they are.
+#: Fields of a contestant that are copied from an entry.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 _COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
@@ -130,7 +130,7 @@ MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
-    """Return contestants, family by family. `quick`: settings that take longest are left out."""
+    """Return the contestants, family by family. `quick`: omit the slowest settings."""
     return [*(one for entry in TABLE["lines"] for one in _expand(entry, quick)), *leaving_out()]
 
 
@@ -176,7 +176,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
 
 def leaving_out() -> Iterator[Contestant]:
-    """Yield each engine with fewer requests, which shows what that saves; its first contestant computes everything."""
+    """Yield each engine with fewer requests, to show the savings; its first contestant computes everything."""
     for engine in ENGINES:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
@@ -188,22 +188,22 @@ def leaving_out() -> Iterator[Contestant]:
             yield trial(step, question=partial(given.omit, computed=wanted), quantities=wanted, series="asked for")
         setting, alone = "actuator forces alone", ("actuator_force",)
         yield trial(setting, question=partial(given.omit, computed=alone), quantities=alone, series="asked for")
-        for absent in ("gravity", "load"):  # forces change without them, motion does not
+        for absent in ("gravity", "load"):  # omitting them changes forces, but not motion
             yield trial(absent, question=partial(given.omit, absent=absent), quantities=MOTION, series="absent")
-        # parts of the model file that mechanics does not need; URDF has only limits
+        # parts of the model file that mechanics does not need; a URDF has only limits
         for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, given.ALL_PARTS)}[engine]:
             setting = "visuals" if part == "geoms" else part
             yield trial(setting, question=partial(given.omit, part=part), quantities=GIVEN, series="in the model")
-        if engine != "screw":  # joint forces of another tree are other forces
+        if engine != "screw":  # joint forces differ between trees
             same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
             yield any_engine("full cut instead of minimal", cut, given.omit, same, series="cut")
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """Return the named families and contestants; by default all but those of extras that are not installed.
+    """Return the named families and contestants; by default all whose packages are installed.
 
     Raises:
-        ScrewgaugeError: A name is not known, or there is none.
+        ScrewgaugeError: A name is unknown, or no name is given.
     """
     everyone = contestants(quick=quick)
     if wanted is None:
@@ -225,7 +225,7 @@ def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]
 
 
 def _ladders(usual: str, quick: bool) -> Iterator[list[Contestant]]:
-    """Yield engines by scipy's methods, each a ladder of tolerances."""
+    """Yield ladders of tolerances: each engine integrated with one of scipy's methods."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
         for method in METHODS if screw else (usual,):
@@ -242,7 +242,7 @@ def _ladders(usual: str, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _step_ladders(duration: float, quick: bool) -> Iterator[list[Contestant]]:
-    """Yield the engines' own steppers, each over fixed steps, those of extras where they are installed."""
+    """Yield ladders of fixed steps: each engine with its own stepper, external ones if installed."""
     for stepper in TABLE["steppers"]:
         family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()
         if get_engine(engine).extra and not get_engine(engine).installed:
@@ -254,7 +254,7 @@ def _step_ladders(duration: float, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _label(dt: float) -> str:
-    """Return a step with its unit."""
+    """Return the label of a step, with its unit."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
         if dt >= size:
             return f"{dt / size:.3g} {unit}"

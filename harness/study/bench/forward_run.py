@@ -1,4 +1,4 @@
-"""Benches of simulations: every contestant integrates the scene; its errors, energy and time become two rows."""
+"""Benches of simulations: every contestant integrates the scene; its errors, energy and time make two rows."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from screwgauge.study.store import Journal
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of `screw` as the reference
-#: Below this [s] a contestant is measured again, `Plan.rounds` times in all, and the shortest time counts.
+#: Duration [s] below which a contestant is measured `Plan.rounds` times in all; the shortest time counts.
 SHORT = 1.0
-#: Least ratio of the durations of a rung and the one before, by which rungs that would take too long are foreseen.
+#: Least assumed ratio of the durations of consecutive rungs, used to predict rungs that would take too long.
 LONGER = 1.5
 FULL = Plan(samples=41, rounds=3, budget=90.0, quick=False, each=45.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
@@ -42,7 +42,7 @@ def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
     """Return a simulated scene at the compared times, with notes on its start.
 
     Raises:
-        ScrewgaugeError: It has no observable, or cannot start.
+        ScrewgaugeError: The scene has no observable, or cannot start.
     """
     t = scene.start.t
     if not scene.observables:
@@ -58,10 +58,10 @@ def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
 
 
 def choose(scene: Scene, names: Iterable[str] | None, *, quick: bool) -> list[Contestant]:
-    """Return the contestants of the named families and engines, all by default.
+    """Return the contestants of the named families and engines, by default all.
 
     Raises:
-        ScrewgaugeError: A name is not known.
+        ScrewgaugeError: A name is unknown.
     """
     start = scene.start
     everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, quick=quick)
@@ -80,7 +80,7 @@ def measure(
     protocol: Protocol,
     progress: Report,
 ) -> None:
-    """Measure contestants while the budget lasts, first those that are expected to be quickest."""
+    """Measure contestants within the budget, in the order of their expected durations."""
     took, waiting = dict[Contestant, float](), [*chosen]
     late = {f"screw-{name}" for name in EXPLICIT} if _slow(posed.scene) else set[str]()
     while waiting and not protocol.over:
@@ -96,7 +96,7 @@ def measure(
 
 
 def _slow(scene: Scene) -> bool:
-    """Tell whether stability costs an explicit method very many steps, and no machine code makes them cheap."""
+    """Return True if stability costs an explicit method very many steps that compiled code does not make cheap."""
     if find_spec("llvmlite") is not None:
         return False
     start = scene.start
@@ -106,13 +106,13 @@ def _slow(scene: Scene) -> bool:
 
 
 def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
-    """Prepare a simulated scene for methods; its observables are measured.
+    """Prepare a simulated scene, whose observables are measured, for methods.
 
     Args:
-        folder: For the model files.
+        folder: Folder for the model files.
 
     Raises:
-        ScrewgaugeError: There is no known solution, and the solver stops early.
+        ScrewgaugeError: The scene has no known solution, and the solver stops early.
     """
     write_scene_models(scene, folder)
     if scene.known is not None:
@@ -134,10 +134,10 @@ def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
 
 
 def _foreseen(contestant: Contestant, took: Mapping[Contestant, float]) -> float:
-    """Estimate a duration [s] from the previous setting of a family, or else the first of its engine.
+    """Estimate a duration [s] from the previous setting of a family, or else from the first setting of its engine.
 
     Args:
-        took: Seconds of contestants before; infinite if one was cut short, NaN if it failed.
+        took: Seconds of earlier contestants; infinite for those cut short, NaN for failed ones.
     """
     same = [one for one in took if one.family == contestant.family]
     if not same:
@@ -155,7 +155,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
 
     Args:
         foreseen: Expected duration [s].
-        left: Rest of the budget [s].
+        left: Remaining budget [s].
     """
     if foreseen > plan.each:
         reason = f"the setting before tells that it would take more than {plan.each:g} s"
@@ -180,7 +180,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
 
 
 def _scores(posed: PreparedScene, problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the error of the observables, and the missing energy, up to the time at which an answer stopped."""
+    """Return the error of the observables, and the missing energy, up to the end of an answer."""
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
     off = deviation(observe(layout(scene.mechanism), scene.observables, q), right)

@@ -1,4 +1,4 @@
-"""Questions of benches: the motion of a scene, its true states, or a motion that is changed for a purpose.
+"""Questions of benches: the motion of a scene, its true states, or a motion that is modified for a purpose.
 
 Each question is a function of scene, engine and wanted quantities. `functools.partial` binds further arguments, so that
 questions pickle.
@@ -25,7 +25,7 @@ from screwgauge.study.reference_values import PreparedScene, Reference, referenc
 from screwgauge.study.solving import model_files
 
 ALL_PARTS = "all of them"
-EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
+EDGE = 2  # samples at each end at which np.gradient, applied twice, is one-sided
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,14 +50,14 @@ Question = Callable[[PreparedScene, str, Sequence[str]], Trial]
 
 
 def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Trial:
-    """Ask for the given motion. `whole`: at all times of the scene, not only at those that are compared."""
+    """Solve the prescribed motion. `whole`: at all times of the scene, not only at the compared ones."""
     task = (posed.whole if whole else posed.scene).motion
     rows = np.searchsorted(task.t, posed.t)
     return Trial(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
 def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Ask for the given motion, one sample after the other."""
+    """Solve the prescribed motion, one sample at a time."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
     return Trial(posed.files(engine), problems, len(tasks), posed.reference)
@@ -66,11 +66,11 @@ def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> 
 def true_states(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
 ) -> Trial:
-    """Ask for actuator forces of the true motion of a tree.
+    """Compute actuator forces of the true motion of a tree.
 
     Args:
-        pushed: Ask for accelerations under the true forces instead.
-        bare: Ask for forces along the tree instead.
+        pushed: Compute accelerations under the true forces instead.
+        bare: Compute forces along the tree instead.
     """
     return Trial(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
 
@@ -87,7 +87,7 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
 
 
 def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Ask for accelerations of another mechanism, whose closing rows are redundant."""
+    """Compute accelerations of another mechanism, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
     reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, sizes(right)))
@@ -95,13 +95,13 @@ def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
 
 
 def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
-    """Ask for the motion in steps of about a part of its duration.
+    """Differentiate the motion numerically, in steps of about a part of its duration.
 
     Args:
-        ends: Compare the samples at the ends, where differences are one-sided.
+        ends: Also compare the samples at the ends, where differences are one-sided.
 
     Raises:
-        DescriptionError: The compared times are not evenly spread.
+        DescriptionError: The compared times are not evenly spaced.
     """
     t, reference = posed.t, posed.reference
     if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
@@ -122,7 +122,7 @@ def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part
 
 
 def speed_up(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
-    """Ask for the motion through the same poses at another speed."""
+    """Solve the motion through the same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
     # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations
@@ -133,11 +133,11 @@ def speed_up(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed:
 
 
 def step(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
-    """Ask for the motion at the steps of a method that starts from the first pose.
+    """Solve the motion at the steps of a method that starts from the first pose.
 
     Args:
-        part: Step, as a part of the duration.
-        halves: Give the motion halfway between steps, too.
+        part: Step, as a fraction of the duration.
+        halves: Also give the motion halfway between steps.
     """
     t, parts = posed.t, 2 if halves else 1
     step, n = part * float(t[-1] - t[0]), int((1 + 1e-12) / part)
@@ -146,14 +146,14 @@ def step(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: floa
     met = np.abs(grid[::parts][rows] - t) <= 1e-9 * max(1.0, abs(t[-1]))
     reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-    # the method delivers the compared times, however many steps lie between them
+    # the method returns the compared times, whatever the number of steps between them
     return Trial(posed.files(engine), (problem,), len(t), reference, rows[met])
 
 
 def simulation(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0
 ) -> Trial:
-    """Ask for a simulation from its start; the wanted observables follow from the joint coordinates.
+    """Simulate from the start; the wanted observables follow from the joint coordinates.
 
     Args:
         method, rtol: Method of scipy and its tolerances rtol = atol; those of the scene by default.
@@ -174,7 +174,7 @@ def omit(
     absent: str = "",
     part: str = "",
 ) -> Trial:
-    """Ask for the given motion with fewer quantities or forces, measured against the engine's own full answer.
+    """Solve the prescribed motion with a quantity or force omitted, and compare with the engine's own full answer.
 
     Args:
         computed: Quantities to compute.
@@ -196,7 +196,7 @@ def omit(
 
 @lru_cache(maxsize=3)
 def _everything(posed: PreparedScene, engine: str) -> Reference:
-    """Return all quantities of a scene by an engine, measured by the largest magnitude of each unit."""
+    """Return all quantities of a scene from an engine, scaled by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)

@@ -1,6 +1,6 @@
-"""Questions of stress cases: problems for methods, with reference values, and the findings that they lead to.
+"""Questions of stress cases: problems for methods, with reference values, and the findings that result.
 
-The second half holds questions that several cases share: given motions, compared with the truth, and accelerations of
+The second half has questions that several cases share: given motions, compared with the truth, and accelerations of
 true states under the true forces. The modules that ``cases.toml`` names hold those of single cases.
 """
 
@@ -37,7 +37,7 @@ from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import stacked
 
-#: Scaled errors below this need no warning: it is the loosest tolerance at which a scene agrees.
+#: Scaled error below which no warning is needed: the loosest tolerance at which a scene agrees.
 GOOD = 1e-9
 OK, DEGRADED, REFUSED, SILENT = "ok", "degraded", "refused", "silently-wrong"
 VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
@@ -49,7 +49,7 @@ class Finding(Residual):
 
     Attributes:
         a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
-        tolerance: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
+        tolerance: Largest scaled error admitted by a warning of the engine, or by its error estimate.
         reason: Reason of a refusal, a warning, or the cause of the error.
         condition: Condition number of the solved system; NaN without a solution.
         time_s: Run time [s].
@@ -71,7 +71,7 @@ class Finding(Residual):
 
     @property
     def explanation(self) -> str:
-        """Reason, or a remark that there is none."""
+        """Reason, or a remark that none is given."""
         silent = not self.reason and not math.isfinite(self.error)
         return "not a number, and nothing says so" if silent else self.reason
 
@@ -86,7 +86,7 @@ class Finding(Residual):
         return DEGRADED if self.error <= self.tolerance else SILENT
 
 
-OWN = "screw"  # the engine that answers for our own solver
+OWN = "screw"  # the engine that represents our own solver
 LONGEST = 500  # characters of a reason: some errors print a whole state
 
 
@@ -103,18 +103,18 @@ class Question:
     """Problem for methods, with reference values. Data only; it pickles.
 
     Attributes:
-        files: Engine -> its model.
+        files: Engine -> model files.
         methods: Methods that solve it; by default those of the case in ``cases.toml`` with the `of` of the question.
-        quantities: Measured quantities, in this order.
-        right: True values of the compared components; `UNKNOWN` without a truth: then the judge measures.
-        read: Function of a module that takes the measured quantities from a solution.
-        cause: Cause of a silent error of a method other than ours; ``{notes}`` stands for its notes.
-        remarks: Quantity -> a remark, whatever the error.
+        quantities: Measured quantities, in order.
+        right: True values of the compared components; `UNKNOWN` if there are none: then the judge measures.
+        read: Module-level function that extracts the measured quantities from a solution.
+        cause: Cause of a silent error of a method other than our own; ``{notes}`` stands for its notes.
+        remarks: Quantity -> remark, whatever the error.
         admitted: Quantity -> admitted scaled error, which replaces the estimate of a method.
-        by: Words for the source of an admitted error.
+        by: Description of the source of an admitted error.
         condition: Condition number of the closed loops, if it replaces that of the solved system.
-        refused: Reason to put it to no method.
-        unanswerable: Reason why no number is right: a method has to refuse it.
+        refused: Reason why no method is asked.
+        unanswerable: Reason why no number is correct: a method must refuse the question.
     """
 
     mechanism: Mechanism
@@ -142,18 +142,18 @@ class Question:
 def put(
     scene: Scene, folder: Path, problem: Problem, methods: tuple[Method, ...], names: tuple[str, ...], right: Reference
 ) -> Question:
-    """Ask about quantities of a scene whose models a folder holds."""
+    """Pose a question about quantities of a scene whose models are in a folder."""
     return Question(scene.mechanism, files_of(scene, folder, methods), problem, methods, names, right)
 
 
 def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...] = ()) -> dict[str, ModelFiles]:
-    """Return the models of a scene that a folder holds, of the default engines and of methods."""
+    """Return the models of a scene in a folder, for the default engines and for methods."""
     names = dict.fromkeys([*ENGINES, *(method.engine for method in methods)])
     return {name: model_files(scene, name, folder) for name in names}
 
 
 def with_integration(question: Question, integration: Integration) -> Question:
-    """Ask about a simulation by another method or tolerance."""
+    """Return a question about a simulation with another method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
         raise TypeError("the task is no simulation")
@@ -161,7 +161,7 @@ def with_integration(question: Question, integration: Integration) -> Question:
 
 
 def findings(question: Question) -> Iterator[Finding]:
-    """Yield a finding for every method and quantity: the error, the admitted one, and the reason."""
+    """Yield a finding for every method and quantity: its error, the admitted error, and the reason."""
     for method in question.methods:
         yield from _of(question, method)
 
@@ -183,7 +183,7 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
 
 
 def _broken_off(question: Question, solution: Solution) -> str:
-    """Return why a solution does not count: it stopped, or the engine warned of a step."""
+    """Return the reason why a solution does not count: it stopped, or the engine warned about a step."""
     warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
     return solution.stopped or "; ".join(warned)
 
@@ -202,7 +202,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
 
 
 def _measure(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
-    """Yield the findings of a solution, of the judge where there are no reference values."""
+    """Yield the findings of a solution, from the judge if there are no reference values."""
     if not question.known:
         yield _judge(question, solution, row)
         return
@@ -213,10 +213,10 @@ def _measure(question: Question, solution: Solution, row: Finding) -> Iterator[F
 
 
 def _compare(question: Question, solution: Solution, blank: Finding, values: Values, excuse: str) -> Finding:
-    """Measure the error of a quantity, and find the admitted one and the reason.
+    """Compute the error of a quantity, the admitted error, and the reason.
 
     Args:
-        excuse: Words of the engine on a value that is no number.
+        excuse: Engine's explanation of a NaN.
     """
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
@@ -228,7 +228,7 @@ def _compare(question: Question, solution: Solution, blank: Finding, values: Val
     admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
     if math.isinf(bound):
         admits = f"by {question.by} not one digit may be right"
-    if math.isnan(error):  # only the words of the engine count
+    if math.isnan(error):  # only the engine's explanation counts
         return replace(finding, reason=excuse or admits)
     silent = finding.verdict == SILENT and not finding.own
     cause = question.cause.replace("{notes}", "; ".join(solution.notes)) if silent else ""
@@ -236,7 +236,7 @@ def _compare(question: Question, solution: Solution, blank: Finding, values: Val
 
 
 def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
-    """Return the largest residual of the judge; without a truth it stands for all quantities."""
+    """Return the largest residual of the judge, which stands for all quantities if there is no truth."""
     table = judge(question.mechanism, question.problem, solution)
     return replace(
         blank,
@@ -249,7 +249,7 @@ def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Return quantity -> the singularity that leaves no number; the empty name has the notes on all quantities."""
+    """Return quantity -> the singularity that leaves no number; the empty name holds the notes on all quantities."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -257,7 +257,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 
 def _estimate(solution: Solution, quantity: str) -> float:
-    """Return the largest error that the engine estimates for a quantity; infinite where it cannot."""
+    """Return the largest error that the engine estimates for a quantity; infinite if it cannot."""
     return solution.errors[quantity].largest if quantity in solution.errors else 0.0
 
 
@@ -268,14 +268,14 @@ def _time(solution: Solution) -> float:
 
 
 SCENE = "3ups-upu-s"
-#: Poses (a, b) [rad] with no symmetry, and rates and accelerations that make inertia matter as much as weight does.
+#: Poses (a, b) [rad] without symmetry, and rates and accelerations at which inertia matters as much as weight.
 POSES = np.array([[0.1, 0.05], [-0.15, 0.12], [0.2, -0.1]])
 RATES = np.array([[7.0, 4.0], [5.0, -8.0], [-3.0, 6.0]])
 ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
-#: Quantities that the judge needs and a truth has.
+#: Quantities that the judge needs and a truth provides.
 JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
 TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
@@ -284,7 +284,7 @@ SCREW = Method("screw")
 
 
 def exact_text(value: float) -> str:
-    """Return all digits of a float64, so that readers of the exact text get the same number as all others."""
+    """Format all digits of a float64, so that readers of the exact text get the same number as all others."""
     return format(Decimal(float(value)), "f")
 
 
@@ -314,11 +314,11 @@ def compare(
     setting: str = "",
     cause: str = "",
 ) -> Question:
-    """Put a given motion to engines. There are no reference values if the truth lacks a sample.
+    """Pose a given motion to engines. There are no reference values if the truth lacks a sample.
 
     Args:
         setting: Suffix of the names of engines.
-        cause: Cause of a silent error of an engine other than ours.
+        cause: Cause of a silent error of an engine other than our own.
     """
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
@@ -330,26 +330,26 @@ def compare(
 
 
 def loaded_scene(folder: Path) -> PreparedScene:
-    """Pose the default scene, which is loaded, at three instants."""
+    """Pose the loaded default scene at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Ask for accelerations: of all joints from `screw`, of its tree from other methods."""
+    """Pose the question for accelerations: of all joints from `screw`, of its tree from other methods."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
-    right = replace(posed.reference, values=values)  # the scales are those of all joints
+    right = replace(posed.reference, values=values)  # with the scales of all joints
     return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return coordinates of the tree of the engines' models, minimal cut."""
+    """Return the coordinates of the tree of the engines' models, minimal cut."""
     return loops_of(mechanism, "minimal").tree
 
 
 def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """Return distance [m] and velocity [m/s] between the points that close the loops, child less parent.
+    """Return distance [m] and velocity [m/s] between the points that close the loops, child minus parent.
 
     Returns:
         Shape (n, n_point, 3) each.
@@ -365,11 +365,11 @@ def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, A
 
 
 def true_velocities(posed: PreparedScene) -> ClosedMotion:
-    """Compute closed poses and velocities by `screw`."""
+    """Compute closed poses and velocities with `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
     return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)
 
 
 def loop_condition(at: ClosedMotion) -> float:
-    """Return the worst condition number of the closed loops."""
+    """Return the largest condition number of the closed loops."""
     return float(at.condition.max())

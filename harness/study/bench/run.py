@@ -1,4 +1,4 @@
-"""Runs benches: the error of each contestant, then times in rounds; simulations are measured by `forward_run`."""
+"""Benches: the error of each contestant, then times in rounds. `forward_run` measures simulations."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Bench:
     """Measurements on a scene.
 
     Attributes:
-        rows: One for each contestant, setting and quantity; of a simulation those of the observables and the energy.
+        rows: One for each contestant, setting and quantity; for simulations, the observables and the energy.
         fits: Fitted slopes.
         leaving_out: Rows of ``leaving_out.csv``.
-        reference: Name of the reference of errors.
+        reference: Name of the source of the reference values.
         notes: Sentences for the report.
         provenance: Files that were judged, and the date.
-        rounding: Quantity -> scaled error that float32 may make of it, see `screwgauge.engines.rounding`.
+        rounding: Quantity -> scaled error that float32 may cause, see `screwgauge.engines.rounding`.
     """
 
     scene: Scene
@@ -73,7 +73,7 @@ class Bench:
 
     @property
     def complete(self) -> bool:
-        """True if nothing was cut short."""
+        """True if no contestant was cut short."""
         return CUT not in {*self.leaving_out["status"], *(row.status for row in self.rows)}
 
 
@@ -81,10 +81,10 @@ def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) ->
     """Return the extent of a bench of a scene.
 
     Args:
-        limit: Budget that replaces the default [s].
+        limit: Budget [s]; replaces the default.
 
     Raises:
-        DescriptionError: The limit is no positive number of seconds.
+        DescriptionError: The limit is not a positive number of seconds.
     """
     full, short = (forward_run.FULL, forward_run.QUICK) if scene.simulated else (timing.FULL, timing.QUICK)
     plan = short if quick else full
@@ -105,19 +105,19 @@ def bench(
     clock: Callable[[], int] = perf_counter_ns,
     execute: Executor | None = None,
 ) -> Bench:
-    """Measure errors and run times of contestants on a scene, of a simulation energy, too.
+    """Measure errors and run times of contestants on a scene, and the energy of a simulation.
 
     Args:
         plan: See `plan_of`.
         contestants: Families, contestants, ``leaving-out``, engines of a simulation; all by default.
-        place: Folder of the report. Finished pieces of a given motion are kept for it until all are there.
-        progress: Called as work goes on.
-        clock: Nanoseconds; another one in tests.
-        execute: Where contestants are measured, each with all of its settings; by default in this process, where the
-            rounds of all follow each other, so that what slows the machine for a while slows all alike.
+        place: Folder of the report. Results for a given motion are kept on disk until all are complete.
+        progress: Called during the work.
+        clock: Function that returns nanoseconds; tests pass another one.
+        execute: Executor that measures each contestant with all of its settings; by default in this process, where
+            the rounds of all contestants alternate, so that a temporary slowdown of the machine affects all alike.
 
     Raises:
-        ScrewgaugeError: Bad input. A contestant that fails is a row.
+        ScrewgaugeError: Bad input. A contestant that fails becomes a row.
     """
     check_given(scene)
     plan = plan or plan_of(scene)
@@ -149,7 +149,7 @@ def bench(
         scene=posed.scene,
         plan=plan,
         rows=rows,
-        # whether a simulation has three points between saturation and rounding is a matter of the scene
+        # whether a simulation has three points between saturation and rounding depends on the scene
         fits=[fit for fit in slope_fits(rows) if not scene.simulated or np.isfinite(fit.slope)],
         leaving_out=leaving_out_table(less),
         reference=posed.reference.engine,
@@ -164,7 +164,7 @@ def bench(
 
 
 def check_given(scene: Scene) -> None:
-    """Reject scenes that a bench cannot measure methods on.
+    """Reject scenes on which a bench cannot measure methods.
 
     Raises:
         DescriptionError: The scene has model files or numbers of the user's own, springs, motors or loads that vary.
@@ -188,7 +188,7 @@ def check_given(scene: Scene) -> None:
 
 
 def _rounding(posed: PreparedScene) -> dict[str, float]:
-    """Return quantity -> largest error by float32 over its scale, of the worst unit."""
+    """Return quantity -> largest error due to float32 over its scale, for the worst unit."""
     errors = rounding_errors(posed.scene.mechanism, posed.problem(*QUANTITIES), FLOAT32)
     scales = posed.reference.scales
     return {name: max(size / scales[name][unit] for unit, size in one.absolute.items()) for name, one in errors.items()}
@@ -202,7 +202,7 @@ def _measure(
     protocol: timing.Protocol,
     progress: Report = silent,
 ) -> None:
-    """Measure contestants here."""
+    """Measure contestants in this process."""
     if posed.scene.simulated:
         forward_run.measure(posed, plan, chosen, kept, protocol, progress)
     else:
@@ -245,10 +245,10 @@ def _measure_group(
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Return results and times of the settings of a contestant, beside those that are known.
+    """Measure the settings of a contestant; return their results and times along with the known ones.
 
     Args:
-        end: When nothing further begins [s since 1970].
+        end: Time after which no further measurement begins [s since 1970].
     """
     kept = Journal(None, "")
     kept.results, kept.times = dict(known[0]), {key: [*times] for key, times in known[1].items()}
@@ -257,7 +257,7 @@ def _measure_group(
 
 
 def _present(group: list[Contestant]) -> list[Contestant]:
-    """Return all settings of a contestant, or one for all of them where its engine is missing."""
+    """Return all settings of a contestant, or a single one if its engine is not installed."""
     try:
         import_module(get_engine(group[0].method.engine).source.partition(":")[0])
     except ImportError:
@@ -266,7 +266,7 @@ def _present(group: list[Contestant]) -> list[Contestant]:
 
 
 class _Measurements:
-    """All measurements. What is loaded for the first of a contestant waits for the rounds that follow."""
+    """All measurements. A model loaded for the first measurement is kept for the later rounds."""
 
     def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
@@ -274,7 +274,7 @@ class _Measurements:
         self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
-        """Measure first settings of all contestants, then second ones and so on, so that no budget leaves any out."""
+        """Measure the first settings of all contestants, then the second and so on, so that no budget omits any."""
         groups = [list(group) for _, group in groupby(chosen, key=_group)]
         turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
         for i, contestant in enumerate(turns):
@@ -289,10 +289,10 @@ class _Measurements:
         self._measure(self.calls, self.protocol)
 
     def _first(self, contestant: Contestant) -> None:
-        """Find the error of a contestant, unless an earlier bench has it, and measure one time."""
+        """Compute the error of a contestant, unless an earlier bench has it, and measure one time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
-            loaded = repr(method), trial.files  # one model serves all contestants that need it
+            loaded = repr(method), trial.files  # contestants share a model
             model = self.models[loaded] = self.models.get(loaded) or method.load(trial.files)
 
             def call() -> list[Solution]:
@@ -333,7 +333,7 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Check that a result from a journal is whole: a failure with its reason, or numbers."""
+    """Return True if a result from a journal is complete: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
     first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest, RMS, reason
@@ -342,7 +342,7 @@ def fits(result: Mapping[str, Any]) -> bool:
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
-    """Yield the rows of one contestant, measured, failed or cut short."""
+    """Yield the rows of one contestant: measured, failed or cut short."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, cost = tuple(kept.times.get(contestant.key, ())), result.get("cost")
     for quantity in contestant.quantities:
@@ -367,7 +367,7 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
 
 
 def address_of(scene: Scene, plan: Plan) -> str:
-    """Return the address of a bench: mechanism and its text, motion, gravity, loads, extent."""
+    """Return the address of a bench: a digest of mechanism and its text, motion, gravity, loads and extent."""
     motion, applied = scene.motion, scene.applied
     return address(
         "bench",

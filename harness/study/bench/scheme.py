@@ -1,6 +1,6 @@
-"""The paper's own scheme, one more method: velocities of each chain by eq. (26), joint angles by steps in time.
+"""The paper's own scheme as a further method: velocities of each chain from eq. (26), joint angles from time steps.
 
-Every chain is driven on its own by the twist of the platform and nothing corrects its closure (eqs. 15-27). The
+The twist of the platform drives every chain separately, and nothing corrects the closure (eqs. 15-27). The
 twist is that of eq. (60) as printed or the right one, the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
 Steps follow each other, so one step is kept cheap: all chains side by side as one stack of small matrices.
 """
@@ -25,24 +25,24 @@ from screwgauge.reference.rotations import Array, cross, skew
 
 TWISTS = ("right", "printed", "literal")
 CLOSED = 1e-9  # [rad, m]: loops that the driving joint closes alone are closed to rounding, about 1e-15
-#: Method -> its stages: part of the step, and weight.
+#: Method -> stages: fraction of the step, and weight.
 STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
-#: Method -> parts of its step.
+#: Method -> number of parts of a step.
 PARTS = {"euler": 1, "rk4": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chains:
-    """The serial chains from ground to the platform side by side, shorter ones filled up with nothing.
+    """Serial chains from ground to the platform, stacked, with shorter ones padded.
 
     Attributes:
-        columns: Column of each freedom among all joint coordinates; 0 where filled up. Shape (n_chain, m).
-        used: False where filled up. Shape (n_chain, m).
-        turns: 1 for a rotation, 0 for a slide and where filled up. Shape (n_chain, m, 1).
-        axis: Its unit axis, zero where filled up. Shape (n_chain, m, 3).
-        steps: Homogeneous matrix of each freedom and of what follows it, as a sum: times 1, sin q and 1 - cos q
-            (Rodrigues' formula), and q of a slide. Shape (4, n_chain, m, 4, 4).
-        idle: One on the diagonal where filled up. Shape (n_chain, m, m).
+        columns: Column of each freedom among all joint coordinates; 0 for padding. Shape (n_chain, m).
+        used: False for padding. Shape (n_chain, m).
+        turns: 1 for a rotation, 0 for a slide and for padding. Shape (n_chain, m, 1).
+        axis: Unit axis of each freedom, zero for padding. Shape (n_chain, m, 3).
+        steps: Homogeneous matrix of each freedom and of the fixed transform after it, as coefficients of 1, sin q and
+            1 - cos q (Rodrigues' formula), and q of a slide. Shape (4, n_chain, m, 4, 4).
+        idle: One on the diagonal for padding. Shape (n_chain, m, m).
         start: Frame in which each chain begins. Shape (n_chain, 4, 4).
     """
 
@@ -55,17 +55,17 @@ class Chains:
     start: Array
 
     def gather(self, q: Array) -> Array:
-        """Take coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
+        """Arrange coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
         return np.where(self.used, q[..., self.columns], 0.0)
 
     def scatter(self, values: Array, n_q: int) -> Array:
-        """Invert `gather`; coordinates that no chain has are zero."""
+        """Invert `gather`; coordinates that belong to no chain are zero."""
         out = np.zeros((*values.shape[:-2], n_q))
         out[..., self.columns[self.used]] = values[..., self.used]
         return out
 
     def walk(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Find unit screws of all freedoms and where each chain puts the platform, eq. (24) with its errors mended.
+        """Compute unit screws of all freedoms and the platform's pose from each chain, by the corrected eq. (24).
 
         Args:
             theta: Coordinates chain by chain. Shape (..., n_chain, m).
@@ -90,7 +90,7 @@ class Chains:
 
         Args:
             S: Screws. Shape (..., n_chain, m, 6).
-            V: What each chain has to give at its end. Shape (..., n_chain or 1, 6).
+            V: Twist required at the end of each chain. Shape (..., n_chain or 1, 6).
 
         Returns:
             Shape (..., n_chain, m).
@@ -102,7 +102,7 @@ def chains(lay: Layout) -> Chains:
     """Return the chains of a parallel mechanism.
 
     Raises:
-        DescriptionError: Some joint is in no serial chain from ground to the platform.
+        DescriptionError: A joint belongs to no serial chain from ground to the platform.
     """
     series = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
@@ -133,7 +133,7 @@ def chains(lay: Layout) -> Chains:
 
 
 def homogeneous(R: Array, p: Array) -> Array:
-    """Return homogeneous matrices of rotations (..., 3, 3) and places (..., 3). Shape (..., 4, 4)."""
+    """Return homogeneous matrices of rotations (..., 3, 3) and positions (..., 3). Shape (..., 4, 4)."""
     T = np.broadcast_to(np.eye(4), (*p.shape[:-1], 4, 4)).copy()
     T[..., :3, :3], T[..., :3, 3] = R, p
     return T
@@ -145,7 +145,7 @@ _NOTHING: _Freedom = (0, False, False, np.zeros(3), *_REST)
 
 
 def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
-    """Yield (column, used, turns, axis, rotation after it, displacement after it) of each freedom."""
+    """Yield (column, used, turns, axis, rotation after it, displacement after it) for each freedom."""
     for edge, following in zip(chain, [*chain[1:], None], strict=True):
         after = unplaced(*_REST, edge.joint.child_frame)
         if following is not None:
@@ -183,15 +183,15 @@ def integrate(
     """Run the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
 
     Args:
-        motion: Evenly spread in time, at the ends of all parts of the steps. The loops are closed at the first.
-        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
+        motion: Evenly spaced in time, at the ends of all parts of the steps. The loops are closed at the first sample.
+        twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) minus the terms of eqs. (22)-(23).
         method: ``euler``, eq. (27), or ``rk4``.
 
     Returns:
         Joint coordinates [rad or m], velocities and accelerations at the ends of the steps. Shape (n, n_q) each.
 
     Raises:
-        ScrewgaugeError: An unknown name, no whole steps, or a mechanism that is no set of chains to one platform.
+        ScrewgaugeError: A name is unknown, a step is incomplete, or the mechanism is not a set of chains to a platform.
     """
     if method not in PARTS:
         raise UnknownNameError("method", method, PARTS)
@@ -212,7 +212,7 @@ def integrate(
 
 
 def _bias(terms: Array) -> Array:
-    """Return ``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over S_j w_j. (..., m, 6) -> (..., 6)."""
+    """Compute ``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over S_j w_j. (..., m, 6) -> (..., 6)."""
     return np.asarray(lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
 
 
@@ -223,7 +223,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
     that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
 
     Raises:
-        UnknownNameError: There is no such twist.
+        UnknownNameError: The twist is unknown.
     """
     if twist not in TWISTS:
         raise UnknownNameError("twist", twist, TWISTS)
@@ -240,7 +240,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
-    """Solve the joint with the independent coordinates alone; return None where that leaves a loop open."""
+    """Solve the joint with the independent coordinates alone; return None if that leaves a loop open."""
     q = closed_form_positions(lay, motion.y)
     if q is None or np.abs(gaps(lay, q[:: max(1, len(q) // 16)])).max() > CLOSED:
         return None
@@ -254,11 +254,11 @@ def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | Non
 
 
 def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:
-    """Return derivatives of y as components about fixed axes, as eq. (60) has them. Shapes (n, 6)."""
+    """Return derivatives of y as components about fixed axes, as eq. (60) uses them. Shapes (n, 6)."""
     to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
     return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 
 
 def subtract_origin(V: Array, r_P: Array) -> Array:
-    """Subtract as eqs. (22)-(23) are printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
+    """Subtract the origin's velocity as eqs. (22)-(23) are printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
     return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

@@ -1,4 +1,4 @@
-"""Stress at singularities: poses of the 3-UPS-UPU-S, locks of its wrists, and motions through poses between samples.
+"""Stress at singularities: poses of the 3-UPS-UPU-S, wrist locks, and motions through singular poses between samples.
 
 Planar linkages have their motions in closed form, and start at home. Where branches of assembly meet, a motion given at
 samples does not determine the branch that follows: it has no answer, whatever the samples.
@@ -45,7 +45,7 @@ from screwgauge.study.reference_values import Reference
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
-#: Tilt b at which leg 1 no longer stops the platform from turning.
+#: Tilt b at which leg 1 no longer prevents the platform from turning.
 SINGULAR_B = float(np.arctan2(_H, _r) - np.arccos(np.hypot(_r, _H) / _R))
 #: Tilt a at which leg 2 lies on the first axis of its base joint, at b = 0.
 BASE_LOCK = -float(np.arctan2(_H, _r))
@@ -55,7 +55,7 @@ _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
 _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
-#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that distinguish the assemblies of that leg.
+#: Range of a motion in a beyond the lock of leg 4 [rad], and the angles that distinguish the assemblies of that leg.
 FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
 _FORCE = "actuator_force"
 #: Angular velocity and acceleration of (a, b), without symmetry.
@@ -63,7 +63,7 @@ _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
 
 
 def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Approach the tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
+    """Approach the tilt b at which leg 1, perpendicular to the line from O to its wrist, lets the platform turn."""
     a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
     scene = _poses(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1))
     question = compare(scene, folder, cause=_IMPLICIT)
@@ -93,7 +93,7 @@ def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Pass the lock of leg 4 in steps of several sizes, the last of which is one far pose."""
+    """Pass the lock of leg 4 in steps of several sizes, of which the last is a single distant pose."""
     for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = scene_at(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
@@ -109,10 +109,10 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
     """Solve eqs. (57)-(58) of all bodies at once for actuator forces of smallest norm, in place of virtual power.
 
-    The estimate of their error is the rounding times the condition of the system.
+    The error estimate is the rounding error times the condition number of the system.
 
     Args:
-        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
+        refined: Apply one step of iterative refinement with the residual of a wider matrix; see `wide_force_matrix`.
     """
     clock, task = Stopwatch(), given_motion(problem)
     q = positions(lay, task.y, task.t, (task.yd, task.ydd))
@@ -137,7 +137,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
         y: Independent coordinates [rad or m]. Shape (n, k).
 
     Returns:
-        See `force_matrix`. None where that format is no wider than a double, or the closed form leaves the loops open.
+        See `force_matrix`. None if that format is no wider than a double, or the closed form leaves the loops open.
     """
     wider = np.finfo(np.longdouble)
     if not wider.eps < np.finfo(float).eps:
@@ -156,7 +156,7 @@ def _direction(angle: float) -> Array:
 
 
 def _path_around(lock: float, distance: float, steps: int) -> Array:
-    """Go up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
+    """Build a path up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
     start, sense = (-0.6, -1.0) if lock < 0.0 else (np.pi + 0.6, 1.0)
     angles = start + sense * np.linspace(0.0, np.pi, steps)
     arc = [0.05 * _direction(angle) for angle in angles]
@@ -166,12 +166,12 @@ def _path_around(lock: float, distance: float, steps: int) -> Array:
 
 
 def _poses(name: str, y: Array) -> Scene:
-    """Return a mechanism at poses, all with the same rates and accelerations."""
+    """Return a scene of a mechanism at poses, all with the same rates and accelerations."""
     scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     return scene_at(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
 
-#: Duration of motions over the time to the singular pose: evenly spread samples never meet that pose.
+#: Duration of motions over the time to the singular pose: evenly spaced samples never hit that pose.
 LAST = float(np.sqrt(3.0))
 REFUSED, REGULAR = "refused", "regular"
 MOVED = ("joint_position", "joint_acceleration", "actuator_force")
@@ -179,13 +179,13 @@ MOVED = ("joint_position", "joint_acceleration", "actuator_force")
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """Linkage in a motion that has an answer or none.
+    """Linkage in a motion that has a solution or none.
 
     Attributes:
         motion: Independent coordinate -> its table in a scene.
         lasts: Time of the last sample [s].
         answer: `REFUSED` or `REGULAR`.
-        at: Time of the singular pose that it passes, touches or comes next to [s].
+        at: Time of the singular pose that the motion passes, touches or approaches [s].
         why: Description of that pose.
     """
 
@@ -198,7 +198,7 @@ class Passing:
     why: str
 
     def scene(self, folder: Path, samples: int, engines: Sequence[str] = ("screw", "pinocchio", "mujoco")) -> Scene:
-        """Write a scene at evenly spread times to a folder, and read it."""
+        """Write a scene at evenly spaced times to a folder, and read it."""
         folder.mkdir(parents=True, exist_ok=True)
         tables: Tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
         tables |= {"motion": self.motion, "time": {"times": np.linspace(0.0, self.lasts, samples).tolist()}}
@@ -210,18 +210,18 @@ class Passing:
 def _drive(
     name: str, linkage: Tables, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
 ) -> Passing:
-    """Return a linkage in motion at constant rates.
+    """Build a linkage in motion at constant rates.
 
     Args:
         rates: Independent coordinate -> start and rate.
-        gap: More than 0 if branches do not meet: then one of them goes on.
+        gap: Positive if branches do not meet: then one of them continues.
     """
     motion = {label: {"polynomial": [*pair]} for label, pair in rates.items()}
     return Passing(name, linkage, motion, LAST * at, REGULAR if gap > 0.0 else REFUSED, at, why)
 
 
 def textbook_linkages() -> Iterator[Passing]:
-    """Yield linkages that textbooks name, each in a motion through or up to a singular pose."""
+    """Yield textbook linkages, each in a motion through or up to a singular pose."""
     half, turn = float(np.pi / 2), float(np.pi)
     crank = slider_crank(0.3, 0.5, 0.4, driven="x")
     start, end = crank["joints"]["x"]["home"][0], 0.8
@@ -248,7 +248,7 @@ def textbook_linkages() -> Iterator[Passing]:
 def _spreading_five_bar(
     name: str, cranks: Sequence[float], rods: Sequence[float], gap: float, rates: Sequence[float]
 ) -> Passing:
-    """Return a five-bar whose cranks turn away from each other until the rods are one line but for a gap."""
+    """Build a five-bar whose cranks turn away from each other until the rods are collinear except for a gap."""
     base, at = sum(rods) - sum(cranks) - gap, 0.7
     angles = float(np.pi) - at * rates[0], -at * rates[1]
     linkage = five_bar((cranks[0], cranks[1]), (rods[0], rods[1]), base, angles)
@@ -257,10 +257,10 @@ def _spreading_five_bar(
 
 
 def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passing]:
-    """Yield four-bars, slider-cranks and five-bars in turn, at random, past poses where bars are nearly one line.
+    """Yield random four-bars, slider-cranks and five-bars in turn, moving past poses with nearly collinear bars.
 
     Args:
-        gap: By how much the two bars between the others are too long to get there [m]: at 0 two branches meet; below,
+        gap: Excess length of the two bars between the others at that pose [m]: at 0, two branches meet; below,
             no branch gets past; above, that of home does.
     """
     for i in range(count):
@@ -270,7 +270,7 @@ def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passin
 
 
 def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """Return a four-bar whose crank, the shortest, and longest bar are as long as the other two but for the gap."""
+    """Build a four-bar whose crank (its shortest bar) and longest bar together equal the other two but for the gap."""
     crank, (p, q) = float(rng.uniform(0.15, 0.25)), map(float, rng.uniform(0.3, 0.5, 2))
     longest, which = p + q - gap - crank, int(rng.integers(3))
     coupler, rocker, base = [(longest, p, q), (p, longest, q), (p, q, longest)][which]
@@ -281,7 +281,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """Return a slider-crank near a singular pose; one in three has no offset: then the slide may rest."""
+    """Build a slider-crank near a singular pose; one in three has no offset: then the slide may rest."""
     crank = float(rng.uniform(0.1, 0.2))
     offset = 0.0 if rng.random() < 1.0 / 3.0 else float(rng.uniform(0.05, 0.2))
     way = float(rng.uniform(0.5, 1.0))
@@ -299,7 +299,7 @@ _NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-b
 
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Ask about linkages past poses where their bars are nearly one line; at gap 0 also those of textbooks."""
+    """Yield questions about linkages passing poses with nearly collinear bars; at gap 0 also textbook linkages."""
     some = [*near_change_points(3 if quick else 9, gap), *(textbook_linkages() if gap == 0.0 else ())]
     for one in some:
         place = folder / one.name

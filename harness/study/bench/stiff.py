@@ -1,4 +1,4 @@
-"""Stress by stiffness: springs and dampers across prismatic joints, accelerations and a short motion with its energy.
+"""Stress by stiffness: springs and dampers across prismatic joints; accelerations, and a short motion with its energy.
 
 The reference is Radau collocation of high order, all stages of a step evaluated at once. Ten stages have order nineteen
 and damp fast components, so that few steps reach rounding. The integrators under stress share nothing with it.
@@ -41,24 +41,24 @@ from screwgauge.study.bench.question import (
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference
 
-#: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
+#: Damping ratio at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
 DAMPING = 1.2
-SAFETY = 8.0  # roundings of a spring's force: of its length, of product and sum, in both directions
+SAFETY = 8.0  # rounding errors of a spring's force: of its length, of product and sum, in both directions
 DURATION = 0.1  # [s]
-START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed
+START = (0.01, -0.005)  # [rad] from the pose at which the springs are relaxed
 RADAU = Integration("Radau", 1e-5, 1e-7)
 DOP853 = Integration("DOP853", 1e-7, 1e-9)
 MOST_STEPS = 100  # steps that an explicit method may need for stability alone
 QUANTITIES = ("motion", "energy")
 _PUSHED = (
     Method("pinocchio", {"mu": 1e-10, "iterations": 5}),
-    Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # the softness is not what is looked at here
+    Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # softness is not examined here
 )
 _RADAU = tuple(Method(engine, label=f"{engine} Radau") for engine in ("screw", "pinocchio", "mujoco"))
 
 
 def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Ask about the 3-UPS-UPU-S on four springs: accelerations, and a motion by scipy's methods and own steppers."""
+    """Yield questions on the 3-UPS-UPU-S with four springs: accelerations, and motions by scipy and by steppers."""
     yield from accelerations(stiffness, folder)
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
     yield explicit_method(question, fastest)
@@ -70,7 +70,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
     """Put a spring and damper across every actuated joint, relaxed at home.
 
     Args:
-        stiffness: [N/m].
+        stiffness: Stiffness of each spring [N/m].
     """
     lay, home = layout(mechanism), mechanism.home[None]
     at = motion_at(lay, home, np.zeros((1, len(mechanism.independent))))
@@ -82,7 +82,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
-    """Ask about the loaded default scene with springs that the actuators compensate, known in length only to eps."""
+    """Yield questions about the loaded default scene with springs of rounded lengths that the actuators compensate."""
     posed = loaded_scene(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
@@ -100,7 +100,7 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
 def _with_springs(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
-    """Return the problem with springs, and with actuator forces that compensate those of the springs."""
+    """Return the problem with springs, and with actuator forces that compensate the spring forces."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
         raise TypeError("the task gives no forces")
@@ -108,9 +108,9 @@ def _with_springs(
     for i, spring in enumerate(springs):
         k = states.coordinates.index(spring.coordinate)
         pull = spring.stiffness * (states.q[:, k] - spring.rest) + spring.damping * states.v[:, k]
-        # Pinocchio has no springs: their forces are given with the loads, before those of the actuators
+        # Pinocchio has no springs: their forces are passed with the loads, before the actuator forces
         tau[:, k] = (tau[:, k] - f[:, i] + pull) - pull + f[:, i] if engine == "pinocchio" else tau[:, k] + pull
-    if engine == SCREW.engine:  # at the poses that it finds itself
+    if engine == SCREW.engine:  # at the poses that it computes itself
         states = replace(states, q=at.q, v=at.joint_velocity)
     carried = () if engine == "pinocchio" else springs
     return replace(problem, applied=replace(problem.applied, springs=carried), task=replace(states, tau=tau))
@@ -142,7 +142,7 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     fastest = float(np.abs(eigenvalues(lay, applied, start, rest)).max())
     first = min(0.1 / fastest, DURATION / 10)
     decades = int(np.ceil(np.log10(DURATION / first)))
-    # four steps a decade, every fourth of them looked at
+    # four steps per decade, every fourth of them compared
     grid = np.concatenate([[0.0], np.geomspace(first, DURATION, 1 + 4 * max(2, decades))])
     looked_at = [0, *range(1, len(grid), 4)]
 
@@ -171,7 +171,7 @@ def _closed_motion(lay: Layout, states: Array, applied: Applied) -> ClosedMotion
 
 
 def admit_tolerance(question: Question, integration: Integration, *methods: Method) -> Question:
-    """Put the motion to one of scipy's methods, whose tolerance is the admitted error."""
+    """Pose the motion to one of scipy's methods, whose tolerance is the admitted error."""
     # the error of one step, since damping forgets the others; relative to an angle, not to its travel
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
@@ -184,7 +184,7 @@ def admit_tolerance(question: Question, integration: Integration, *methods: Meth
 
 
 def explicit_method(question: Question, fastest: float) -> Question:
-    """Put the motion to DOP853, refused where the step that keeps it stable is too short."""
+    """Pose the motion to DOP853, refused if the step that keeps it stable is too short."""
     steps, reason = DURATION * fastest / REACH, ""
     if steps > MOST_STEPS:
         reason = (
@@ -195,7 +195,7 @@ def explicit_method(question: Question, fastest: float) -> Question:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Return joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
+    """Return joint positions, and the deficit in kinetic energy, springs, gravity and work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
     moving = _closed_motion(lay, np.concatenate([q, v], axis=1), question.problem.applied)
@@ -219,8 +219,8 @@ def collocate(slope: Slope, state: Array, times: Array) -> Array:
     """Integrate an autonomous system with one step from each time to the next.
 
     Args:
-        state: At the first time. Shape (m,).
-        times: Increasing. Shape (n,).
+        state: State at the first time. Shape (m,).
+        times: Increasing times. Shape (n,).
 
     Returns:
         States. Shape (n, m).
@@ -248,7 +248,7 @@ def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> 
         left = state + h * (A @ slope(Y)) - Y
         change = (inverse @ left.ravel()).reshape(Y.shape)
         Y = Y + change
-        # damped components are measured by their earlier size
+        # damped components are scaled by their earlier size
         scale = np.maximum(np.abs(Y).max(axis=0), 1e-3 * largest).clip(1e-300)
         relative = float((np.abs(change).max(axis=0) / scale).max())
         if relative < CLOSE or (relative < 1e-9 and relative > 0.5 * last):  # down to rounding

@@ -1,6 +1,6 @@
-"""Stress: the cases of ``cases.toml``, ladders of one severity each, and their rungs, run as tasks.
+"""Stress: the cases of ``cases.toml``, ladders of one severity each, whose rungs run as tasks.
 
-No module that asks a question is imported before its case is run.
+The module of a case is not imported before the case is run.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ class StressCase:
     """Ladder of one severity. Data only; it pickles.
 
     Attributes:
-        name: As on the command line.
-        title: Heading of its plot: what becomes extreme.
+        name: Name on the command line.
+        title: Heading of its plot: the property that becomes extreme.
         axis: Name and unit of the severity.
-        about: Text of the report: what is measured and what it shows.
+        about: Text of the report on the measurement and its meaning.
         drawn: Quantity of the small plot.
         low, high: Range of the severity.
         full, quick: Severities of its rungs.
         ask: Function that yields the questions of a rung.
-        falling: True if small severities are the severe ones.
+        falling: True if small values are the severe ones.
         whole: True if severities are counts.
     """
 
@@ -64,11 +64,11 @@ class StressCase:
 
     @property
     def span(self) -> str:
-        """Words for the severity of the ladder and its range."""
+        """Description of the severity of the ladder and its range."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
-        """Return the given severities, or those of a full or quick run, once each.
+        """Return the given severities, or those of a full or quick run, without duplicates.
 
         Raises:
             DescriptionError: A severity is outside the case's range, or there is none.
@@ -94,10 +94,10 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 def _questions(
     ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
 ) -> Iterator[Question]:
-    """Yield the questions of a rung; one without methods is put to those of the case.
+    """Yield the questions of a rung; a question without methods gets those of the case.
 
     Args:
-        ask: Function of this room, ``module:name``.
+        ask: Function of this package, ``module:name``.
     """
     module, name = ask.split(":")
     function: Ask = getattr(import_module(f"screwgauge.study.bench.{module}"), name)
@@ -113,14 +113,14 @@ def _questions(
 
 
 def _case(entry: dict[str, Any]) -> StressCase:
-    """Return the case of an entry of the table."""
+    """Build the case of an entry of the table."""
     rungs = {name: _rungs(entry[name]) for name in ("full", "quick")}
     fields = {name: value for name, value in entry.items() if name != "methods"}
     return StressCase(**{**fields, **rungs, "ask": partial(_questions, entry["ask"], entry.get("methods", ()))})
 
 
 def _rungs(given: Any) -> tuple[float, ...]:
-    """Return the severities of a list, or of some places and decades."""
+    """Return the severities of a list, or of some decimal places and decades."""
     return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
 
 
@@ -129,10 +129,10 @@ CASES = {entry["name"]: _case(entry) for entry in TABLE["cases"]}
 
 
 def choose(names: Iterable[str] | None) -> list[StressCase]:
-    """Return the named cases in the order of the table, all by default.
+    """Return the named cases in the order of the table; by default all.
 
     Raises:
-        DescriptionError: A name is not known.
+        DescriptionError: A name is unknown.
     """
     wanted = list(CASES) if names is None else check_choice("case", names, CASES)
     return [case for name, case in CASES.items() if name in wanted]
@@ -143,7 +143,7 @@ COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
     "reason": "explanation",
 }
-#: Engine of a rung that broke before it asked any.
+#: Engine name of a rung that broke before it asked any engine.
 ALL = "all"
 
 
@@ -152,8 +152,8 @@ class Stress:
     """Findings of all ladders.
 
     Attributes:
-        cases: In the order run.
-        rows: One for each rung, engine and quantity.
+        cases: Cases in the order run.
+        rows: One row for each rung, engine and quantity.
     """
 
     cases: Sequence[StressCase]
@@ -163,7 +163,7 @@ class Stress:
 
     @property
     def ok(self) -> bool:
-        """True if our own solver is nowhere silently wrong."""
+        """True if our own solver is never silently wrong."""
         return not any(row.own and row.verdict == SILENT for row in self.rows)
 
     @property
@@ -186,16 +186,16 @@ def stress(
     execute: Executor | None = None,
     place: Path | None = None,
 ) -> Stress:
-    """Climb the ladders of the named cases, all by default.
+    """Run the ladders of the named cases, by default all.
 
     Args:
         quick: Fewer rungs and smaller scenes.
-        severities: Rungs in place of the case's own; for one case only.
+        severities: Rungs that replace those of the case; for a single case only.
         execute: Executor of rungs; this process by default.
-        place: Folder of the report; finished rungs are kept for it until all are there, by default none.
+        place: Folder of the report; finished rungs are kept on disk until all are complete, by default none.
 
     Raises:
-        ScrewgaugeError: An unknown case, or a severity outside its range.
+        ScrewgaugeError: A case is unknown, or a severity is outside its range.
     """
     chosen = choose(cases)
     if severities is not None and len(chosen) != 1:
@@ -218,17 +218,17 @@ def stress(
 
 
 def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> list[Finding]:
-    """Climb a rung as the work of a task."""
+    """Run a rung as the work of a task."""
     return climb(case, severity, quick=quick)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """Return the findings of one rung; a rung that breaks is one finding of `ALL`."""
+    """Return the findings of one rung; a rung that breaks yields one finding of `ALL`."""
     try:
         # extremes overflow on purpose; their results are judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
             questions = case.ask(severity, quick, Path(folder))
             return [finding for question in questions for finding in findings(question)]
-    except Exception as error:  # the other rungs go on
+    except Exception as error:  # the other rungs continue
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return [Finding("", a=ALL, reason=missing(error) if isinstance(error, ImportError) else what)]

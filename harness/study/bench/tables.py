@@ -1,4 +1,4 @@
-"""Rows and tables of a bench: errors and times, times to reach an error, savings by omission, fitted slopes."""
+"""Rows and tables of a bench: errors and times, times to reach an error, savings from omissions, fitted slopes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchRow(SizedResidual):
-    """Error and times of a contestant in one quantity; its RMS error is scaled.
+    """Error and times of a contestant for one quantity; its RMS error is scaled.
 
     Attributes:
         seconds: Measured times, in order.
@@ -78,7 +78,7 @@ class BenchRow(SizedResidual):
 
     @property
     def price(self) -> float:
-        """Processor time of a simulation, else run time for each sample delivered [s]."""
+        """Processor time of a simulation, else run time per sample [s]."""
         if np.isfinite(self.work_s):
             return self.work_s
         return self.time_s / self.n_sample if self.n_sample else float("nan")
@@ -96,7 +96,7 @@ def timing_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the quickest setting of each family for each quantity and error that it reaches."""
+    """Return the quickest setting of each family for each quantity and error reached."""
     body = []
     for quantity in dict.fromkeys(row.quantity for row in rows if row.quantity != NOTHING):
         timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.status == OK and r.price > 0]
@@ -111,12 +111,12 @@ def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
-    """Return rows of the observables and of the energy, contestant by contestant."""
+    """Return pairs of rows, of the observables and of the energy, contestant by contestant."""
     return list(zip(rows[::2], rows[1::2], strict=True))
 
 
 def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
+    """Return the rows of ``forward.csv``: absolute errors by unit, energy, both times, and counts of the work."""
     body = []
     for row, energy in pairs(rows):
         who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost
@@ -127,7 +127,7 @@ def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def leaving_out_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the rows of ``leaving_out.csv``, from one for each quantity that must not change."""
+    """Return the rows of ``leaving_out.csv``, made from one row per quantity that must not change."""
     groups: dict[Contestant, list[BenchRow]] = {}
     for row in rows:
         groups.setdefault(row.contestant, []).append(row)
@@ -155,10 +155,10 @@ SLOPE_COLUMNS = {
     "fitted": "slope",
     "ok": "ok",
 }
-WITHIN = 0.1  # of the expected slope
-#: Scaled errors between these follow the power law: above, it saturates; below, rounding takes over.
+WITHIN = 0.1  # admitted deviation from the expected slope
+#: Range of scaled errors that follow the power law: above, errors saturate; below, rounding dominates.
 LARGE, SMALL = 0.1, 1e-10
-FLOOR = 30.0  # factor above a floor from which on it does not matter
+FLOOR = 30.0  # factor above a floor beyond which the floor does not matter
 
 
 #: Rules of the table: `line` (family with its series, see `Contestant.line`), `quantity`, `expected` slope, and what
@@ -168,7 +168,7 @@ RULES: Sequence[Mapping[str, Any]] = TABLE["slopes"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlopeFit:
-    """Fit of a rule to points: parameter `name`, error, and whether it was used. Shape (n,) each."""
+    """Fit of a rule to points: parameter `name`, error, and True for points that were used. Shape (n,) each."""
 
     line: str
     quantity: str
@@ -180,7 +180,7 @@ class SlopeFit:
 
     @property
     def slope(self) -> float:
-        """Least squares in logarithms; NaN for fewer than three points."""
+        """Slope by least squares in logarithms; NaN for fewer than three points."""
         if self.used.sum() < 3:
             return float("nan")
         return float(np.polyfit(np.log10(self.x[self.used]), np.log10(self.error[self.used]), 1)[0])
@@ -191,7 +191,7 @@ class SlopeFit:
 
 
 def fits(rows: Sequence[BenchRow], rules: Sequence[Mapping[str, Any]] = RULES) -> list[SlopeFit]:
-    """Fit the rules that have rows, except those that were cut short before they had three points."""
+    """Fit the rules that have rows, except those cut short before three points were measured."""
     fitted = []
     for rule in rules:
         line, quantity, window = rule["line"], rule["quantity"], {**rule}
@@ -209,17 +209,17 @@ def fits(rows: Sequence[BenchRow], rules: Sequence[Mapping[str, Any]] = RULES) -
 
 
 def _window(x: Array, error: Array, expected: float, most: float = np.inf, by_error: bool = True) -> Mask:
-    """Return the points to fit.
+    """Select the points to fit.
 
     Args:
         most: Largest parameter.
-        by_error: Errors are between floor and saturation, too.
+        by_error: Also require errors between floor and saturation.
     """
     if not by_error:
         return np.asarray(x <= most)
     low = SMALL
     flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * expected * np.log(x[1] / x[0])
-    if flat:  # the small end follows no power law: there is a floor
+    if flat:  # the small end follows no power law: errors have a floor
         low = max(low, FLOOR * float(error.min()))
     return np.asarray((error <= LARGE) & (error >= low) & (x <= most))
 

@@ -1,4 +1,4 @@
-"""The timing protocol: rounds over all contestants, each call after an unclocked one, within a budget."""
+"""The timing protocol: rounds over all contestants, each call preceded by an untimed one, within a budget."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from math import inf
 from time import perf_counter_ns
 from typing import Any
 
-#: A call shorter than this [s] is repeated without the clock right before the measured one: it refills the caches
-#: that the contestant before has emptied. Longer calls fill them in a fraction of their time.
+#: Duration [s] below which an untimed call precedes the measured one: it refills the caches that the previous
+#: contestant has evicted. Longer calls fill them in a fraction of their time.
 WARM_BELOW = 0.05
-#: Durations [s] from which on so many rounds are enough: disturbances matter less to longer calls.
+#: Durations [s] above which a number of rounds is enough: disturbances matter less to longer calls.
 ENOUGH = ((5.0, 1), (0.5, 2))
 
 
@@ -21,12 +21,12 @@ class Plan:
     """Extent of a bench.
 
     Attributes:
-        samples: Times compared, at most.
-        rounds: Measurements of a contestant, at most.
-        budget: Seconds after which nothing further begins; simulations stop then, too.
-        quick: Settings that take longest are left out.
+        samples: Largest number of compared times.
+        rounds: Largest number of measurements of a contestant.
+        budget: Seconds after which no measurement begins, and simulations stop.
+        quick: Omit the slowest settings.
         each: Seconds after which a contestant of a simulation is stopped.
-        share: Share of a simulation that is integrated.
+        share: Integrated share of a simulation.
     """
 
     samples: int
@@ -46,7 +46,7 @@ class Protocol:
     """Rounds and deadline of measurements.
 
     Attributes:
-        rounds: Times that each contestant is measured.
+        rounds: Number of measurements of each contestant.
         deadline: Reading of the clock [ns] at which no further measurement begins.
         clock: Returns nanoseconds.
     """
@@ -66,7 +66,7 @@ class Protocol:
 
 
 def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
-    """Return seconds of one call, and its result. The garbage collector waits outside."""
+    """Return the duration of one call [s], and its result. The garbage collector is paused meanwhile."""
     on = gc.isenabled()
     gc.disable()
     try:
@@ -86,13 +86,13 @@ def measure(
     known: Mapping[str, list[float]],
     first: Mapping[str, float],
 ) -> None:
-    """Measure all contestants in turn, round after round: what slows the machine for a while slows all alike.
+    """Measure all contestants in turn, round after round, so that a temporary slowdown affects all alike.
 
     Args:
-        calls: Key -> measured function, which was called once outside the clock.
-        record: Function that takes key and seconds of each measurement.
+        calls: Key -> function to measure, which was called once untimed.
+        record: Called with key and seconds of each measurement.
         known: Key -> seconds so far; `record` adds to it.
-        first: Key -> seconds of that first call, which fix rounds and warming.
+        first: Key -> seconds of the first call, which determine rounds and warm-up.
     """
     for turn in range(protocol.rounds):
         for key, call in calls.items():
@@ -108,7 +108,7 @@ def measure(
 
 
 def enough(seconds: float, rounds: int) -> int:
-    """Return the rounds for a contestant whose call lasts so long."""
+    """Return the number of rounds for a contestant whose call takes a given time."""
     for limit, few in ENOUGH:
         if seconds >= limit:
             return min(few, rounds)

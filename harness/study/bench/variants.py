@@ -1,4 +1,4 @@
-"""Variants of the solver `screw`, which show what its parts, its precision and usual shortcuts are worth.
+"""Variants of the solver `screw`, which show the value of its parts, its precision and usual shortcuts.
 
 `VariantMethod` puts a function in the place of an engine. Those of `VARIANTS` answer given motions: their actuator
 forces are those of minimum norm, and they estimate no errors.
@@ -34,7 +34,7 @@ from screwgauge.study.methods import Method
 
 Arrays = Mapping[str, Array]
 STEP = 0.1  # [rad or m]
-#: Quantity -> times that `numpy.gradient` is applied to positions.
+#: Quantity -> number of times that `numpy.gradient` is applied to positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
 
@@ -46,7 +46,7 @@ class Variant:
         self.names = component_names(mechanism.joints, (), {}, (), mechanism.actuator_names, ((), ()))
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Answer a problem.
+        """Solve a problem.
 
         Raises:
             ScrewgaugeError: The function cannot solve it.
@@ -77,10 +77,10 @@ class VariantMethod(Method):
 
 
 def given_motion(problem: Problem) -> GivenMotion:
-    """Return the motion that a problem gives.
+    """Return the motion of a problem.
 
     Raises:
-        DescriptionError: Its task is another one.
+        DescriptionError: The task of the problem is not a given motion.
     """
     if not isinstance(problem.task, GivenMotion):
         raise DescriptionError("the task is no given motion", "variant of screw", "give one")
@@ -88,7 +88,7 @@ def given_motion(problem: Problem) -> GivenMotion:
 
 
 def nothing(lay: Layout, problem: Problem) -> Arrays:
-    """Loop over the samples."""
+    """Loop over the samples without computing anything."""
     for _ in range(len(given_motion(problem))):
         pass
     return {}
@@ -98,7 +98,7 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
     """Compute positions in closed form.
 
     Args:
-        mended: Newton's method goes on where the closed form leaves the loops open; else nothing corrects it.
+        mended: Continue with Newton's method where the closed form leaves the loops open; else leave them open.
 
     Raises:
         ClosureError: There is no closed form.
@@ -115,9 +115,9 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
 
 
 def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
-    """Compute positions by so many steps of Newton's method, from predictions along the path from home.
+    """Compute positions with a fixed number of Newton steps, from predictions along the path from home.
 
-    Each prediction starts from a corrected sample at most `STEP` away; nothing checks it.
+    Each prediction starts from a corrected sample at most `STEP` away, and is not checked.
     """
     motion = given_motion(problem)
     home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
@@ -134,7 +134,7 @@ def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
 
 
 def differences(lay: Layout, problem: Problem) -> Arrays:
-    """Differentiate positions by `numpy.gradient`; the times have to be evenly spread."""
+    """Differentiate positions with `numpy.gradient`; the times must be evenly spaced."""
     motion, out = given_motion(problem), {}
     q = positions(lay, motion.y, motion.t)
     step = float(motion.t[-1] - motion.t[0]) / (len(motion) - 1)
@@ -147,7 +147,7 @@ def differences(lay: Layout, problem: Problem) -> Arrays:
 
 
 def without_drift(lay: Layout, problem: Problem) -> Arrays:
-    """Compute accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
+    """Compute accelerations from ``A a = [0; ydd]``, neglecting the velocity terms of the loops."""
     motion = given_motion(problem)
     at = loop_equations(lay).closed(positions(lay, motion.y, motion.t))
     a = at.solve(motion.ydd)
@@ -155,9 +155,9 @@ def without_drift(lay: Layout, problem: Problem) -> Arrays:
 
 
 def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
-    """Run the paper's own scheme from the first pose on, see `screwgauge.study.bench.scheme.integrate`.
+    """Run the paper's own scheme from the first pose, see `screwgauge.study.bench.scheme.integrate`.
 
-    The motion has every step of the method, for ``rk4`` also halfway points; values are those of the steps.
+    The motion has every step of the method, for ``rk4`` also halfway points; values are returned at the steps.
     """
     q, w, beta = integrate(lay, given_motion(problem), twist=twist, method=method)
     return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
@@ -175,16 +175,16 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 
 
 def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
-    """Return the loop equations, and the independent coordinates over their units. Shape (n, k)."""
+    """Return the loop equations, and the dimensionless independent coordinates. Shape (n, k)."""
     system = loop_equations(lay)
     return system, y / system.sizes[system.y_columns]
 
 
 def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
-    """Compute the wanted quantities from joint positions, in their precision.
+    """Compute the wanted quantities from joint positions, in the precision of these.
 
     Raises:
-        TypeError: A step left that precision.
+        TypeError: A step changed the precision.
     """
     given, wanted = problem.applied, problem.wanted
     applied = Applied(given.g.astype(q.dtype), tuple(rounded(load, q.dtype) for load in given.loads))

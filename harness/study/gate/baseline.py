@@ -18,14 +18,14 @@ from screwgauge.reference.outputs import check_place, overwriting, replace_file
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.store import is_record
 
-#: Of a baseline.
+#: Version of the format of a baseline.
 SCHEMA = 1
-#: Tables of versions, hashes, packages.
+#: Type of tables of versions, hashes and packages.
 TEXTS = Mapping[str, str]
-#: What to do where there is none.
+#: Remedy for a missing baseline.
 UPDATE = "make one by --update"
-#: An error has grown when it is so many times what it was, or what rounding makes of it on another machine, whichever
-#: is more: one digit, and a hundredth of the tolerance of what is solved.
+#: Factor by which an error must grow to be reported, and the noise due to rounding on another machine, whichever is
+#: larger: one digit, and a hundredth of the tolerance of solved quantities.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 
@@ -34,9 +34,9 @@ class Against:
     """Comparison with a known state.
 
     Attributes:
-        changed: Which engines, models, versions are others, in sentences.
-        worse: Errors that have grown, in sentences with the digits that are lost; `improved`: likewise gained.
-        notes: What one of the two states lacks.
+        changed: Sentences on changed engines, models and versions.
+        worse: Sentences on grown errors, with the lost digits; `improved`: likewise on gained digits.
+        notes: Sentences on rows that one of the two states lacks.
     """
 
     file: str
@@ -47,7 +47,7 @@ class Against:
 
 
 def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
-    """The content of a baseline. Run times are not in it."""
+    """Return the content of a baseline, which does not include run times."""
     record = environment()
     return {
         "schema": SCHEMA,
@@ -65,7 +65,7 @@ def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
 
 
 def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: bool = False) -> None:
-    """Makes the state of these rows the known one.
+    """Write these rows as the known state.
 
     Raises:
         OutputError: One of them has no numbers, or the file cannot be written or is no baseline; it is then as it was.
@@ -78,7 +78,7 @@ def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: b
 
 
 def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
-    """Compares rows with a baseline.
+    """Compare rows with a baseline.
 
     Raises:
         DescriptionError: There is none, or it is of another schema, of other scenes, or of other options.
@@ -106,10 +106,10 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
 
 
 def check_baseline(file: Path, *, force: bool = False) -> None:
-    """Refuses to overwrite a file that is no baseline.
+    """Reject overwriting a file that is not a baseline.
 
     Raises:
-        OutputError: It is something else.
+        OutputError: The file is not a baseline.
     """
     check_place(file)
     if not os.path.lexists(file) or force:
@@ -123,10 +123,10 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
 
 
 def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
-    """The entries of a baseline.
+    """Read the entries of a baseline.
 
     Raises:
-        DescriptionError: It is none, or of another schema, of other scenes, or of other options.
+        DescriptionError: The file is not a baseline, or has another schema, other scenes or other options.
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
@@ -144,7 +144,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
 
 
 def _sound(known: Mapping[str, Any]) -> bool:
-    """True if all entries have the shape that `state` gives them."""
+    """Return True if all entries have the form that `state` gives them."""
     scenes = known.get("scenes")
     if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
         return False
@@ -159,12 +159,12 @@ def _sound_scene(entry: object) -> bool:
 
 
 def _is_size(value: object) -> bool:
-    """True for a non-negative error, or null, which stands for NaN."""
+    """Return True for a non-negative error, or null, which stands for NaN."""
     return value is None or (isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < inf)
 
 
 def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-    """Sentences on entries that differ; a hash is not worth reading."""
+    """Yield sentences on entries that differ, without the values of hashes."""
     for name in dict.fromkeys([*then, *now]):
         a, b = str(then.get(name, "")), str(now.get(name, ""))
         if a != b:

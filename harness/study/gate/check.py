@@ -1,4 +1,4 @@
-"""Results of a gate: rows that can be asserted, in the forms that services for CI read."""
+"""Results of a gate: rows that tests can assert, in the formats that CI services read."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from screwgauge.study.gate.run import check_items
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor
 
-SCHEMA = 1  #: Of the JSON.
+SCHEMA = 1  #: Version of the JSON format.
 ADMITTED = "Admitted on purpose"
-#: Names of files that a sentence lists.
+#: File names listed in a sentence.
 SHOWN = 5
-#: Elements of JUnit by the exit status of what they are about.
+#: Exit status of a row -> element of JUnit.
 _KINDS = {1: "failure", 2: "error", 3: "error"}
 
 
@@ -36,11 +36,11 @@ class Check:
     """Result of a gate.
 
     Attributes:
-        rows: One for each scene or pair of models.
-        smoke: Whether a few samples were looked at only.
-        against: What has become of a known state; None without a baseline.
-        unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
-        date: When it was made, ISO 8601 in UTC.
+        rows: One row for each scene or pair of models.
+        smoke: True if only a few samples were checked.
+        against: Comparison with a baseline; None without one.
+        unread: Descriptions, scenes and models in the named folders that were not read.
+        date: Date of the check, ISO 8601 in UTC.
     """
 
     rows: Sequence[GateRow]
@@ -55,12 +55,12 @@ class Check:
         return self.exit_status == 0
 
     def __bool__(self) -> bool:
-        """Truthiness: ``assert check`` passes only if the check is ok."""
+        """Return `ok`, so that ``assert check`` passes only if the check is ok."""
         return self.ok
 
     @property
     def exit_status(self) -> int:
-        """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
+        """Exit status: 0 all within tolerance; 1 out of tolerance, or digits lost; 2 bad input; 3 a failure."""
         worst = max((EXIT[row.status] for row in self.rows), default=1)
         return worst or int(bool(self.against and self.against.worse))
 
@@ -72,35 +72,37 @@ class Check:
 
     @property
     def left_alone(self) -> str:
-        """A sentence that names unread files of the folders; empty if all were read."""
+        """Sentence that names unread files of the folders; empty if all were read."""
         return f"Not read, because no scene names them: {first_few(self.unread, SHOWN)}." if self.unread else ""
 
     def assert_ok(self) -> None:
-        """Raises:
-        AssertionError: Something does not pass; the message says what, where, when, by how much and why.
+        """Raise an error unless the check is ok.
+
+        Raises:
+            AssertionError: A row does not pass; the message says what, where, when, by how much and why.
         """
-        __tracebackhide__ = True  # pytest shows the line that asks, not this one
+        __tracebackhide__ = True  # pytest shows the calling line, not this one
         if not self.ok:
             raise AssertionError("\n".join(self.faults) or "nothing was checked")
 
     def write_baseline(self, file: str | Path, *, force: bool = False) -> None:
-        """Makes this the known state.
+        """Write this state as the new baseline.
 
         Args:
-            file: A baseline that is there is replaced.
-            force: So is any other file.
+            file: File of the baseline; an existing baseline is replaced.
+            force: Replace any other file, too.
 
         Raises:
-            OutputError: Something could not be checked, or the file not be written; it is then as it was.
+            OutputError: A row has no numbers, or the file cannot be written; it is then unchanged.
         """
         write_baseline(Path(file), self.rows, self.smoke, force=force)
 
     @property
     def record(self) -> dict[str, Any]:
-        """All of it, as plain data."""
+        """The whole check as plain data."""
         known = asdict(self.against) if self.against else None
         rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
-        for row in rows:  # names of files as they are given are in `files`; where those lie is this machine's own
+        for row in rows:  # `files` has the names as given; absolute paths are specific to this machine
             del row["read"]
         content = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
         return {**content, "unread": [*self.unread]}
@@ -111,7 +113,7 @@ class Check:
         return json_text(self.record, escaped=True)
 
     def junit(self) -> str:
-        """JUnit XML: a test case for each row, and one for the baseline."""
+        """Format JUnit XML: a test case for each row, and one for the baseline."""
         cases = [(row.scene, row.seconds, EXIT[row.status], message(row), row.admitted) for row in self.rows]
         if self.against is not None:
             lost = "; ".join(self.against.worse)
@@ -131,7 +133,7 @@ class Check:
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
-        """Commands of GitHub that mark a line of a model or scene."""
+        """Yield GitHub commands that mark a line of a model or scene."""
         for row in self.rows:
             marks = {} if row.ok else {"error": message(row)}
             if row.admitted:
@@ -142,12 +144,12 @@ class Check:
 
 
 def _escape(text: str, signs: str) -> str:
-    """A text with codes for the signs that mean something to GitHub."""
+    """Escape characters that have a meaning for GitHub."""
     return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
 def message(row: GateRow) -> str:
-    """The outcome of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
+    """Describe the outcome of a row: quantity, component, time, values and tolerance of the worst error; and cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
         rest = "all else agrees" if row.status == "unread" else row.sentence
@@ -172,7 +174,7 @@ def check_with(
     progress: Callable[[str, float], None] = lambda step, share: None,
     place: Path | None = None,
 ) -> Check:
-    """Check scenes for `screwgauge.check`, by any executor. `place`: see `check_items`."""
+    """Check scenes for `screwgauge.check` with any executor. `place`: see `check_items`."""
     requested = [*items(what), *([known_item()] if settings.smoke and not what else [])]
     if settings.meshes and not any(is_model(name) for item in requested for name in item.files):
         raise DescriptionError("--meshes is for model files", "check", 'write allow = ["meshes"] into the scene')

@@ -1,4 +1,4 @@
-"""Items of a gate and their rows: what its arguments mean, and what is found of each. Plain data, which pickles."""
+"""Items of a gate, which its arguments stand for, and rows with their results. Plain data; it pickles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
 from screwgauge.study.outcome import EXIT, Outcome
 
-#: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
+#: Keys that only scenes have: a file with some of them is an incomplete scene, which is rejected.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
 
 
@@ -27,8 +27,8 @@ class Item:
     """A scene, or a pair of model files.
 
     Attributes:
-        name: What it is called in tables, baselines and JUnit.
-        files: Built-in name or path; two of a pair.
+        name: Name in tables, baselines and JUnit.
+        files: Built-in name or path; two for a pair.
     """
 
     name: str
@@ -36,17 +36,17 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """Make items of arguments: two model files are a pair, four are two; one is a scene as `run` makes it.
+    """Make items of arguments: two model files form a pair, four form two pairs; one makes a scene, as in `run`.
 
     Args:
         what: Built-in scenes, files, folders; nothing for all built-in scenes.
 
     Raises:
-        ScrewgaugeError: There is no such thing, a folder has no scene, or two are of one name.
+        ScrewgaugeError: An argument is unknown, a folder has no scene, or two items have the same name.
     """
     what = [*what]
     for each in what:
-        if not isinstance(each, str | Path) or each == "":  # which would be the current folder
+        if not isinstance(each, str | Path) or each == "":  # an empty path would mean the current folder
             raise DescriptionError(f"{shown(each)} is no name or path", "check", "name scenes, files or folders")
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
@@ -84,7 +84,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 
 def _files_in(folder: str, *endings: str) -> list[Path]:
-    """Files of a folder with one of some endings.
+    """Return the files of a folder with one of some endings.
 
     Raises:
         DescriptionError: The folder cannot be read.
@@ -97,11 +97,11 @@ def _files_in(folder: str, *endings: str) -> list[Path]:
 
 
 def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
-    """Descriptions, scenes and models in the folders among the arguments that are none of the files that were read.
+    """Return descriptions, scenes and models in the folders among the arguments that were not read.
 
     Args:
-        what: As `items` takes it.
-        read: Paths.
+        what: Arguments of `items`.
+        read: Paths of the files that were read.
     """
     known = {os.path.realpath(name) for name in read}
     files = [
@@ -114,7 +114,7 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
 
 
 def _is_scene(path: Path) -> bool:
-    """True for a scene, even an incomplete one, and for a file that cannot be read: the check reports why."""
+    """Return True for a scene, even an incomplete one, and for an unreadable file: the check reports the reason."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -137,13 +137,13 @@ def _check_names(every: Iterable[Item]) -> None:
 
 
 def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str, float]:
-    """Scaled errors that are admitted, by quantity.
+    """Read admitted scaled errors by quantity.
 
     Args:
-        given: A TOML file with ``quantity = value``, or its entries.
+        given: TOML file with ``quantity = value``, or its entries.
 
     Raises:
-        ScrewgaugeError: There is no such quantity, or a value is no positive number.
+        ScrewgaugeError: A quantity is unknown, or a value is not a positive number.
     """
     if given is None:
         return {}
@@ -152,35 +152,35 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
     return {name: positive(value, f"{where}, {name}") for name, value in table.items()}
 
 
-#: Scaled errors that nobody should admit without seeing it said.
+#: Scaled error above which an admitted error is reported.
 WIDE = 1e-2
 
 
 def admissions(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
-    """List admissions on purpose: entries of ``allow``, and tolerances above `WIDE`."""
+    """List deliberate admissions: entries of ``allow``, and tolerances above `WIDE`."""
     wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
     return [*allow, *wide]
 
 
 @dataclass(frozen=True, slots=True)
 class GateRow:
-    """A scene or a pair of models.
+    """Result for a scene or a pair of models.
 
     Attributes:
-        scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: What became of it.
-        sentence: The result, with the cause where one is known.
-        errors: One for each quantity, pair and unit.
-        coverage: What the motion tests, in a sentence.
-        versions: Of engines, by name; `files`: file -> SHA-256.
-        doubts: Sentences that qualify agreement: on numbers that no machine has, on model files; whatever the status.
-        remarks: Sentences that qualify nothing: that home was solved for.
-        file, line: Where to look for the cause; 0 if no line is known.
-        unread: What the scene names and nobody read, in sentences.
-        read: Files that were read, by the names that were given.
-        more: What its files have more than the rigid machine that is compared, in a sentence; empty if nothing.
-        admitted: What is admitted on purpose: differences and files that the scene allows, tolerances above `WIDE`.
-        curve: Of a scene that does not pass: time [s] and both values of the worst component, at some samples.
+        scene: Name of the scene; for a pair, ``A.urdf - B.xml``.
+        status: Outcome.
+        sentence: The result, with the cause if known.
+        errors: One error for each quantity, pair and unit.
+        coverage: Sentence on what the motion tests.
+        versions: Engine -> version; `files`: file -> SHA-256.
+        doubts: Sentences that qualify agreement, whatever the status: on values that no machine has, on model files.
+        remarks: Sentences that qualify nothing, such as that the home pose was solved for.
+        file, line: Likely place of the cause; 0 if no line is known.
+        unread: Sentences on files that the scene names and nothing read.
+        read: Files that were read, by their given names.
+        more: Sentence on what the files contain beyond the compared rigid machine; empty if nothing.
+        admitted: Deliberate admissions: differences and files that the scene allows, tolerances above `WIDE`.
+        curve: For a scene that does not pass: time [s] and both values of the worst component, at some samples.
     """
 
     scene: str
@@ -208,5 +208,5 @@ class GateRow:
 
     @property
     def worst(self) -> Residual | None:
-        """The largest error by its tolerance; those that are out of it first, and those of two engines."""
+        """The largest error relative to its tolerance; those out of tolerance and those of engine pairs come first."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)

@@ -1,4 +1,4 @@
-"""The row of one scene or one pair of models. How many of them are run: `run`; smoke tests: `smoke`."""
+"""Results for one scene or one pair of models. `run` checks many of them; for smoke tests see `smoke`."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from screwgauge.study.mismatches import physical
 from screwgauge.study.outcome import Outcome, weakest
 from screwgauge.study.run import run
 
-#: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
+#: Error of a force due to half a unit in the last digit of each of some hundred numbers, in such units.
 DIGITS = 50.0
-CURVE = 400  # samples that are kept of what does not pass
+CURVE = 400  # samples kept of a scene that does not pass
 
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """Settings by which items are checked; they pickle.
+    """Settings for the check of items; they pickle.
 
     Attributes:
-        tolerances: Scaled errors that are admitted of quantities for which a scene has none.
-        tell: Makes a sentence or two of a comparison.
-        more: Makes a sentence of what files have more than is compared.
-        meshes: Model files have mass and inertia from meshes.
+        tolerances: Admitted scaled errors of quantities for which a scene has none.
+        tell: Function that describes a comparison in a sentence or two.
+        more: Function that describes in a sentence what files contain beyond the compared machine.
+        meshes: Compute mass and inertia of model files from meshes.
     """
 
     tell: Callable[[Comparison], str]
@@ -63,11 +63,11 @@ def compared(
     *,
     covered: bool = True,
 ) -> tuple[GateRow, Comparison]:
-    """The row of a scene, and the comparison.
+    """Compare engines on a scene; return its row, and the comparison.
 
     Args:
-        progress: Takes a share and the engine at work.
-        covered: Whether it says what the motion tests, which takes time.
+        progress: Called with the completed share and the running engine.
+        covered: Also state what the motion tests, which takes time.
     """
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
@@ -99,7 +99,7 @@ def compared(
 
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
-    """The weakest of what became of a comparison, where digits of a model file may have widened tolerances."""
+    """Return the weakest outcome of a comparison, if digits of a model file may have widened tolerances."""
     outcomes = [*results.outcomes]
     if all(one.ok for one in errors):
         outcomes = [each for each in outcomes if each not in _SIZED] or ["agree"]
@@ -108,15 +108,15 @@ def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
     return weakest(outcomes)
 
 
-#: Outcomes that wider tolerances change.
+#: Outcomes that wider tolerances may change.
 _SIZED: list[Outcome] = ["differ", "faulted", "undecided"]
 
 
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
-    """Files that a scene is made of, those that its description extends included.
+    """Return the files that a scene consists of, including those that its description extends.
 
     Args:
-        engines: Those that ran: models and tables of others count only without.
+        engines: Engines that ran: models and tables of others count only if this is None.
     """
     files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
     used = [file for name, file in files.items() if engines is None or name in engines]
@@ -125,10 +125,10 @@ def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
 
 
 def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]:
-    """Pairs and residuals with their tolerances.
+    """Yield pairs and residuals with their tolerances.
 
     Args:
-        given: Quantity -> who gave its tolerance.
+        given: Quantity -> source of its tolerance.
     """
     pairs = [{**row, "of": (row["a"], row["b"])} for row in results.pairs.to_dict("records")]
     judged = [
@@ -146,10 +146,10 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
-    """The tolerance of a pair or residual, and where it comes from.
+    """Return the tolerance of a pair or residual, and its source.
 
-    That of the comparison, and the digits that a model file is cut to where it differs from the description in nothing
-    else.
+    The tolerance of the comparison is widened for the rounded digits of a model file, if these are its only difference
+    from the description.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
@@ -171,7 +171,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
 
 def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
-    """Name what makes the tolerance of a quantity wider than that of the scene."""
+    """Return what makes the tolerance of a quantity wider than that of the scene."""
     if scene.simulated:
         return "what integration leaves"
     tables = [one.engine for one in solutions if one.engine in scene.tables]
@@ -182,7 +182,7 @@ def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution])
 
 
 def _column(results: Comparison, worst: Residual, engine: str) -> Array | None:
-    """An engine's values of the component that is worst; None if it has none. Shape (n,)."""
+    """Return an engine's values of the worst component; None if it has none. Shape (n,)."""
     solution = results.solutions.get(engine)
     values = solution.values.get(worst.quantity) if solution is not None else None
     if values is None or worst.component not in values.components:
@@ -191,7 +191,7 @@ def _column(results: Comparison, worst: Residual, engine: str) -> Array | None:
 
 
 def _value(results: Comparison, worst: Residual, engine: str) -> float:
-    """An engine's value where and when the difference is largest; NaN if it has none."""
+    """Return an engine's value at the component and time of the largest difference; NaN if it has none."""
     column = _column(results, worst, engine)
     if column is None or not np.isfinite(worst.t):
         return nan
@@ -199,7 +199,7 @@ def _value(results: Comparison, worst: Residual, engine: str) -> float:
 
 
 def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, float, float], ...]:
-    """Times [s] and values of both engines around what is worst, if that is out of tolerance."""
+    """Return times [s] and values of both engines around the worst error, if that is out of tolerance."""
     if worst is None or worst.ok:
         return ()
     first, second = (_column(results, worst, engine) for engine in (worst.a, worst.b))
@@ -210,7 +210,7 @@ def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, fl
 
 
 def compared_pair(item: Item, settings: GateSettings) -> GateRow:
-    """The row of two model files: torques at random states, and differences of the files."""
+    """Compare two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
     sides = (weigh_side(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)
     diagnosis = diagnose(*sides)
@@ -220,7 +220,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     n = min(diagnosis.a.digits, diagnosis.b.digits)
     if not given and rounded:
         tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
-        if n >= ALL:  # whose rounding it is not
+        if n >= ALL:  # not due to rounding
             tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
     found = diagnosis.found
     most = found.torques if found.agreement is None else found.agreement
@@ -239,7 +239,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
 
 
 def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) -> int:
-    """The line of a model file that names what differs first, 1 where none does."""
+    """Return the first line of a model file that a difference names; 1 if there is none."""
     names = [each.item_b for each in differences if each.item_b]
     text = read_file(file) if names else ""
     match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None

@@ -1,4 +1,4 @@
-"""All items of a gate, one after the other, in processes of their own or on a cluster."""
+"""Checks of all items of a gate: sequential, in parallel processes, or on a cluster."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def check_items(
     progress: Callable[[str, float], None] = lambda step, share: None,
     place: Path | None = None,
 ) -> list[GateRow]:
-    """A row for each item, in their order.
+    """Check items; return their rows in order.
 
     Args:
-        execute: Where items are checked; in this process by default.
-        place: Folder of the report, of which rows are kept until all are there; by default none are.
+        execute: Executor of the checks; this process by default.
+        place: Folder of the report; its rows are kept on disk until all are complete; by default none.
     """
     kept = Journal(place, address("check", settings.smoke, settings.tolerances, settings.meshes))
     tasks = []
@@ -48,7 +48,7 @@ def check_items(
         tasks.append(Task(item.name, partial(_time, item, settings), key, files))
 
     def keep(key: str, row: GateRow) -> None:
-        with suppress(OutputError):  # the report meets the full disk again
+        with suppress(OutputError):  # the report will run into the full disk again
             kept.keep(key, row)
 
     rows = run_tasks(
@@ -70,7 +70,7 @@ def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> 
 
 
 def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
+    """Check an item; bad input and engines that fail become rows, too. `progress`: see `compared`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:
@@ -91,9 +91,9 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
-    """All files that an item is made of and that do not come with this package: loops files, what models name, too.
+    """Return all files of an item that do not come with this package, including loops files and files that models name.
 
-    Descriptions that are made of these for one process only are not among them.
+    Temporary descriptions that are generated from them are not included.
     """
     with files_read() as read, suppress(ScrewgaugeError):
         models = []

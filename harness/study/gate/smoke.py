@@ -1,4 +1,4 @@
-"""Smoke tests: a few samples of a scene, by engines that see more than the usual ones, and a planted difference."""
+"""Smoke tests: a few samples of a scene, engines that cover more terms than the default ones, and planted errors."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from screwgauge.study.comparison import Comparison, built_in
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.gate.measure import GateSettings, compared
 
-#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
-#: takes time is the way there.
+#: Samples of an exciting motion, out of 101, that a smoke test solves, and its amplitude [rad or lengths]: following
+#: the motion up to them takes most of the time.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
-#: Share of its duration that a smoke test integrates of a simulation.
+#: Share of a simulation that a smoke test integrates.
 BEGINNING = 1e-2
-#: Compared of the full cuts: what all loops, and how they move, come into; and redundant actuators of the rule
-#: `spherical_axial`.
+#: Quantity compared for full cuts, to which all loops and their motion contribute; and the number of redundant
+#: actuators of the rule `spherical_axial`.
 OF_FULL_CUTS, AXIAL = "joint_acceleration", 2
-#: A planted difference as a multiple of its tolerance, and how exactly the comparison has to say how large it is.
+#: Size of a planted difference as a multiple of its tolerance, and the relative accuracy with which it must be found.
 PLANTED, EXACTLY = 4.0, 1e-3
 TWIN = "planted"
-#: Stands for that of the mechanism: no component is left open.
+#: Mobility of a mechanism all of whose components are determined, in place of the actual one.
 _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 
 def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """A few samples of a scene; if they pass, a test of the comparison itself, then full cuts, Lagrange and truth."""
+    """Check a few samples of a scene; if they pass, test the comparison itself, then full cuts, Lagrange and truth."""
     scene, note = smoked(scene)
     row, results = compared(scene, settings, progress)
     row = replace(row, coverage=f"{note}{row.coverage}")
@@ -58,7 +58,7 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
 
 
 def _asked(other: Scene, scene: Scene) -> str:
-    """Quantities of a copy of a scene, in words."""
+    """Describe the quantities of a reduced copy of a scene."""
     left = [name for name in scene.quantities if name not in other.quantities]
     if len(left) > len(other.quantities):
         return " and ".join(other.quantities)
@@ -66,9 +66,9 @@ def _asked(other: Scene, scene: Scene) -> str:
 
 
 def smoked(scene: Scene) -> tuple[Scene, str]:
-    """A scene with a few samples, and a sentence on them.
+    """Reduce a scene to a few samples; return it with a sentence on them.
 
-    A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
+    The samples are of an exciting motion, or of the scene's own if there is no room for one. Simulations are shortened.
     """
     if scene.simulated:
         since = scene.start.since
@@ -78,18 +78,18 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
         return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
     except DescriptionError as error:
-        # of the times that each table has
+        # among the times of each table
         every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
         rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
         return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
 
 
 def full_cuts(scene: Scene) -> Scene | None:
-    """A copy of a scene for `screw` and its engines' full cuts, all on the description, and one quantity.
+    """Return a copy of a scene for `screw` and the full cuts of its engines, all on the description, with one quantity.
 
-    Terms that only a full cut has, such as those of welded copies of moving bodies, are seen by nothing else; and so is
-    the rule `spherical_axial`, where the mechanism can have it and the scene has another. None where there are no full
-    cuts, or they run anyway, or nothing is given that they could solve.
+    Nothing else checks the terms that only a full cut has, such as those of welded copies of moving bodies, nor the
+    rule `spherical_axial`, where the mechanism admits it and the scene has another. None if there are no full cuts, or
+    they run anyway, or the scene has no given motion.
     """
     names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
     if scene.simulated or not names or {*names} <= {*scene.engines}:
@@ -102,9 +102,9 @@ def full_cuts(scene: Scene) -> Scene | None:
 
 
 def with_lagrange(scene: Scene) -> Scene | None:
-    """A built-in scene for `screw` and `lagrange`, whose formulation shares nothing, and all that this one gives.
+    """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, with all quantities it gives.
 
-    None where `lagrange` runs anyway, or takes no such scene. A user's scene names it where it is wanted.
+    None if `lagrange` runs anyway, or does not support such a scene. A user's scene names it where it is wanted.
     """
     quantities = tuple(name for name in scene.quantities if name not in ENGINES["lagrange"].lacks)
     if not (_built_in_for("lagrange", scene) and quantities):
@@ -113,7 +113,7 @@ def with_lagrange(scene: Scene) -> Scene | None:
 
 
 def _built_in_for(engine: str, scene: Scene) -> bool:
-    """True for a given motion of a built-in scene that an engine has not taken part in yet."""
+    """Return True for a given motion of a built-in scene that an engine has not yet solved."""
     known = scene.file is not None and built_in(scene.file)
     return known and not scene.simulated and engine not in scene.engines and ENGINES[engine].installed
 
@@ -121,8 +121,8 @@ def _built_in_for(engine: str, scene: Scene) -> bool:
 def with_truth(scene: Scene) -> Scene | None:
     """Reduce a built-in scene to one sample for `screw` and `truth`, without springs and motors, which truth refuses.
 
-    Truth reads the text of the scene where loads act, else doubles: both ways are to be seen. None where truth runs
-    anyway, is not installed, or takes no such scene. A user's scene names `truth` where it is wanted.
+    Truth reads the text of a scene with loads, otherwise doubles: the smoke test covers both. None if truth runs
+    anyway, is not installed, or does not support such a scene. A user's scene names `truth` where it is wanted.
     """
     if not _built_in_for("truth", scene):
         return None
@@ -132,12 +132,12 @@ def with_truth(scene: Scene) -> Scene | None:
 
 
 def blind(results: Comparison) -> str:
-    """Why a comparison without differences would mean nothing: a planted difference that it misses or missizes.
+    """Plant differences, and report the first that the comparison misses or sizes wrongly.
 
-    An answer is compared with a copy in which one number of each quantity and unit is off by a known amount.
+    An answer is compared with a copy in which one value of each quantity and unit has a known error.
 
     Returns:
-        A sentence; empty if every planted difference is seen, and its size is right.
+        A sentence; empty if every planted difference is found with the correct size.
     """
     scene, answer = results.scene, next(iter(results.solutions.values()), None)
     if answer is None:
@@ -161,9 +161,9 @@ def blind(results: Comparison) -> str:
 
 
 def _planted(solution: Solution, scene: Scene) -> tuple[Solution, dict[tuple[str, str], float]]:
-    """A copy of an answer in which numbers are off; and by how much, scaled, of each quantity and unit.
+    """Return a copy of an answer with planted errors, and the scaled size of the error for each quantity and unit.
 
-    What is zero throughout, or not a number, is no measure of anything and left out.
+    Quantities that are zero throughout, or not finite, have no scale and get no error.
     """
     changed, planted = dict[str, Values](), dict[tuple[str, str], float]()
     for quantity, values in solution.values.items():
