@@ -1,4 +1,4 @@
-"""The address of a piece of work: a digest of all that its result depends on. Results on disk are found by it alone."""
+"""Addresses: digests of all that the result of some work depends on. Results on disk are found only by address."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import digest
 from screwgauge.truth.cache import digest as digest_of
 
-#: Beside those of `environment`: numbers depend on them, or what travels does.
+#: Packages besides those of `environment` on which results, or pickled data, depend.
 PACKAGES = ("scipy", "llvmlite", "loky", "distributed", "cloudpickle")
-#: Endings of what this package consists of.
+#: Packages that this distribution consists of.
 ROOMS = ("screwgauge", "screwgauge.reference", "screwgauge.models")
 OURS = (".py", ".toml", ".csv", ".urdf", ".xml")
 
 
 def address(*parts: Any, files: Iterable[Path] = ()) -> str:
-    """Digest of some work.
+    """Compute the digest of some work.
 
     Args:
-        parts: What is asked: texts, numbers, tables of them.
-        files: All that are opened for it, with what they include and name.
+        parts: The question: texts, numbers, tables of them.
+        files: All files opened for the work, including those that they include or name.
     """
     return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
-    """Versions of all that numbers depend on, digests of this package's code and of engines of other packages."""
+    """Return the versions of all that results depend on, and digests of this package's code and of external engines."""
     packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:
@@ -51,7 +51,7 @@ _machine = cache(environment)
 
 @cache
 def _installed() -> list[str]:
-    """All distributions with their versions: an engine may rest on any of them."""
+    """List all distributions with their versions: an engine may depend on any of them."""
     return sorted({f"{each.metadata['Name']} {each.version}" for each in distributions()})
 
 
@@ -63,9 +63,9 @@ def _code() -> str:
 
 @cache
 def _engines() -> dict[str, str]:
-    """Engine of another package -> version, and digest of the files of its package and of its module.
+    """Return external engine -> version, and digest of the files of its package and of its module.
 
-    The module is found, and not imported.
+    The module is located without being imported.
     """
     found = {}
     for name, entry in further_entries().items():

@@ -1,6 +1,6 @@
-"""Answers of engines made plain: numbers and texts, nothing else.
+"""Reduction of engines' answers to plain data: numbers and texts, nothing else.
 
-Engines of other packages return what they like. `plain_answer` lets plain data through, which is compared, judged and
+Engines of other packages may return anything. `plain_answer` lets plain data through, which is compared, judged and
 shown without another look, so that a bad answer costs its own row only.
 """
 
@@ -16,15 +16,15 @@ from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Error, Failure, Solution, Timing, Values
 
-TRACE = 20_000  # characters of a traceback that are kept, the last ones
-LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, timings
+TRACE = 20_000  # characters kept at the end of a traceback
+LONG, SHORT, MOST = 2000, 200, 100  # largest length of a note and of a name; largest number of notes and of timings
 
 
 def plain_answer(answer: object, n: int) -> Solution:
-    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
+    """Return an answer for n samples that consists of numbers and texts only; long texts are truncated, with a remark.
 
     Raises:
-        TypeError, ValueError: It is no such answer; the message names what is wrong.
+        TypeError, ValueError: The answer is malformed; the message names the fault.
     """
     if not isinstance(answer, Solution):
         raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
@@ -50,16 +50,16 @@ def plain_answer(answer: object, n: int) -> Solution:
 
 
 def plain_failure(failed: Failure) -> Failure:
-    """A failure, made of texts that are not longer than those that are made here."""
+    """Return a failure whose texts are truncated to the lengths used in this package."""
     limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
     return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})
 
 
 def shortened(text: object, most: int) -> str:
-    """A text of at most `most` characters, with the number of those cut off.
+    """Truncate a text to `most` characters, and append the number of characters cut off.
 
     Raises:
-        TypeError: It is no text.
+        TypeError: The value is not a text.
     """
     if not isinstance(text, str):
         raise TypeError(f"a text is of type {type(text).__name__}")
@@ -72,7 +72,7 @@ def _texts(what: str, texts: object) -> tuple[str, ...]:
 
 
 def _some(what: str, items: object) -> list[Any]:
-    """The items of a tuple or list of at most `MOST`."""
+    """Return the items of a tuple or list of at most `MOST`."""
     if not isinstance(items, (tuple, list)):
         raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
     if len(items) > MOST:
@@ -81,7 +81,7 @@ def _some(what: str, items: object) -> list[Any]:
 
 
 def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
-    """Entries of a mapping from quantities."""
+    """Yield the entries of a mapping from quantities."""
     if not isinstance(table, Mapping):
         raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
     for name, value in table.items():
@@ -107,8 +107,8 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
-    """An array of doubles of a shape, in which None is any length."""
-    if type(array) is not np.ndarray:  # of a masked one, say, some numbers do not count
+    """Check an array of doubles, and its shape, in which None stands for any length."""
+    if type(array) is not np.ndarray:  # in a masked array, for example, some numbers do not count
         raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
         raise TypeError(f"its {what} is an array of {array.dtype.name}, not of real numbers")
@@ -119,7 +119,7 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """A number for each sample, not negative, or NaN."""
+    """Check an array with a non-negative number, or NaN, for each sample."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
         raise ValueError(f"its {what} has negative numbers")
@@ -127,14 +127,14 @@ def _sizes(what: str, array: object, n: int) -> Array:
 
 
 def _size(what: str, number: Any) -> float:
-    """A number that is not negative."""
+    """Check a non-negative number."""
     if not (size := float(number)) >= 0.0:
         raise ValueError(f"its {what} is {size}: no size, or negative")
     return size
 
 
 def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
-    """An error of a quantity whose values have some shape."""
+    """Check the error estimate of a quantity whose values have a given shape."""
     if not isinstance(error, Error):
         raise TypeError(f"its error of {name} is of type {type(error).__name__}, not an Error")
     radius, condition, what = error.radius, error.condition, f"of {name}"
@@ -148,7 +148,7 @@ def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
 
 
 def _rows(rows: object, n: int) -> Any:
-    """Indices of samples, ascending."""
+    """Check ascending indices of samples."""
     if type(rows) is not np.ndarray or rows.dtype.kind not in "iu" or rows.ndim != 1:
         raise TypeError("its rows are not an array of indices")
     if len(rows) and not (rows[0] >= 0 and rows[-1] < n and (np.diff(rows.astype(np.int64)) > 0).all()):
@@ -171,6 +171,6 @@ def _cost(cost: object) -> Cost:
 
 
 def declared(model: EngineModel, engine: Engine | None) -> dict[str, str]:
-    """Quantities that an engine, or its loaded model, says that it does not give -> why not."""
+    """Return quantity -> reason for each quantity that an engine, or its loaded model, declares not to give."""
     lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
     return {name: shortened(why, LONG) for name, why in lacks.items()}

@@ -1,8 +1,8 @@
-"""Calls code of other packages in a fork of this process, which ends with the call: nothing but plain data comes back.
+"""Calls of external code in a fork of this process that ends with the call: only plain data comes back.
 
 What the code prints, patches, changes, starts or breaks stays in the fork. Its answer is unpickled by a reader that
-knows types of numbers and texts alone, and nothing of it is run here. Forks are made by workers only, whose threads
-wait and hold no lock; whoever is none asks one, see `isolation`.
+knows types of numbers and texts alone, and nothing of it is run here. Only workers fork: their threads wait
+and hold no lock. Other processes ask a worker, see `isolation`.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ from screwgauge.reference import errors
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.lifeline import tied
 
-#: Types of an answer: what is made of them holds numbers and texts.
+#: Types of an answer: their instances hold only numbers and texts.
 _PLAIN = {(solution.__name__, name) for name in ("Cost", "Error", "Failure", "Solution", "Timing", "Values")}
-#: What numpy pickles arrays of numbers by, version 1 and 2.
+#: Names by which numpy 1 and 2 pickle arrays of numbers.
 _PLAIN |= {("numpy", "dtype"), ("numpy", "ndarray")}
 _PLAIN |= {(f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")}
-PRINTED = 2000  # characters of what was printed that a traceback ends with, the last ones
+PRINTED = 2000  # characters kept at the end of the output, which a traceback ends with
 _ANSWER, _SAID = "answer", "printed"
 _RETURNED, _MEMORY = "returned", "memory"
 
 
 class CrashedError(Exception):
-    """A call that ended its process, or whose answer is no plain data. Notes have what it printed."""
+    """Raised if a call ended its process, or did not return plain data. Notes hold its output."""
 
 
 def apart(call: Callable[[], object]) -> tuple[Any, str]:
-    """Calls in a fork, and returns what that returned, if it is plain, and the end of what it printed.
+    """Call a function in a fork; return its result, which must be plain data, and the end of its output.
 
     Raises:
-        ScrewgaugeError: Raised by the call; notes have its traceback.
-        MemoryError: The call needs more than there is.
-        CrashedError: It raised something else, crashed, or returned something else.
+        ScrewgaugeError: Raised by the call; notes hold its traceback.
+        MemoryError: The call needs more memory than is available.
+        CrashedError: The call raised another exception, crashed, or returned other data.
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         folder, first = Path(name), tied()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which only wait
+            warnings.simplefilter("ignore", DeprecationWarning)  # about forking with threads, which only wait
             child = os.fork()
         if not child:
             _run(call, folder, first)
         _, status = os.waitpid(child, os.WUNTRACED)
         for each in (os.kill, os.killpg) if os.WIFSTOPPED(status) else (os.killpg,):
-            with suppress(OSError):  # it has started no process, or none is left
+            with suppress(OSError):  # it has started no process, or all have ended
                 each(child, signal.SIGKILL)
         if os.WIFSTOPPED(status):
             os.waitpid(child, 0)
@@ -69,7 +69,7 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
 
 
 def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) -> NoReturn:
-    """The fork: leads processes of its own, prints into a file, and leaves its answer in another one."""
+    """Run in the forked child: start a new session, redirect output to a file, and write the answer to another."""
     try:
         first()
         os.setsid()
@@ -90,7 +90,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
 
 
 def _call(call: Callable[[], object]) -> tuple[str, Any]:
-    """Call a function; return how that ended, and with what."""
+    """Call a function; return the kind of its outcome, and the result or the facts of its error."""
     try:
         return _RETURNED, call()
     except MemoryError:
@@ -102,7 +102,7 @@ def _call(call: Callable[[], object]) -> tuple[str, Any]:
 
 
 def _outcome(folder: Path, status: int) -> Any:
-    """Return what the call returned, or raise what it raised."""
+    """Return the result of the call, or raise its error."""
     if os.WIFSTOPPED(status) or os.WIFSIGNALED(status):
         code = os.WSTOPSIG(status) if os.WIFSTOPPED(status) else os.WTERMSIG(status)
         raise CrashedError(f"crashed: its process got {signal.Signals(code).name}")
@@ -120,14 +120,14 @@ def _outcome(folder: Path, status: int) -> Any:
         error = _rebuilt(str(how), *facts)
     except MemoryError:
         raise
-    except Exception as wrong:  # whatever bytes make of a reader
+    except Exception as wrong:  # whatever malformed bytes raise in the reader
         raise CrashedError(f"returned what is no plain data ({wrong})") from None
     error.add_note(text)
     raise error
 
 
 def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
-    """An error of this package as it was before it travelled; its constructor may take other facts."""
+    """Rebuild an error of this package without its constructor, which may take other arguments."""
     form = getattr(errors, kind)
     if not issubclass(form, ScrewgaugeError):
         raise TypeError(f"{kind} is no error")
@@ -144,7 +144,7 @@ def _read_output(folder: Path) -> str:
 
 
 class _Plain(pickle.Unpickler):
-    """Reads pickles of numbers, texts, arrays and answers; any other type could run code when it is made."""
+    """Unpickler for numbers, texts, arrays and answers; unpickling any other type could run code."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _PLAIN:

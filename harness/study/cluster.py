@@ -1,8 +1,8 @@
-"""Tasks on a Dask cluster, by what Dask does: it queues them, gives those of a dead worker to others, and has TLS.
+"""Execution of tasks on a Dask cluster, which queues them, reassigns those of a dead worker, and supports TLS.
 
-A worker does each task in a process of its own, as `Processes` does: a crash or a limit costs one row there, too. The
-journal of a command keeps each row that comes. Where the scheduler ends, the command does, and the same command goes on
-from its journal. See ``harness/guide/cluster.md``. Nothing of Dask is imported before a cluster is asked.
+A worker runs each task in a separate process, like `Processes`: a crash or a limit costs one row there, too. The
+journal of a command keeps each row that comes. If the scheduler ends, so does the command; rerun, the command resumes
+from its journal. See ``harness/guide/cluster.md``. Dask is imported only when a cluster is used.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from screwgauge.study.runner import Executor, InTurn, Processes, Task
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-TICK = 0.1  # s between looks at what is done
-#: Dask's settings of how long a scheduler may take to answer, and how long there may be no worker.
+TICK = 0.1  # s between checks for results
+#: Dask's settings for the longest response time of a scheduler, and for the longest time without a worker.
 ANSWER, WORKERS = "distributed.comm.timeouts.connect", "distributed.scheduler.no-workers-timeout"
-PATIENCE = "60s"  # the latter, if it is not set
+PATIENCE = "60s"  # default of the latter
 AGAIN = "and run the same command again: it goes on from the rows that are there"
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Runs tasks on a Dask cluster.
+    """Executor of tasks on a Dask cluster.
 
     Attributes:
-        where: Address of its scheduler, or the file that the scheduler wrote.
+        where: Address of the scheduler, or the file that it wrote.
         limits: What each task may take.
 
     Raises:
@@ -72,9 +72,9 @@ class Cluster:
             raise OutputError("the scheduler has gone", self.where, f"start it {AGAIN}") from None
 
     def _run(self, client: Client, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        """Runs tasks together. Those whose workers died run once more, each alone.
+        """Run tasks together, then run those whose workers died once more, one at a time.
 
-        Dask blames every task that a dead worker held; the one that kills its worker shows when it is alone.
+        Dask blames every task that a dead worker held; only a task that runs alone is known to kill its worker.
         """
         from distributed import KilledWorker
 
@@ -95,7 +95,7 @@ class Cluster:
                 done += 1
 
     def _submit(self, client: Client, tasks: Mapping[str, Task]) -> dict[Future, str]:
-        """Hand tasks to the scheduler; return the name of each future."""
+        """Submit tasks to the scheduler; return the name of each future."""
         expected, home = versions(), os.getcwd()
         futures = {}
         for name, task in tasks.items():
@@ -107,11 +107,11 @@ class Cluster:
     def _results(
         self, client: Client, names: dict[Future, str], tell: Callable[[int], None]
     ) -> Iterator[tuple[str, Any]]:
-        """Yield each result with its name as soon as it is there.
+        """Yield each result with its name as soon as it is available.
 
         Args:
-            names: Of the futures that are not done; each is removed, so that its worker forgets the result.
-            tell: Takes the number of workers, several times a second.
+            names: Names of the pending futures; each is removed when done, so that its worker forgets the result.
+            tell: Called with the number of workers several times a second.
 
         Raises:
             OutputError: There has been no worker for too long.
@@ -135,7 +135,7 @@ class Cluster:
             for future in completed.next_batch(block=False):
                 try:
                     result = _result(future, timeout)
-                except TimeoutError:  # the worker that had the result died: another makes it anew
+                except TimeoutError:  # the worker that held the result died: another one computes it again
                     completed.add(future)
                 else:
                     yield names.pop(future), result
@@ -143,12 +143,12 @@ class Cluster:
 
 
 def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None) -> Executor:
-    """The executor of the options: on a cluster, in other processes, or in this one.
+    """Return the executor selected by options: on a cluster, in other processes, or in this one.
 
     Args:
-        jobs: Processes at a time.
-        cluster: Address of a Dask scheduler, or the file that it has written.
-        limits: What each task may take; without any it runs in this process, unless there are several at a time.
+        jobs: Number of parallel processes.
+        cluster: Address of a Dask scheduler, or the file that it wrote.
+        limits: Limits of each task; without limits, tasks run in this process, unless several run in parallel.
     """
     if cluster is not None:
         return Cluster(cluster, limits or isolation.Limits())
@@ -158,10 +158,10 @@ def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | N
 
 
 def _address(where: str) -> str:
-    """Return the address of a scheduler that answers. A client of Dask that cannot begin would not end.
+    """Return the address of a scheduler that responds. A Dask client that cannot connect would never return.
 
     Raises:
-        DescriptionError: None answers, or Dask's configuration lacks TLS for it or requires it.
+        DescriptionError: No scheduler responds, or Dask's configuration lacks TLS for it or requires it.
     """
     from distributed import Security
     from distributed.comm import connect
@@ -180,7 +180,7 @@ def _address(where: str) -> str:
 
 
 def _check_versions(client: Client) -> None:
-    """Refuse a scheduler or workers whose Python, Dask or numpy differ from those here."""
+    """Reject a scheduler or workers whose Python, Dask or numpy differ from the local ones."""
     import dask
 
     found = client.sync(client.get_versions, callback_timeout=dask.config.get(ANSWER))
@@ -190,7 +190,7 @@ def _check_versions(client: Client) -> None:
 
 
 def _compare(here: Mapping[str, str], there: Mapping[str, str], machine: str) -> None:
-    """Refuse another machine whose versions differ from those of the machine that asks."""
+    """Reject a machine whose versions differ from the local ones."""
     odd = {name: version for name, version in here.items() if there.get(name) != version}
     if odd:
         words = first_few((f"{name} {there.get(name)} instead of {version}" for name, version in odd.items()), 3)
@@ -199,11 +199,11 @@ def _compare(here: Mapping[str, str], there: Mapping[str, str], machine: str) ->
 
 
 def _result(future: Future, timeout: str) -> Any:
-    """Return the result of a task that is done, or the error that its workers were killed.
+    """Return the result of a finished task, or the error that its workers were killed.
 
     Raises:
-        ScrewgaugeError: Raised by the task, or the worker cannot do it.
-        TimeoutError: The result is lost, or the scheduler.
+        ScrewgaugeError: Raised by the task, or the worker cannot run it.
+        TimeoutError: The result or the scheduler is lost.
         OSError: The scheduler is lost.
     """
     from distributed import KilledWorker
@@ -220,10 +220,10 @@ def _result(future: Future, timeout: str) -> Any:
 
 
 def on_worker(name: str, work: Callable[[Progress], Any], limits: isolation.Limits, expected: Mapping[str, str]) -> Any:
-    """Do a task on a worker, in a process that belongs to this thread.
+    """Run a task on a worker, in a separate process that belongs to this thread.
 
     Args:
-        expected: See `versions`; workers may come at any time.
+        expected: Versions that this machine must have, see `versions`; workers may join at any time.
 
     Raises:
         DescriptionError: Versions differ.
@@ -237,13 +237,13 @@ _versions = cache(versions)
 
 
 def _with_files(work: Callable[[Progress], Any], home: str, files: Mapping[str, str], progress: Progress) -> Any:
-    """Do a task in the folder of the machine that asks, with its files.
+    """Run a task in a folder like that of the client, with the client's files.
 
     Args:
         files: Absolute path -> digest.
 
     Raises:
-        DescriptionError: A file is missing or has another content.
+        DescriptionError: A file is missing or has different content.
     """
     with suppress(OSError):
         os.chdir(home)

@@ -1,4 +1,4 @@
-"""The result of a run: solutions, comparisons and judgements, and which files they are of. How it is made: `run`."""
+"""The result of a run: solutions, comparisons and judgements, and the files that they are based on. `run` makes it."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ from screwgauge.study.review import TableReview
 
 T = TypeVar("T")
 
-DOUBT = "doubt"  #: Kind of remark on numbers that no machine has.
+DOUBT = "doubt"  #: Kind of a remark about values that no machine has.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """Solutions of one scene, compared pair by pair and judged one by one.
+    """Solutions of one scene, compared pair by pair and judged individually.
 
     Attributes:
-        solutions: Engine -> what it computed, in the order of the names given.
-        failures: Engine -> why it did not.
+        solutions: Engine -> its solution, in the order of the given names.
+        failures: Engine -> reason of its failure.
         errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale,
-            worst_t, rule, unique, tolerance, ok. Of a component without a unique value tolerance and ok are empty.
+            worst_t, rule, unique, tolerance, ok. For components without a unique value, tolerance and ok are empty.
         pairs: One row per quantity, pair and unit: quantity, a, b, unit, max_abs, rms, max_scaled,
             worst_component, worst_t, rule, unique, tolerance, ok, reason.
         judge: One row per engine, residual and unit: engine, residual, unit, max_abs, max_scaled,
             worst_component, worst_t, tolerance, ok, reason.
-        remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or nothing.
+        remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or an empty text.
         freedoms: Counts of the mechanism.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
-        refusals: Samples at which an engine gives no number, with the reason.
-        left_out: Forces that act in files and in no engine.
-        reviews: Table -> its faults, column by column.
-        cover: Computes `coverage`, which is not always wanted.
+        refusals: Samples at which an engine returns no value, with the reason.
+        left_out: Forces that files contain and no engine includes.
+        reviews: Table -> faults of its columns.
+        cover: Function that computes `coverage` on demand.
     """
 
     scene: Scene
@@ -75,17 +75,17 @@ class Comparison:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about the scene itself."""
+        """Warnings about the scene itself."""
         return tuple(self.remarks)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings of numbers that no machine has: engines may agree on what nobody meant."""
+        """Warnings about values that no machine has: engines may agree on input that nobody meant."""
         return tuple(sentence for sentence, kind in self.remarks.items() if kind == DOUBT)
 
     @property
     def unread(self) -> tuple[str, ...]:
-        """Warnings of files that the scene names and nobody read."""
+        """Warnings about files that the scene names and nothing read."""
         return tuple(sentence for sentence, kind in self.remarks.items() if kind == UNREAD)
 
     @property
@@ -95,7 +95,7 @@ class Comparison:
 
     @property
     def mobility(self) -> dict[str, Any]:
-        """Facts of the mechanism (freedoms, rank, redundancy), name -> value, and which forces are unique."""
+        """Facts about the mechanism (freedoms, rank, redundancy), name -> value, and which forces are unique."""
         counts = self.freedoms
         return {
             "moving bodies": counts.bodies,
@@ -111,12 +111,12 @@ class Comparison:
 
     @property
     def undetermined(self) -> Sequence[str]:
-        """Reaction components that redundant constraints leave open: they have no unique value."""
+        """Reaction components that redundant constraints leave undetermined: they have no unique value."""
         return self.freedoms.undetermined
 
     @cached_property
     def known(self) -> list[str]:
-        """Sentences about discrepancies of the engines that have a name and touch what is out of tolerance."""
+        """Sentences about named discrepancies of the engines that affect results out of tolerance."""
         bad = self.pairs[~self.pairs["ok"].astype(bool)]
         wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
         sentences = []
@@ -127,7 +127,7 @@ class Comparison:
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """All that became of it, the weakest first."""
+        """All outcomes, the weakest first."""
         alone = len(self.solutions) == 1
         holds: dict[Outcome, bool] = {
             "failed": bool(self.failures),
@@ -144,84 +144,84 @@ class Comparison:
 
     @property
     def outcome(self) -> Outcome:
-        """The weakest outcome, with which the verdict begins."""
+        """The weakest outcome, which the verdict begins with."""
         return weakest(self.outcomes)
 
     @property
     def ok(self) -> bool:
-        """Every engine ran; all that was asked was compared and judged, and is within its tolerance.
+        """True if every engine ran, and all that was requested was compared, judged and found within tolerance.
 
-        With a single engine it is enough that it was judged.
+        A single engine only has to be judged.
         """
         return not EXIT[self.outcome]
 
     def __bool__(self) -> bool:
-        """``assert results`` passes only if they are ok."""
+        """Return `ok`, so that ``assert results`` passes only if the results are ok."""
         return self.ok
 
     @property
     def exit_status(self) -> int:
-        """0 agreement, 1 out of tolerance or not all compared, 3 an engine failed or is missing."""
+        """Exit status: 0 agreement, 1 out of tolerance or not all compared, 3 an engine failed or is missing."""
         return EXIT[self.outcome]
 
     @property
     def compared(self) -> pd.DataFrame:
-        """Rows of pairs of which both engines ran."""
+        """Rows of pairs whose engines both ran."""
         lost = [*self.failures]
         return self.pairs[~self.pairs["a"].isin(lost) & ~self.pairs["b"].isin(lost)]
 
     @property
     def differences(self) -> pd.DataFrame:
-        """Rows of pairs that are out of tolerance by more than the engines admit, and not for want of a number."""
+        """Rows of pairs that are out of tolerance by more than the engines admit; missing values do not count."""
         rows = self.compared
         lost = np.array([self._refused(row) for row in rows.to_dict("records")], dtype=bool)
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0) & ~lost]
 
     @property
     def faults(self) -> pd.DataFrame:
-        """Rows of equations that do not hold by more than the engine admits."""
+        """Rows of equations violated by more than the engine admits."""
         rows = self.judge[~self.judge["engine"].isin([*self.failures])]
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0)]
 
     @property
     def undecided(self) -> int:
-        """At how many samples differences, or residuals, are within what the engines admit, and not in tolerance."""
+        """Number of samples with differences or residuals out of tolerance but within the errors that engines admit."""
         return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
 
     @property
     def reservations(self) -> list[str]:
-        """Sentences that qualify agreement: doubts about the scene, warnings of engines and about their model files."""
+        """Qualifications of an agreement: doubts about the scene, warnings of engines and about their model files."""
         warned = (text for solution in self.solutions.values() for text in solution.warnings)
         return [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*self.doubts, *warned))]
 
     @property
     def mismatches(self) -> dict[str, str]:
-        """Differences of model files from the description that the scene does not allow: key -> sentence."""
+        """Differences of model files from the description that the scene does not admit: key -> sentence."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
         return {each.key: each.sentence for each in found if each.key not in self.scene.allow}
 
     @property
     def unjudged(self) -> tuple[str, ...]:
-        """Engines of which no equation of mechanics was looked at."""
+        """Engines for which no equation of mechanics was checked."""
         known = {*self.judge["engine"], *self.scene.tables, REFERENCE}
         return tuple(name for name in self.solutions if name not in known)
 
     @property
     def alone(self) -> Iterator[tuple[str, list[str]]]:
-        """Engines with those of their quantities that were compared with no other engine."""
+        """Engines with those of their quantities that no other engine was compared in."""
         seen = {(row[side], row["quantity"]) for row in self.pairs.to_dict("records") for side in "ab"}
         unique = {name: {*components} for name, components in self.not_unique.items()}
         for engine, solution in self.solutions.items() if len(self.solutions) > 1 else ():
             sized = {name: {*one.components} - unique.get(name, set()) for name, one in solution.values.items()}
             names = [name for name, components in sized.items() if components and (engine, name) not in seen]
-            if names and engine not in self.scene.tables:  # a table has remarks of its own
+            if names and engine not in self.scene.tables:  # tables have separate remarks
                 yield engine, names
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Quantities that several engines give and of which one was compared with none: forces of unlike trees, say.
+        """Quantities that several engines give, one of them without a comparison, such as forces of different trees.
 
-        None where nobody chose: all that there is was asked for.
+        Empty if the user chose no quantities: then all available ones were requested.
         """
         if {*GIVEN} <= {name for one in self.solutions.values() for name in one.values}:
             return ()
@@ -229,19 +229,19 @@ class Comparison:
         return tuple(name for name in names if len(self._having(name)) > 1)
 
     def _refused(self, row: Mapping[Any, Any]) -> bool:
-        """True if a row lacks numbers that an engine gives a reason for not giving."""
+        """Return True if a row lacks values for which an engine states a reason."""
         engines = (row["a"], row["b"])
         known = (one.engine in engines and row["quantity"] in one.quantities for one in self.refusals)
         return not np.isfinite(row["max_scaled"]) and any(known)
 
     @property
     def guard(self) -> list[Guarded]:
-        """Trust in each quantity of each engine, by condition and estimated error."""
+        """Trust in each quantity of each engine, from condition number and estimated error."""
         return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
 
     @property
     def not_unique(self) -> dict[str, tuple[str, ...]]:
-        """Quantity -> those of its components that have no unique value, for quantities that have such components."""
+        """Quantity -> components without a unique value, for quantities that have such components."""
         ruled = [name for name in QUANTITIES if QUANTITIES[name].ruled]
         firsts = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
         shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in firsts.items()}
@@ -261,21 +261,21 @@ class Comparison:
         return self.scene.t
 
     def quantity(self, quantity: str, engine: str | None = None) -> Values:
-        """Values of one quantity with their names and units; of the first engine that has it by default.
+        """Return the values of a quantity with names and units, by default from the first engine that has it.
 
         Raises:
-            UnknownNameError: No such engine, or it has no such quantity.
+            UnknownNameError: The engine is unknown, or lacks the quantity.
         """
         return self._pick("quantity", quantity, {name: s.values for name, s in self.solutions.items()}, engine)
 
     def values(self, quantity: str, engine: str | None = None) -> Array:
-        """Values of one quantity as an array. Shape (n_sample, n_component)."""
+        """Return the values of a quantity as an array. Shape (n_sample, n_component)."""
         return self.quantity(quantity, engine).array
 
     def radius(self, quantity: str, engine: str | None = None) -> Array:
-        """Rigorous radius of the truth: no true value is farther from the exact midpoint than this.
+        """Return the rigorous radius of the truth: no true value is farther from the exact midpoint than this.
 
-        The values themselves are those midpoints rounded to doubles. NaN at samples that the truth did not solve.
+        The values themselves are the midpoints rounded to doubles. NaN at samples that the truth did not solve.
 
         Returns:
             Shape (n_sample, n_component).
@@ -286,11 +286,11 @@ class Comparison:
         return self._pick("radius", quantity, {name: _radii(one) for name, one in self.solutions.items()}, engine)
 
     def components(self, quantity: str, engine: str | None = None) -> tuple[str, ...]:
-        """Names in column order."""
+        """Return the component names in column order."""
         return self.quantity(quantity, engine).components
 
     def _pick(self, kind: str, quantity: str, by_engine: Mapping[str, Mapping[str, T]], engine: str | None) -> T:
-        """The entry of a quantity of the named engine, or of the first one that has it."""
+        """Return the entry of a quantity of the named engine, or of the first one that has it."""
         if engine and engine not in by_engine:
             raise UnknownNameError("engine", engine, by_engine)
         tables = [by_engine[engine]] if engine else list(by_engine.values())
@@ -305,24 +305,24 @@ def _radii(solution: Solution) -> dict[str, Array]:
     return {name: error.radius for name, error in solution.errors.items() if error.radius is not None}
 
 
-SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
+SCHEMA = 1  #: Version of ``summary.json``: increased when a key is removed or changes its meaning.
 _BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
 
 
 def provenance(
     scene: Scene | None, models: Mapping[str, Path], *, description: Path | None = None, date: datetime | None = None
 ) -> dict[str, Any]:
-    """Names and contents of what was judged.
+    """Return names and digests of the judged files.
 
     Args:
-        scene: None where there is no single one.
-        models: Engine -> model file as it read it; generated ones must still be there.
-        description: What describes the mechanism where that is not the scene's file; generated, too.
-        date: When it was judged; now by default.
+        scene: The scene; None if there is no single one.
+        models: Engine -> model file as the engine read it; generated files must still exist.
+        description: Generated description of the mechanism, if it is not the scene's file.
+        date: Date of the judgement; now by default.
 
     Returns:
         ``models`` (engine -> ``file`` and ``sha256``), ``scene_file`` and ``scene_sha256``, ``description`` (``file``,
-        ``sha256``), ``date`` (ISO 8601, UTC) and ``schema``. Files are named as they were given.
+        ``sha256``), ``date`` (ISO 8601, UTC) and ``schema``. File names are as given.
     """
     record: dict[str, Any] = {"date": (date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds")}
     if scene is not None:
@@ -336,12 +336,12 @@ def provenance(
 
 
 def built_in(path: Path) -> bool:
-    """True if a file comes with this package."""
+    """Return True if a file comes with this package."""
     return any(path.is_relative_to(folder) for folder in _BUILT_IN)
 
 
 def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
-    """Name and SHA-256, which is None if the file no longer exists."""
+    """Return name and SHA-256 of a file; the latter is None if the file no longer exists."""
     if is_scratch(path):
         path = catalog.description_source(path)
         generated = is_scratch(path)

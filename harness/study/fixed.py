@@ -1,4 +1,4 @@
-"""Hinges that stand for fixed joints are no coordinates of anybody's: answers are shown and compared without them."""
+"""Removal of hinges that stand for fixed joints: results are shown and compared without their coordinates."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from screwgauge.quantities import FORCE, QUANTITIES, RATE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, Values
 
-#: What quantities have of each joint coordinate.
+#: Kinds of quantities with a component for each joint coordinate.
 ALONG = ("joint", "tree", "axis")
 
 
 def without_fixed(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Solutions without the coordinates of fixed joints, which are zero."""
+    """Return solutions without the coordinates of fixed joints, which are zero."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return {**solutions}
     held = {*mechanism.coordinates} - {*mechanism.moving}
@@ -33,13 +33,13 @@ def _moving_components(values: Values, held: set[str]) -> tuple[str, ...]:
 
 
 def with_fixed(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, Values]:
-    """Values with the coordinates of fixed joints, which are zero, where an engine or a table leaves them out."""
+    """Return values with the coordinates of fixed joints, which are zero, if an engine or a table omits them."""
     held = [name for name in mechanism.coordinates if name not in mechanism.moving]
     return {name: _fill(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
 
 
 def _fill(quantity: str, values: Values, held: Sequence[str], coordinates: Sequence[str]) -> Values:
-    """Values of one quantity with zeros for the coordinates that are held, in the order of all coordinates."""
+    """Insert zeros for the held coordinates into the values of a quantity, in the order of all coordinates."""
     lost, what = [name for name in held if name not in values.components], QUANTITIES[quantity]
     if what.of not in ("joint", "axis") or not lost:
         return values

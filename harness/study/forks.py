@@ -1,8 +1,8 @@
-"""Processes forked from one server, which has imported once what all of them need.
+"""Processes forked from one server that has already imported the common modules.
 
 The server starts with the first process, imports `NEEDED` and nothing else, and ends with the last process. It is not
-the one of `multiprocessing.get_context`, which has imported the main script of whoever asked first; nor do processes
-run the main script of the caller again.
+the server of `multiprocessing.get_context`, which has imported the main script of its first caller; nor do processes
+run the main script of their caller again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.spawn import get_preparation_data
 from multiprocessing.util import Finalize
 
-#: Modules that most processes import: a library of an engine is not among them.
+#: Modules that most processes import; libraries of engines are not included.
 NEEDED = (
     "loky.process_executor",
     "numpy.ma",
@@ -35,7 +35,7 @@ def _close(*files: int) -> None:
 
 
 class _Popen(popen_forkserver.Popen):
-    """Starts a process as its base class does, of `_SERVER` and without the main script."""
+    """Process started like that of the base class, but from `_SERVER` and without the main script."""
 
     _fds: list[int]
 
@@ -62,6 +62,6 @@ class _Process(ForkServerProcess):
 
 
 class Forks(ForkServerContext):
-    """A context of multiprocessing whose processes are forks of the server."""
+    """Context of multiprocessing whose processes are forks of the server."""
 
     Process = _Process

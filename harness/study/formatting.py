@@ -18,13 +18,13 @@ Row = dict[str, Any]
 
 
 def rows(frame: pd.DataFrame) -> list[Row]:
-    """The rows of a table as dictionaries, column -> value."""
+    """Return the rows of a table as dictionaries, column -> value."""
     columns = {str(name): frame[name].tolist() for name in frame}  # four times as fast as pandas' own records
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
 def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
-    """Rows by what they have in common, in order of appearance."""
+    """Group rows by the values of keys, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in table:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -32,12 +32,12 @@ def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]
 
 
 def missing(value: Any) -> bool:
-    """True for an empty cell of a table: None or NaN."""
+    """Return True for an empty cell of a table: None or NaN."""
     return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value)))
 
 
 def number(value: Any, figures: int = 6) -> str:
-    """A number with so many significant figures, without trailing zeros: ``1.25``, ``1e-11``; empty for None."""
+    """Format a number with some significant figures, no trailing zeros: ``1.25``, ``1e-11``; empty for None."""
     if value is None:
         return ""
     if not np.isfinite(value):
@@ -50,7 +50,7 @@ def number(value: Any, figures: int = 6) -> str:
 
 
 def size(value: Any) -> str:
-    """The size of an error, two figures: ``3.1e-13``, ``12``; ``0`` if there is none."""
+    """Format the size of an error with two figures: ``3.1e-13``, ``12``; ``0`` for zero."""
     if missing(value):
         return "NaN"
     if value == 0 or not np.isfinite(value):
@@ -62,18 +62,18 @@ def size(value: Any) -> str:
 
 
 def digits_text(scaled: float) -> str:
-    """Digits of a scaled error, one place; ``NaN`` where it is none."""
+    """Format the number of digits of a scaled error to one decimal place; ``NaN`` for NaN."""
     value = digits(scaled)
     return "NaN" if np.isnan(value) else f"{value:.1f}"
 
 
 def beyond(error: float, tolerance: float) -> float:
-    """Error as a multiple of what is admitted; infinite where it is no number, or nothing is admitted."""
+    """Return an error as a multiple of its tolerance; infinite if it is NaN, or if nothing is admitted."""
     return error / tolerance if tolerance > 0.0 and not missing(error) else float("inf")
 
 
 def duration(seconds: float) -> str:
-    """``12.3 µs``; empty where it was not measured."""
+    """Format a duration: ``12.3 µs``; empty if not measured."""
     if missing(seconds):
         return ""
     scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
@@ -82,53 +82,53 @@ def duration(seconds: float) -> str:
 
 
 def moment(date: str) -> str:
-    """``2026-11-26 08:17:33 UTC`` from ISO 8601; as it is where it is none."""
+    """Format an ISO 8601 date as ``2026-11-26 08:17:33 UTC``; return other texts unchanged."""
     return re.sub(r"^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d).*(Z|[+]00:00)$", r"\1 \2 UTC", date)
 
 
 def span(low: str, high: str) -> str:
-    """``1 to 3``; one number where both are the same."""
+    """Format a range: ``1 to 3``, or one value if both are the same."""
     return low if low == high else f"{low} to {high}"
 
 
 def vector(values: Iterable[float]) -> str:
-    """``(0, 0, -9.81)``."""
+    """Format a vector: ``(0, 0, -9.81)``."""
     return "(" + ", ".join(map(number, values)) + ")"
 
 
 def unit_text(unit: str) -> str:
-    """``m/s^2`` -> ``m/s²``, ``N m`` -> ``N·m``."""
+    """Format a unit: ``m/s^2`` -> ``m/s²``, ``N m`` -> ``N·m``."""
     return unit.replace("^2", "²").replace("^3", "³").replace(" ", "·").replace(",·", ", ")
 
 
 def words(name: str) -> str:
-    """``loop_closure`` -> ``loop closure``."""
+    """Replace underscores by spaces: ``loop_closure`` -> ``loop closure``."""
     return name.replace("_", " ")
 
 
 def tick(ok: Any) -> str:
-    """Words with the sign, so that nothing rests on colour or font."""
+    """Return a mark and words for a status, so that nothing depends on colour or font."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 
 def file_name(title: str) -> str:
-    """A title as a file name: lower case, words joined by hyphens, not too long for any disk."""
+    """Convert a title to a file name: lower case, words joined by hyphens, short enough for any file system."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
-    """The name, followed by a number if others have it."""
+    """Append a number to a name that is taken."""
     names = (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3)))
     return next(one for one in names if one not in taken)
 
 
 def listed(names: Iterable[str]) -> str:
-    """``a, b and c``."""
+    """Join names: ``a, b and c``."""
     items = list(names)
     return f"{', '.join(items[:-1])} and {items[-1]}" if len(items) > 1 else "".join(items)
 
 
-#: How the columns of tables read; any other as it is.
+#: Column of a table -> formatter; other columns are shown unchanged.
 FORMS: dict[str, Callable[[Any], str]] = {
     **dict.fromkeys(("max_abs", "rms", "max_scaled", "rms_scaled", "max_difference", "error", "size"), size),
     **dict.fromkeys(("time_s", "seconds_per_sample", "cpu", "wall"), duration),

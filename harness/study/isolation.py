@@ -1,4 +1,4 @@
-"""Isolation: jobs in processes of their own. One that crashes or hangs costs its own result only."""
+"""Isolation of jobs in separate processes: a job that crashes or hangs loses only its own result."""
 
 from __future__ import annotations
 
@@ -37,40 +37,40 @@ from screwgauge.study.forks import Forks
 from screwgauge.study.lifeline import hold, lifeline
 
 T = TypeVar("T")
-#: GB of memory that the machine has.
+#: Memory of the machine [GB].
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-TICK = 0.2  # s between looks at progress and clock
-#: s after which a process that nobody asks again ends, and after which it is not asked again: loky does not see the
-#: crash of a process that it starts in the place of one that has ended so.
+TICK = 0.2  # s between checks of progress and clock
+#: s after which an idle process ends, and after which it gets no further job: loky does not notice the crash of a
+#: process that it starts to replace one that ended while idle.
 IDLE, ASKED = 60.0, 30.0
-#: s after its limit at which a process ends itself, if the parent, who can say more, has not ended it.
+#: s after its time limit at which a process ends itself, if the parent, which can report more, has not ended it.
 GRACE = 5.0
 LONGEST = 1e9  # s that a timer takes
-AGAIN = 3  # times that a work runs again whose process was killed from outside
-KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
-STEP = 200  # characters of the name of a step
-SLOW = 5.0  # s without a share after which a report says what may take so long
+AGAIN = 3  # number of reruns of a job whose process was killed from outside
+KILLED = re.compile("SIG(KILL|TERM|HUP)")  # a crashing engine gets another signal, and would get it again
+STEP = 200  # largest length of the name of a step
+SLOW = 5.0  # s without progress after which a report states the possible cause
 STARTING = "{} (loading, compiling or at its first samples)"
-#: Of its processes: one thread each, nothing of the current folder is imported there, and nothing is drawn: MuJoCo's
-#: import looks for libraries of windows else.
+#: Environment of worker processes: one thread each, no imports from the current folder, and no graphics, since MuJoCo
+#: would otherwise look for window libraries on import.
 ENVIRONMENT = {**ONE, **SAFE, "MUJOCO_GL": "disable"}
-#: Of each name, kept for the next work: starting a process and importing an engine takes a second.
+#: Name -> executor, kept for the next job: starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
-#: Since when each has nothing to do [s].
+#: Name -> time since which the executor is idle [s].
 _FREE: dict[str, float] = {}
 _worker = False
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of an engine in a process of its own.
+    """Limits of an engine in its own process.
 
     Attributes:
-        seconds: From its start to its answer, loading included [s].
-        memory: Of its process [GB]; that of the machine by default.
+        seconds: Time from start to answer, including loading [s].
+        memory: Memory of the process [GB]; that of the machine by default.
 
     Raises:
-        DescriptionError: One is no positive number.
+        DescriptionError: A limit is not a positive number.
     """
 
     seconds: float = 3600.0
@@ -90,25 +90,25 @@ def isolated(
     lanes: Sequence[str] = (),
     keep: Callable[[str, T | Failure], None] = lambda name, result: None,
 ) -> dict[str, T | Failure]:
-    """Run jobs in parallel, one worker process per name, or as many processes as there are lanes.
+    """Run jobs in parallel, with one worker process per name, or as many processes as there are lanes.
 
     Args:
-        works: Pickle, and take a progress, which takes what they are at, too, besides the share.
-        report: Takes the names of those under way, and the share of all that is done.
-        lanes: Names of processes, each of which does one work after the other. A work whose process was killed from
-            outside runs again, `AGAIN` times at most.
-        keep: Takes each result as soon as it is there.
+        works: Name -> job, which pickles, and takes a progress of the completed share and an optional step.
+        report: Called with the names of the running jobs, and the completed share of all jobs.
+        lanes: Names of processes, each of which runs jobs in sequence. A job whose process was killed from outside runs
+            again, `AGAIN` times at most.
+        keep: Called with each result as soon as it is available.
 
     Returns:
-        What each returns, or that it crashed or met a limit, in the order of the works; of those that said what they
-        were at, a failure names that.
+        The result of each job, or a failure if it crashed or met a limit, in the order of the jobs; a failure names the
+        last step that the job reported.
 
     Raises:
-        ScrewgaugeError: Raised by a work; the others are stopped. Or there are no limits.
+        ScrewgaugeError: Raised by a job; the others are stopped. Or limits are unsupported.
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{shown(limits)} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
-    # progress goes through files: they outlive their writer, and nobody waits for them
+    # progress goes through files: they outlive their writer, and nothing blocks on them
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         jobs = _Jobs(works, limits, lanes, keep, Path(folder))
         try:
@@ -125,12 +125,12 @@ def isolated(
 
 
 class _Jobs(Generic[T]):
-    """Jobs that wait, run and are done.
+    """Jobs that wait, run or are done.
 
     Attributes:
-        running: Name of each work, its process and when it began.
-        free: Names of processes that have nothing to do, where there are lanes.
-        killed: How often the process of a work was killed from outside.
+        running: Name of each running job, its process and start time.
+        free: Names of idle processes, if there are lanes.
+        killed: Number of times that the process of a job was killed from outside.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ class _Jobs(Generic[T]):
         self.free, self.most = [*reversed(lanes)], len(lanes) or cpu_count()
 
     def start(self) -> None:
-        """Starts as many of those that wait as there is room for."""
+        """Start as many waiting jobs as there are free processes."""
         while self.waiting and len(self.running) < self.most:
             name = self.waiting.popleft()
             process = self.free.pop() if self.lanes else name
@@ -158,23 +158,23 @@ class _Jobs(Generic[T]):
             self.running[_submit(process, work)] = name, process, monotonic()
 
     def collect(self) -> None:
-        """Takes the results of those that have ended meanwhile."""
+        """Collect the results of finished jobs."""
         for future in wait(self.running, timeout=TICK, return_when=FIRST_COMPLETED).done:
             name, process, _ = self.running.pop(future)
             self._done(name, process, _result(name, future, self.limits))
 
     def shares(self) -> dict[str, float]:
-        """Shares done of the jobs that run."""
+        """Return the completed shares of the running jobs."""
         return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
 
     def steps(self, shares: Mapping[str, float]) -> list[str]:
-        """Names of those that run; of one that has long said nothing also what it may be at."""
+        """Return the names of the running jobs; for a long silent job, also its possible step."""
         began = {name: begin for name, _, begin in self.running.values()}
         slow = {name for name, share in shares.items() if not share and monotonic() - began.get(name, np.inf) > SLOW}
         return [STARTING.format(name) if name in slow else name for name in shares]
 
     def stop_overdue(self, shares: Mapping[str, float]) -> None:
-        """Stops those that have run longer than they may."""
+        """Stop jobs that exceed their time limit."""
         for future, (name, process, begin) in [*self.running.items()]:
             if monotonic() - begin > self.limits.seconds:
                 del self.running[future]
@@ -182,7 +182,7 @@ class _Jobs(Generic[T]):
                 self._done(name, process, _limit_failure(name, self.limits, f", {shares[name]:.0%} of the way"))
 
     def stop(self) -> None:
-        """Stops all that run."""
+        """Stop all running jobs."""
         for _, process, _ in self.running.values():
             _stop(process)
 
@@ -192,7 +192,7 @@ class _Jobs(Generic[T]):
         if self.lanes and isinstance(result, Failure) and KILLED.search(result.reason):
             self.killed[name] += 1
             if self.killed[name] <= AGAIN:
-                self.waiting.append(name)  # last, so that what takes its process with it does not stop the others
+                self.waiting.append(name)  # last, so that a job that kills its process does not delay the others
                 return
             result = replace(result, reason=f"{result.reason}, {self.killed[name]} times")
         if isinstance(result, Failure) and (step := _share(_file(self.folder, name))[1]):
@@ -207,51 +207,51 @@ def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) ->
 
 
 def _run_silently(work: Callable[[], T], progress: Progress) -> T:
-    """Runs a job that reports no progress."""
+    """Run a job that reports no progress."""
     return work()
 
 
 def is_worker() -> bool:
-    """True in a process that runs jobs of another one."""
+    """Return True in a process that runs jobs of another process."""
     return _worker
 
 
 def _begin(line: Connection, environment: Mapping[str, str]) -> None:
-    """Initializer of a process: it ends with its parent, and its standard output goes to standard error.
+    """Initialize a process: it ends with its parent, and its standard output goes to standard error.
 
     Args:
-        environment: Of its parent, which may have changed since the server of processes has started.
+        environment: Environment of the parent, which may have changed since the server of processes started.
     """
     global _worker
     _worker = True
     os.environ.clear()
     os.environ.update(environment)
     hold(line)
-    gc.freeze()  # what the server has imported is no garbage, and stays in the memory that all share
+    gc.freeze()  # imports of the server are not garbage, and stay in shared memory
     save_time()
-    with suppress(OSError):  # there is no standard error
+    with suppress(OSError):  # standard error does not exist
         os.dup2(2, 1)
 
 
 def _run_within(
     name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path, home: str
 ) -> T | Failure:
-    """Runs a job within its limits. Its process ignores the keyboard's interrupt, which is for its parent.
+    """Run a job within its limits. The process ignores keyboard interrupts, which are for its parent.
 
     Args:
         end: Time after which the process ends itself [s].
-        home: Folder of the parent when it asked: relative paths of the job mean files there.
+        home: Current folder of the parent at submission, to which relative paths of the job refer.
     """
     os.chdir(home)
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is at
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is doing
     signal.setitimer(signal.ITIMER_REAL, end)
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     most = int(1e9 * limits.memory)
     resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report states values that are not numbers
         try:
             return work(partial(_say, file))
         except MemoryError:
@@ -261,10 +261,10 @@ def _run_within(
 
 
 def _submit(name: str, work: Callable[[], T]) -> Future[T]:
-    """Submits a job to the process of a name, a new one if there is none or it crashed."""
-    if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
+    """Submit a job to the process of a name, a new one if none exists or it crashed."""
+    if current_process().daemon:  # like a Dask worker, which may have no children; here, the lifeline ends them
         current_process().daemon = False
-        Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
+        Finalize(None, _stop_all, exitpriority=100)  # before it waits for its children
     if name in _EXECUTORS and monotonic() - _FREE.get(name, 0.0) > ASKED:
         _stop(name)
     with inherit_safely(ENVIRONMENT):
@@ -277,10 +277,10 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
 
 
 def _executor() -> ProcessPoolExecutor:
-    """A process that waits for jobs.
+    """Start a process that waits for jobs.
 
     Raises:
-        ScrewgaugeError: The system has no place for its semaphores, or no /proc, by which it is ended.
+        ScrewgaugeError: The system lacks room for its semaphores, or /proc, which is needed to end it.
     """
     remedy = "mount it as systems usually do, or call screwgauge.run from Python, which starts no processes"
     if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):
@@ -294,9 +294,9 @@ def _executor() -> ProcessPoolExecutor:
 
 
 def _stop(name: str) -> None:
-    """Ends the process of a name, whatever it does."""
+    """End the process of a name, whatever it is doing."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of loky, where it cannot look for processes that this one has started
+        warnings.simplefilter("ignore")  # of loky, if it cannot list the children of the process
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
 
 
@@ -310,7 +310,7 @@ def _limit_failure(name: str, limits: Limits, how_far: str = "") -> Failure:
 
 
 def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
-    """The result of a job, or a failure that tells how its process ended."""
+    """Return the result of a job, or a failure that describes how its process ended."""
     error = future.exception()
     if error is None:
         return future.result()
@@ -324,7 +324,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 
 
 def _ending(message: str) -> str:
-    """Read from loky's message how a process ended."""
+    """Extract from loky's message how a process ended."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process got {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):
@@ -337,13 +337,13 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def _say(file: Path, share: float, step: str = "") -> None:
-    """Writes how far a job is; a full disk does not stop it."""
+    """Write the progress of a job; a full disk does not stop it."""
     with suppress(OSError):
         file.write_text(f"{share:.4f} {step[:STEP]}", encoding="utf-8")
 
 
 def _share(file: Path) -> tuple[float, str]:
-    """Share and step that were written last; 0 before that, while they are being written, or if it is no share."""
+    """Read the last written share and step; 0 if there is none yet, or the file is incomplete or malformed."""
     try:
         share, _, step = file.read_text(encoding="utf-8").partition(" ")
         return (float(share) if 0.0 <= float(share) <= 1.0 else 0.0), step

@@ -1,7 +1,7 @@
-"""Forces that act in a file and in no engine: measured at the compared states, taken off answers that contain them.
+"""Forces that files contain and no engine includes: computed at the compared states, and subtracted from answers.
 
-A table that was measured contains rotors and friction; so does the answer of an engine on a model file of the user's
-own. Both are right about another machine than the rigid one, and are compared with it without what is left out.
+A measured table contains rotors and friction; so does the answer of an engine for a model file of the user. Both are
+correct for a machine that is not rigid, and are compared with the rigid one after subtracting these forces.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from screwgauge.solution import Solution, Values, empty
 from screwgauge.witness.constraints import AdmissibleMotion
 
 FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
-#: Numbers of an array that are computed at once.
+#: Largest number of array elements computed at once.
 NUMBERS = 4_000_000
-#: Share of a difference that may be left where what is left out explains it.
+#: Largest remaining share of a difference that left-out forces explain.
 LEFT = 0.5
 
 
@@ -37,8 +37,8 @@ class LeftOutForces:
     """Forces left out of a comparison.
 
     Attributes:
-        terms: By kind, of the description's own file first.
-        contained: Table or engine -> kinds that were taken off its numbers.
+        terms: Terms by kind, those of the description's own file first.
+        contained: Table or engine -> kinds of force that were subtracted from its values.
     """
 
     terms: tuple[LeftOutTerm, ...] = ()
@@ -46,7 +46,7 @@ class LeftOutForces:
 
     @property
     def inertia(self) -> tuple[str, ...]:
-        """Inertia that is left out, whether or not the motion shows it, as a scene allows it: ``m1.armature``."""
+        """Inertia that is left out, even if without effect, in the notation of ``allow``: ``m1.armature``."""
         terms = (term for term in self.terms if term.inertia)
         return tuple(f"{name.partition(' ')[2]}.{term.kind}" for term in terms for name in term.names)
 
@@ -54,13 +54,13 @@ class LeftOutForces:
 def without_left_out(
     scene: Scene, problem: Problem, answers: Mapping[str, Solution]
 ) -> tuple[dict[str, Solution], LeftOutForces]:
-    """Take off answers what no engine has of the machine.
+    """Subtract forces that no engine includes from answers that contain them.
 
     Args:
-        answers: Of engines, those with a model file of the user's own naming what it has more, and of tables.
+        answers: Answers of engines, which list the additions of a user's model file, and of tables.
 
     Returns:
-        The answers, and what was taken off or left out.
+        The answers, and the forces that were subtracted or left out.
     """
     every, solved = {**answers}, {name: one for name, one in answers.items() if name not in scene.tables}
     own = {name: one.left_out for name, one in solved.items() if one.left_out}
@@ -72,7 +72,7 @@ def without_left_out(
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
     moments = partial(_moments, scene, problem, base, rows)
     of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
-    # springs of the scene act in an engine besides those of its file
+    # in an engine, springs of the scene act in addition to those of its file
     forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
     rigid, contained = (
         _forces_of(one for name, one in solved.items() if name not in own),
@@ -83,26 +83,26 @@ def without_left_out(
         contained |= {name: kinds} if kinds else {}
     terms = [*of_scene.terms()]
     for name, entries in own.items():
-        known = {(term.kind, term.names) for term in terms}  # of the file that the description was made from
+        known = {(term.kind, term.names) for term in terms}  # terms of the file that the description was made from
         more = MeasuredForces(moments, entries, scene.applied.springs).terms(scene.models[name].name)
         terms += [term for term in more if (term.kind, term.names) not in known]
     return every, LeftOutForces(tuple(terms), contained)
 
 
 def _follow(scene: Scene) -> Solution | None:
-    """The poses of a given motion, where no engine gives any; None where they cannot be followed."""
+    """Return the poses of a given motion, in case no engine gives any; None if the motion cannot be followed."""
     if scene.simulated:
         return None
     motion = scene.motion
     try:
         q = positions(layout(scene.mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
-    except ScrewgaugeError:  # engines met it, too
+    except ScrewgaugeError:  # engines report it, too
         return None
     return Solution("", "", {}, empty(len(motion)), assembly=q)
 
 
 def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
-    """Forces of the first engine that has them."""
+    """Return the forces of the first engine that has them."""
     rigid: dict[str, Values] = {}
     for answer in answers:
         rigid = {**{name: answer.values[name] for name in FORCES if name in answer.values}, **rigid}
@@ -110,13 +110,13 @@ def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
 
 
 def _moves(scene: Scene, answer: Solution) -> bool:
-    """True if the motion of all joints follows from an answer."""
+    """Return True if the motion of all joints follows from an answer."""
     has = {"joint_velocity", "joint_acceleration"} <= {*answer.values}
     return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)
 
 
 def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iterator[tuple[Answer, AdmissibleMotion]]:
-    """Parts of an answer, with the velocities and accelerations that it does not give."""
+    """Yield an answer in parts, completed by the velocities and accelerations that it lacks."""
     mechanism = scene.mechanism
     at_once = max(1, NUMBERS // (6 * len(mechanism.bodies) * max(1, len(mechanism.coordinates))))
     for first in range(0, len(rows), at_once):
@@ -126,7 +126,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
 def _take_off(
     answer: Solution, rigid: Mapping[str, Values], forces: MeasuredForces, rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
-    """An answer without those kinds of force that bring it nearest to that of the rigid machine."""
+    """Subtract the kinds of force from an answer that bring it closest to the rigid machine."""
     values, contained = dict(answer.values), list[str]()
     for quantity in (name for name in rigid if name in answer.values):
         values[quantity], some = _nearest(values[quantity], rigid[quantity], quantity, forces, rows)
@@ -141,7 +141,7 @@ def _take_off(
 def _nearest(
     values: Values, rigid: Values, quantity: str, forces: MeasuredForces, rows: Rows
 ) -> tuple[Values, tuple[str, ...]]:
-    """Values without some kinds, none where no choice leaves less than `LEFT` of the difference."""
+    """Subtract some kinds from values; none if no choice leaves less than `LEFT` of the difference."""
     names = tuple(name for name in values.components if name in rigid.components)
     own = values.pick(names)
     apart = own.array[rows] - rigid.pick(names).array[rows]
@@ -164,6 +164,6 @@ def _nearest(
 
 
 def _choices(kinds: Collection[str]) -> Iterator[tuple[str, ...]]:
-    """All choices of kinds, the smaller first."""
+    """Yield all subsets of kinds, smaller ones first."""
     for n in range(1, len(kinds) + 1):
         yield from combinations(kinds, n)

@@ -1,7 +1,7 @@
-"""A lifeline: processes that this one starts end when it ends, however it ends, even by ``kill -9``.
+"""A lifeline: processes started by this one end when it ends, in whatever way, even by ``kill -9``.
 
-It is a pipe whose writing end this process alone holds; the kernel closes it with the process. Whoever holds the
-reading end is killed by the kernel then, so that a loop in C that never gives Python a turn ends, too. The parent's own
+It is a pipe whose writing end this process alone holds; the kernel closes it with the process. The kernel
+then kills every process that holds the reading end, even in a C loop that never returns to Python. The parent's own
 death signal (``PR_SET_PDEATHSIG``) would not do: it comes when the *thread* ends that started the process.
 """
 
@@ -23,7 +23,7 @@ _ends: tuple[Connection, Connection] | None = None  # for reading and for writin
 
 
 def lifeline() -> Connection:
-    """The reading end, which processes started by this one have to `hold`; it pickles to a process being started."""
+    """Return the reading end, which child processes must `hold`; it pickles to a process being started."""
     global _ends
     with _LOCK:
         _ends = _ends or Pipe(duplex=False)
@@ -31,7 +31,7 @@ def lifeline() -> Connection:
 
 
 def _let_go() -> None:
-    """Closes the writing end in a fork, which would keep it open."""
+    """Close the writing end in a fork, which would keep the pipe open."""
     global _ends, _LOCK
     _LOCK = Lock()
     if _ends is not None:
@@ -43,9 +43,9 @@ os.register_at_fork(after_in_child=_let_go)
 
 
 def tied() -> Callable[[], None]:
-    """A ``preexec_fn`` of `subprocess.run`: the program ends with the calling thread, which waits for it.
+    """Return a ``preexec_fn`` of `subprocess.run` that ends the program with the calling thread, which waits for it.
 
-    On Linux; elsewhere it does nothing.
+    It works on Linux; elsewhere it does nothing.
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
@@ -53,16 +53,16 @@ def tied() -> Callable[[], None]:
 
     def first() -> None:
         control(_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it had ended before
+        if os.getppid() != parent:  # the parent has already ended
             os.kill(os.getpid(), signal.SIGKILL)
 
     return first
 
 
 def hold(line: Connection) -> None:
-    """Ends this process when the one that made the lifeline has ended."""
+    """End this process when the process that made the lifeline has ended."""
     with suppress(OSError, AttributeError):  # F_SETSIG and /proc are Linux's; elsewhere the thread has to do
-        # opened anew: who is told is a property of an open file, which processes share
+        # reopen: the signal's owner belongs to the open file description, which processes share
         reopened = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         fcntl.fcntl(reopened, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(reopened, fcntl.F_SETSIG, signal.SIGKILL)
@@ -71,7 +71,7 @@ def hold(line: Connection) -> None:
 
 
 def _wait(line: Connection) -> None:
-    """Waits for the end of the pipe: nothing is ever written."""
+    """Wait for the end of the pipe: nothing is ever written."""
     with suppress(OSError):
         line.poll(None)
     os.kill(os.getpid(), signal.SIGKILL)

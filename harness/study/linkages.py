@@ -1,7 +1,7 @@
 """Planar linkages with bars of given lengths at given angles; a four-bar with its exact accelerations.
 
 Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by
-a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero where mu = 0. Its accelerations
+a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero if mu = 0. Its accelerations
 are those of a chain of rods in a plane, from formulas that no engine has.
 """
 
@@ -27,13 +27,13 @@ Point = tuple[float, float]
 def pin(
     parent: str, child: str, at: Point, on: Point, home: float, *, driven: bool = False, slides: bool = False
 ) -> Tables:
-    """Describe a joint between two bars of a planar linkage: a hinge, or a slide along x of both.
+    """Describe a joint between two bars of a planar linkage: a hinge, or a slide along the x axis of both bars.
 
     Args:
         parent, child: Bars, or ``ground``.
-        at: Its place on the parent, in the axes of that [m].
-        on: Its place on the child [m].
-        home: Its coordinate at home [rad or m].
+        at: Position on the parent, in the axes of the parent [m].
+        on: Position on the child [m].
+        home: Coordinate at home [rad or m].
     """
     return {
         "kind": "P" if slides else "R",
@@ -48,11 +48,11 @@ def pin(
 
 
 def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent: str) -> Tables:
-    """Describe a planar linkage but for its name. Masses grow from bar to bar, centres of mass lie off the bars.
+    """Describe a planar linkage without a name. Masses grow from bar to bar; centres of mass lie off the bars.
 
     Args:
-        bars: Body -> its centre of mass on its x axis [m].
-        pins: Joint -> see `pin`.
+        bars: Body -> centre of mass on its x axis [m].
+        pins: Joint -> result of `pin`.
         independent: Names of joints.
     """
     bodies = {
@@ -67,7 +67,7 @@ def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent
 
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Tables:
-    """Lengths [m], the angle of the crank at home, and the side of the diagonal on which the coupler's end lies."""
+    """Describe a four-bar by lengths [m], home angle of the crank, and side of the diagonal of the coupler's end."""
     tip = _along(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = {
@@ -80,7 +80,7 @@ def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: fl
 
 
 def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0, driven: str = "a") -> Tables:
-    """Lengths, and height of the slide above the crank's axis [m].
+    """Describe a slider-crank by lengths, and the height of the slide above the crank's axis [m].
 
     Args:
         driven: The crank, ``a``, or the slide, ``x``.
@@ -99,7 +99,7 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
 def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
 ) -> Tables:
-    """Two driven cranks, whose rods meet: lengths [m], and angles of the cranks at home."""
+    """Describe a five-bar with two driven cranks whose rods meet, by lengths [m], and crank angles at home."""
     tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = {
@@ -118,7 +118,7 @@ def _along(length: float, angle: float) -> Array:
 
 
 def _triangle(start: Array, end: Array, first: float, second: float, side: float) -> tuple[float, float]:
-    """Angles of two bars from two points to where they meet, left of the way between these where `side` is 1."""
+    """Return the angles of two bars from two points to their common end, left of the connecting line if `side` is 1."""
     way = end - start
     d = float(np.hypot(*way))
     opening = np.arccos((first**2 + d**2 - second**2) / (2.0 * first * d))
@@ -137,14 +137,14 @@ FIRST, LAST = 0.8, 1.3  # angles of the crank [rad]
 
 
 def write_four_bar(folder: Path) -> ModelFiles:
-    """Writes the model files of the four-bar; returns those of Pinocchio."""
+    """Write the model files of the four-bar; return those of Pinocchio."""
     mechanism = load_mechanism(FILE)
     write_models(mechanism, folder, gravity=GRAVITY)
     return ModelFiles(folder / f"{mechanism.name}.urdf", folder / f"{mechanism.name}.loops.toml")
 
 
 def four_bar_states(n: int) -> tuple[Problem, Values]:
-    """Accelerations at n closed states of the four-bar under a torque at the crank: problem and exact values."""
+    """Return the problem of n closed states of the four-bar under a crank torque, and its exact accelerations."""
     angles = _angles(np.linspace(FIRST, LAST, n))
     J = _jacobian(angles)
     rest = np.linalg.solve(J[..., 1:], -SPEED * J[..., 0, None])[..., 0]
@@ -157,7 +157,7 @@ def four_bar_states(n: int) -> tuple[Problem, Values]:
 
 
 def _angles(crank: Array) -> Array:
-    """Angles of the rods against the base for those of the crank, (n,) [rad]. Shape (n, 3)."""
+    """Return the angles of the rods to the base for crank angles, (n,) [rad]. Shape (n, 3)."""
     p = LENGTHS[0] * np.stack([np.cos(crank), np.sin(crank)], axis=1)
     across = np.array([BASE, 0.0]) - p
     d = np.linalg.norm(across, axis=1)
@@ -168,13 +168,13 @@ def _angles(crank: Array) -> Array:
 
 
 def _jacobian(angles: Array) -> Array:
-    """Derivative of the end point by the angles of the rods [m]. Shape (n, 2, 3)."""
+    """Return the derivative of the end point by the angles of the rods [m]. Shape (n, 2, 3)."""
     return np.asarray(LENGTHS * np.stack([-np.sin(angles), np.cos(angles)], axis=1))
 
 
 def _accelerations(angles: Array, spins: Array) -> Array:
-    """Angular accelerations of the rods, the pin's force being the other unknown [rad/s^2]. Shape (n, 3)."""
-    # how far the centre of rod i moves with the angle of rod j
+    """Solve for angular accelerations of the rods, with the pin force as further unknown [rad/s^2]. Shape (n, 3)."""
+    # derivative of the centre of rod i by the angle of rod j
     reach = np.tril(np.tile(LENGTHS, (3, 1)), -1) + np.diag(0.5 * LENGTHS)
     coupled, apart = reach.T @ (MASSES[:, None] * reach), angles[:, :, None] - angles[:, None, :]
     J, system = _jacobian(angles), np.zeros((len(angles), 5, 5))

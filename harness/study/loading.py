@@ -1,4 +1,4 @@
-"""Model files read and imported in processes of their own: a library that crashes or hangs costs nothing else.
+"""Readers and importers of model files in separate processes: a library that crashes or hangs affects nothing else.
 
 Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an MJCF can take MuJoCo minutes.
 """
@@ -16,15 +16,15 @@ from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
 from screwgauge.study.isolation import Limits, isolated_call
 
-#: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
+#: Limits of a reading: the largest models take a second; and of an import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, memory=4.0)
 
 
 def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
-    """Reads a file in the process of its library.
+    """Read a file in the process of its library.
 
     Raises:
-        ScrewgaugeError: It cannot be read.
+        ScrewgaugeError: The file cannot be read.
         LoaderError: The library crashed or met a limit.
     """
     reading = isolated_call(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
@@ -35,7 +35,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weigh_side`.
+    """Return both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weigh_side`.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -54,10 +54,10 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
 
 
 def import_isolated(path: Path, options: Options | None = None) -> Imported:
-    """`import_model` in a process of its own.
+    """Run `import_model` in a separate process.
 
     Raises:
-        ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
+        ScrewgaugeError: The file is not a model, a description cannot express it, or its reader fails.
     """
     imported = isolated_call("import", partial(import_model, path, options or Options()), IMPORTING)
     if isinstance(imported, Failure):
@@ -67,5 +67,5 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
 
 
 def _reason(failure: Failure) -> str:
-    """Why a reading failed, without the options of engines, which set no limit of a reading."""
+    """Return the reason of a failed reading, without options of engines, which do not set its limits."""
     return failure.reason.partition("; --")[0]

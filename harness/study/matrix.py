@@ -1,4 +1,4 @@
-"""The check in fresh environments, one for each pair of versions of Pinocchio and MuJoCo; one row each."""
+"""The check in fresh environments, one environment and one row for each pair of versions of Pinocchio and MuJoCo."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from screwgauge.study.lifeline import tied
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 
-#: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
-#: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
+#: Packages that pin before 4 was built with but requires in any version: newer ones lack libtinyxml2.so.10 or
+#: liburdfdom_sensor.so.4.0, so that importing pin fails (tried with pin 3.4.0 and 3.9.0).
 BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
-#: Of an installation, and of a check [s].
+#: Time limit of an installation, and of a check [s].
 LIMIT = 3600.0
 
 
@@ -53,7 +53,7 @@ COLUMNS = ("pin", "mujoco", *RESULT)
 
 
 class CannotError(Exception):
-    """An environment that cannot be made, or a command that does not answer in it."""
+    """Raised if an environment cannot be made, or a command fails in it."""
 
 
 Maker = Callable[[Path, Sequence[str]], Path]
@@ -69,14 +69,14 @@ def matrix(
     progress: Report = silent,
     execute: Executor | None = None,
 ) -> pd.DataFrame:
-    """Checks scenes with each pair of versions.
+    """Check scenes with each pair of versions.
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
-        make: Makes an environment, by uv or pip.
-        scenes: As `screwgauge check` takes them; all built-in ones by default.
-        execute: Where pairs are checked; in this process by default.
+        file: The table; rows that were made for it before are not made again, see `grow_table`.
+        make: Function that makes an environment with uv or pip.
+        scenes: Scenes, as for `screwgauge check`; all built-in ones by default.
+        execute: Executor of the checks; this process by default.
 
     Returns:
         The table, columns `COLUMNS`.
@@ -100,7 +100,7 @@ def _name(pin: str, mujoco: str) -> str:
 
 
 def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
-    """Refuses a text that is no version, as an installer gets it."""
+    """Reject a text that is not a version before it reaches an installer."""
     for name in names:
         if not re.fullmatch(r"\d+(\.\w+)*", name):
             raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
@@ -113,7 +113,7 @@ def _row(pin: str, mujoco: str, make: Maker, scenes: Sequence[str], progress: Pr
 
 
 def _result(pin: str, mujoco: str, **result: Any) -> dict[str, Any]:
-    """A row, with defaults of `RESULT`."""
+    """Build a row, with defaults of `RESULT`."""
     return {"pin": pin, "mujoco": mujoco, **RESULT, **result}
 
 
@@ -130,7 +130,7 @@ def _check_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence
 
 
 def requirements(**pinned: str) -> list[str]:
-    """Requirements of this package with some versions pinned, and what pinned wheels were built with."""
+    """Return requirements of this package with some versions pinned, and of packages that pinned wheels need."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
     texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
@@ -138,10 +138,10 @@ def requirements(**pinned: str) -> list[str]:
 
 
 def fresh(folder: Path, wanted: Sequence[str]) -> Path:
-    """An environment of this Python's version, by uv where that is there, else by venv and pip.
+    """Make an environment of this Python's version, with uv if available, otherwise with venv and pip.
 
     Raises:
-        CannotError: It cannot be made; the message is the last of the installer.
+        CannotError: The environment cannot be made; the message is the installer's last line.
     """
     python, uv = folder / "bin" / "python", shutil.which("uv")
     if uv:
@@ -154,7 +154,7 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """Copies this package, as it runs here, for another Python."""
+    """Copy this package, as it runs here, for another Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
@@ -166,16 +166,16 @@ def lay_out(folder: Path) -> None:
 
 
 def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[int] = (0,)) -> str:
-    """Standard output of a command.
+    """Run a command and return its standard output.
 
     Args:
-        folder: Where this package is laid out, if it is a command of it.
-        ends: Statuses that it may end with; any if there are none.
+        folder: Folder with the copy of this package, for its commands.
+        ends: Admitted exit statuses; any if empty.
 
     Raises:
-        CannotError: It takes too long or ends otherwise; the message is its last line.
+        CannotError: The command takes too long or ends with another status; the message is its last line.
     """
-    # compiled modules are kept: the package is imported by every process of a check
+    # compiled modules are kept, since every process of a check imports the package
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     more = {"PYTHONPATH": str(folder / "package")} if folder else {}
     ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
@@ -190,7 +190,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
 
 
 def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
-    """The result of `screwgauge check --smoke` as fields of a row."""
+    """Run `screwgauge check --smoke`; return its result as fields of a row."""
     command = ["screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
     text = _run([str(python), "-P", "-m", *command], folder, (0, 1, 3))
     try:
@@ -220,5 +220,5 @@ def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
 
 
 def _exceeding_quantities(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    """Quantities in which two engines are out of tolerance."""
+    """Yield quantities in which two engines are out of tolerance."""
     return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)

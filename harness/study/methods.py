@@ -1,4 +1,4 @@
-"""Methods, the problems put to them, and whether they answer all of it. Imported by the processes of engines."""
+"""Methods, the problems that they solve, and checks that answers are complete. Engine processes import this module."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
 
-DOUBTS = 3  # about the models or the engines, that a sentence names
+DOUBTS = 3  # doubts about models or engines named in a sentence
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """Say what to install for a module that is missing, or built for other versions."""
+    """Return what to install for a module that is missing, or built for other versions."""
     module = (error.name or "it").split(".")[0]
     package = module if engine is None else engine.requirement
     if engine is not None and engine.name not in ENGINES and engine.installed and not engine.source.startswith(module):
-        package = module  # the engine's own package is there, and has not asked for all that it needs
+        package = module  # the engine's own package is installed, but does not declare all its requirements
     what = "not installed" if isinstance(error, ModuleNotFoundError) else "cannot be loaded"
     return f"{what} ({error}); {remedy_of_import(error, package)}"
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """An exception as a failure: one line, without the name of the temporary folder of generated files."""
+    """Convert an exception to a failure: one line, without the name of the temporary folder of generated files."""
     try:
-        message = str(error) or "nothing more is said"  # as Python does of memory
-    except Exception:  # an error of another package, which may be wrong, too
+        message = str(error) or "nothing more is said"  # as for Python's MemoryError
+    except Exception:  # formatting an external error may fail, too
         message = "what it says cannot be read"
     message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
     reason = f"{type(error).__name__}: {message}"
@@ -57,12 +57,12 @@ def failure(error: BaseException, name: str, folder: Path, engine: Engine | None
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """An engine with settings.
+    """Engine with settings.
 
     Attributes:
-        engine: Its name in the registry.
-        settings: See the engine's folder.
-        label: What rows call it; the engine's name if empty.
+        engine: Name in the registry.
+        settings: Settings, see the engine's folder.
+        label: Name in rows; the engine's name if empty.
     """
 
     engine: str
@@ -75,7 +75,7 @@ class Method:
         return self.label or self.engine
 
     def load(self, files: ModelFiles) -> EngineModel:
-        """Loads a model file with the settings.
+        """Load a model file with the settings.
 
         Raises:
             ImportError: The engine's package is not installed.
@@ -86,14 +86,14 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineTask:
-    """A problem for an engine, solved here or in a process of its own. Data only; it pickles.
+    """Problem for an engine, solved in this or a separate process. Data only; it pickles.
 
     Attributes:
-        folder: Where the generated models are.
-        labels: Of the independent coordinates, in the order of the problem.
-        scene: What the problem is of, where the model file is the user's own: what is wrong with it is bad input. Where
-            it was generated, None: a process that answers has no need to know what scenes are.
-        settings: With which the engine is loaded.
+        folder: Folder of the generated models.
+        labels: Independent coordinates, in the order of the problem.
+        scene: Scene of the problem if the model file is the user's: its faults are then bad input. None if the file was
+            generated, so that the process does not need to import scenes.
+        settings: Settings of the engine.
     """
 
     engine: Engine
@@ -105,7 +105,7 @@ class EngineTask:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __call__(self, progress: Progress) -> Solution | Failure:
-        """Loads the model and puts the problem to it; whatever the engine raises becomes a failure.
+        """Load the model and solve the problem; whatever the engine raises becomes a failure.
 
         Raises:
             ScrewgaugeError: The user's own model file is bad input.
@@ -123,14 +123,14 @@ class EngineTask:
             return self.failure(error)
 
     def _solve(self, progress: Progress) -> Solution:
-        with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
+        with redirect_stdout(sys.stderr):  # output of an engine is not output of the command
             model = self.engine.load(self.files, **self.settings)
-            lacks = declared(model, self.engine)  # before it has met the problem
+            lacks = declared(model, self.engine)  # before it has seen the problem
             answer = plain_answer(model.solve(self._ordered(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
-        """Asks an engine in a fork; its answer is looked at where it cannot have changed who looks."""
+        """Ask an engine in a fork, and check its answer outside, where the engine cannot have modified the checks."""
 
         def ask() -> Solution | Failure:
             try:
@@ -146,13 +146,13 @@ class EngineTask:
             return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
             answer = plain_answer(answer, len(self.problem.task))
-            # what is derived, or proved, is so by engines that run here alone
+            # only engines that run in this process derive quantities or prove bounds
             errors = {name: replace(one, source=ROUNDING, radius=None) for name, one in answer.errors.items()}
             return replace(answer, errors=errors)
         return plain_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """The answer with notes on differences between the user's model file and the description."""
+        """Add notes on differences between the user's model file and the description to an answer."""
         from screwgauge.study.mismatches import departures, left_out_of_file, mismatches
 
         beyond = left_out_of_file(scene, self.engine, self.files.model)
@@ -162,7 +162,7 @@ class EngineTask:
         return replace(answer, notes=notes, warnings=warnings, otherwise=otherwise, left_out=beyond)
 
     def failure(self, error: BaseException) -> Failure:
-        """An exception as a failure, with physical differences between the user's model file and the description."""
+        """Convert an exception to a failure, with physical differences of the user's file from the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
         raised = failure(error, self.engine.name, self.folder, self.engine)
@@ -175,7 +175,7 @@ class EngineTask:
         return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
-        """The problem with the independent coordinates in the order of the user's model file."""
+        """Return the problem with the independent coordinates in the order of the user's model file."""
         labels, order, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(order) == labels or {*order} != {*labels} or isinstance(task, States):
             return self.problem
@@ -183,29 +183,29 @@ class EngineTask:
 
 
 class LeftOutError(Exception):
-    """An answer that lacks requested quantities."""
+    """Raised for an answer that lacks requested quantities."""
 
 
 def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Requested quantities that an answer lacks, except those that its engine has excepted."""
+    """Return requested quantities that an answer lacks, except those that its engine has declared to lack."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 
 def without(quantities: Iterable[str]) -> str:
-    """The sentence on an answer that lacks quantities."""
+    """Return the sentence on an answer that lacks quantities."""
     return f"gives no {', '.join(quantities)}, though asked for"
 
 
 def notes_on_lacks(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
-    """Notes on requested quantities that an engine has excepted."""
+    """Yield notes on requested quantities that an engine has declared to lack."""
     return (f"gives no {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 
 
 def check_whole(problem: Problem, answer: Solution) -> Solution:
-    """The answer, if it has all requested quantities.
+    """Return an answer if it has all requested quantities.
 
     Raises:
-        LeftOutError: It has not.
+        LeftOutError: A requested quantity is missing.
     """
     if lost := left_out(problem.wanted, answer):
         raise LeftOutError(without(lost))
@@ -213,11 +213,11 @@ def check_whole(problem: Problem, answer: Solution) -> Solution:
 
 
 def check_components(answer: Solution, n: int, names: Names, coordinates: int) -> None:
-    """Reject an answer with other samples, components or units than the description has, or of another mechanism.
+    """Reject answers whose samples, components or units differ from the description, or that are of another mechanism.
 
     Args:
         n: Number of times.
-        names: Quantity -> names and units of its components, where these are known.
+        names: Quantity -> names and units of its components, if known.
         coordinates: Number of all joint coordinates.
     """
     for quantity, values in answer.values.items():

@@ -1,5 +1,6 @@
-"""A user's model files beside the description of a scene: differences, with the keys by which a scene allows them, and
-what acts in them beyond it."""
+"""Comparison of a user's model files with the description of a scene: differences, with the keys that allow them, and
+forces that only the files contain.
+"""
 
 from __future__ import annotations
 
@@ -38,16 +39,16 @@ from screwgauge.solution import Mismatch
 if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Difference
 
-#: What a description lacks of a file: `departures` tells what becomes of limits, all else is measured. Softness tells
-#: how exactly a library keeps a constraint, and nothing of the machine.
+#: Properties of a file that a description lacks: `departures` reports the use of limits, all others are measured.
+#: Softness states how exactly a library satisfies a constraint; it is not a property of the machine.
 _NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "softness"}
 _NOT_DESCRIBED |= {"density", "viscosity", "actuator", "driven joint", "gear"}
-#: What has a difference that is of no part: the model, or its loops file.
+#: Owners of differences that belong to no part: the model, or its loops file.
 MODEL, LOOPS = "model", "loops"
 
 
 def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ...]:
-    """Mass properties, geometry, gravity and closures, the largest difference first; then the loops file."""
+    """Return differences of mass properties, geometry, gravity and closures, largest first; then of the loops file."""
     who = f"A: the description, B: {files.model.name}"
     found = [
         Mismatch(f"{each.item_a or each.item_b or MODEL}.{each.what}", f"{each.sentence} ({who})", each.kind == "model")
@@ -57,27 +58,27 @@ def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ..
 
 
 def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
-    """Differences of a model file from the description, the largest first; those that rounding makes are marked.
+    """Return differences of a model file from the description, the largest first, with those due to rounding marked.
 
     Args:
-        name: The engine, which reads a file of the user's own; of formats that nobody here reads nothing is known.
+        name: The engine, which reads a file of the user; formats without a reader in this package yield nothing.
     """
-    # a scene without files of the user's own has no use for the diagnosis
+    # a scene without files of the user needs no diagnosis
     from screwgauge.diagnosis.answer import differences_of
     from screwgauge.diagnosis.explanation import compare_readings
     from screwgauge.diagnosis.facts.fact import ALL, digits_of, mark_rounding
 
     engine, mechanism = get_engine(name), scene.mechanism
-    cut = engine.cut or "full"  # which a description is read as
+    cut = engine.cut or "full"  # the cut by which a description is read
     expected = expected_reading(mechanism, cut, scene.applied.g)
     try:
         actual = _own_reading(engine, model, mechanism, scene.applied.g)
         digits = digits_of(read_file(model)) if engine.reads in FORMATS else ALL
     except ScrewgaugeError:
-        return []  # `departures` tells that it cannot be compared
+        return []  # `departures` reports that it cannot be compared
     if actual is None:
         return []
-    if actual.gravity is None and not actual.closures:  # of a URDF, whose loops and couplings stand beside it
+    if actual.gravity is None and not actual.closures:  # of a URDF, whose loops and couplings are in a separate file
         expected = replace(expected, closures={}, couplings=actual.couplings and expected.couplings)
     told = compare_readings(expected, actual)
     facts = [fact for fact in mark_rounding(told.facts, (ALL, digits)) if fact.what not in _NOT_DESCRIBED]
@@ -87,10 +88,10 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
 
 
 def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Array) -> Reading | None:
-    """A user's model file as an engine reads it; None of a format that nobody here reads.
+    """Read a user's model file as an engine does; return None for formats without a reader in this package.
 
     Raises:
-        ScrewgaugeError: It cannot be read.
+        ScrewgaugeError: The file cannot be read.
     """
     if engine.reads == ".toml":
         return expected_reading(load_mechanism(model), "full", gravity)
@@ -101,19 +102,19 @@ def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Arr
     )
 
 
-#: What an engine of this package makes of something beyond the description, by its kind.
+#: Kind of treatment -> words for how an engine of this package treats properties beyond the description.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
-MEASURED = "measured"  # which a run names with its size
+MEASURED = "measured"  # a run reports it with its size
 _NOT_KNOWN = "not known whether applied by {} in {}"
-SAME = 1e-12  # share of an amount that rounding of a gear leaves
-_NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
+SAME = 1e-12  # relative error of an amount due to rounding of a gear
+_NAMED, _LONGEST = 3, 80  # number of items of a kind that are named, the others being counted; largest length of one
 
 
 def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
-    """Sentences on differences between a user's model file and the description of the scene.
+    """Return sentences on differences between a user's model file and the description of the scene.
 
     Args:
-        name: The engine, which reads a file of the user's own.
+        name: The engine, which reads a file of the user.
         files: That file, which the engine has loaded, and its loops file.
     """
     engine, mechanism = get_engine(name), scene.mechanism
@@ -131,10 +132,10 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
 
 
 def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut, ...]:
-    """Find what acts in a user's model file and in no engine, along coordinates of the description and on its bodies.
+    """Find forces that a user's model file contains and no engine includes, along coordinates and on bodies of a scene.
 
     Raises:
-        ModelFileError: A constraint acts that the engine leaves out, or something that cannot be measured.
+        ModelFileError: The file has an active constraint that the engine ignores, or a force that cannot be measured.
     """
     if engine.reads not in FORMATS:
         return ()
@@ -161,7 +162,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
 
 
 def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> StrokeResistance:
-    """Reduce a resistance to what exceeds the description; the amounts in `known` are used up."""
+    """Reduce a resistance to its excess over the description; the amounts in `known` are used up."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
     ((name, share),) = one.along.items()
@@ -180,7 +181,7 @@ def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> Strok
 
 
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
-    """Sentences on differences of a user's loops file: those that the engine ignores, and the others."""
+    """Return sentences on differences of a user's loops file: those that the engine ignores, and the others."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
         return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
@@ -190,7 +191,7 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
 
 
 def reader_of(engine: Engine) -> str:
-    """The library that reads the model files of an engine; of another package, the one of its format."""
+    """Return the library that reads the model files of an engine; for an external engine, that of its format."""
     own = engine.name.partition("-")[0]
     fitting = [name for name, ending in SUFFIXES.items() if ending == engine.reads]
     return own if own in fitting else fitting[0]
@@ -212,7 +213,7 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
 
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
-    """Compares a user's description with that of the scene; their names may differ."""
+    """Compare a user's description with that of the scene; their names may differ."""
     given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
     compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
     actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))

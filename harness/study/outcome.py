@@ -1,4 +1,4 @@
-"""Outcomes of a comparison, the weaker the later, and the exit status of each."""
+"""Outcomes of a comparison, from strong to weak, and the exit status of each."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ Outcome = Literal[
     "refused",
     "failed",
 ]
-#: Exit status of each.
+#: Outcome -> exit status.
 EXIT: dict[Outcome, int] = {
-    "agree": 0,  # all that was asked was compared, and is within tolerance
-    "judged": 0,  # one engine, for which the equations of mechanics hold
-    "unread": 1,  # a gate names a file that nobody read
+    "agree": 0,  # everything requested was compared, and is within tolerance
+    "judged": 0,  # a single engine, which satisfies the equations of mechanics
+    "unread": 1,  # a gate names a file that was not read
     "rigid": 1,  # inertia of a file is left out, and the rest agrees
     "unlike": 1,  # a model file differs from the description, and the scene does not allow it
     "undecided": 1,  # out of tolerance by no more than the engines admit
-    "partly": 1,  # not all that was asked was compared
-    "unjudged": 1,  # of an engine no equation was looked at
+    "partly": 1,  # not everything requested was compared
+    "unjudged": 1,  # no equation was checked for an engine
     "nothing": 1,  # nothing was compared
-    "faulted": 1,  # an equation of mechanics does not hold
+    "faulted": 1,  # an equation of mechanics is violated
     "differ": 1,  # two engines differ
     "refused": 2,  # bad input
-    "failed": 3,  # an engine, or its process
+    "failed": 3,  # an engine or its process failed
 }
 _ORDER = [*EXIT]
 
 
 def weakest(outcomes: Iterable[Outcome]) -> Outcome:
-    """The one that a verdict begins with."""
+    """Return the weakest outcome, which a verdict begins with."""
     return max(outcomes, key=_ORDER.index)

@@ -1,6 +1,6 @@
-"""Reference values for measuring methods, and scenes of given motion prepared for methods.
+"""Reference values for measuring methods, and preparation of scenes with a given motion.
 
-Reference values are those of the engine ``truth`` where it is installed, else of ``screw``, and the note says so.
+Reference values come from the engine ``truth`` if it is installed, else from ``screw``, as the note states.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Reference:
     """Values that errors are measured against.
 
     Attributes:
-        engine: Where they come from.
+        engine: Source of the values.
         note: A sentence for the report.
         scales: Quantity -> unit -> S of the scaled error.
     """
@@ -54,7 +54,7 @@ class Reference:
 
     @classmethod
     def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
-        """Values that errors are measured against by their own size, or by a natural scale where they vanish."""
+        """Build a reference that scales errors by the size of its values, or by a natural scale where these vanish."""
         natural = natural_scales(mechanism)
         scales = {
             name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
@@ -63,23 +63,23 @@ class Reference:
         return cls(engine, values, note, scales)
 
     def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> SizedResidual:
-        """Error of some components of a quantity, at some samples of the reference."""
+        """Return the error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
         return score(quantity, deviation(values, right), self.scales[quantity])
 
 
 def deviation(values: Values, right: Values) -> Values:
-    """Errors at the samples for which the reference has a number.
+    """Return the errors at the samples for which the reference has a value.
 
     Args:
-        right: Of the same samples and components.
+        right: Reference values of the same samples and components.
     """
     known = np.isfinite(right.array).all(axis=1)
     return Values(values.components, values.units, (values.array - right.array)[known])
 
 
 def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResidual:
-    """Largest and RMS scaled error over all samples and components; NaN as soon as one is not finite.
+    """Return the largest and RMS scaled error over all samples and components; NaN as soon as an error is not finite.
 
     Args:
         off: See `deviation`.
@@ -94,7 +94,7 @@ def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResid
 
 
 def sizes(values: Values) -> dict[str, float]:
-    """Unit -> largest magnitude; nothing of no numbers."""
+    """Return unit -> largest magnitude; empty without values."""
     if not values.array.size:
         return {}
     size = np.abs(values.array).max(axis=0)
@@ -102,14 +102,14 @@ def sizes(values: Values) -> dict[str, float]:
 
 
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
-    """Values of a scene at chosen times, by its description.
+    """Compute values of a scene at chosen times, from its description.
 
     Args:
-        times: [s]. Shape (n,).
+        times: Times [s]. Shape (n,).
         quantities: Names.
 
     Raises:
-        ScrewgaugeError: The scene cannot be computed at all.
+        ScrewgaugeError: The scene cannot be solved.
     """
     names, reason, scene = tuple(quantities), "", replace(scene, models={})
     for engine, note in _NOTES.items():
@@ -131,23 +131,23 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
 
 
 def joined(parts: Iterable[Values]) -> Values:
-    """Samples of one quantity, one part after the other."""
+    """Concatenate the samples of one quantity."""
     values = list(parts)
     return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
 
 
-#: What is measured of given motions, in this order.
+#: Measured quantities of given motions, in order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PreparedScene:
-    """A scene prepared for methods.
+    """Scene prepared for methods.
 
     Attributes:
         whole: The scene with its own times, rule ``min_norm``.
         scene: The same at the compared times.
-        folder: Where the generated model files are.
+        folder: Folder of the generated model files.
     """
 
     whole: Scene
@@ -161,36 +161,36 @@ class PreparedScene:
         return self.scene.t
 
     def files(self, engine: str) -> ModelFiles:
-        """The generated model of an engine."""
+        """Return the generated model files of an engine."""
         return model_files(self.scene, engine, self.folder)
 
     def written(self) -> list[Path]:
-        """All files in its folder."""
+        """Return all files in the folder of the scene."""
         return [path for path in self.folder.rglob("*") if path.is_file()]
 
     def problem(self, *wanted: str, task: Task | None = None) -> Problem:
-        """The problem of the scene, or the same with another task."""
+        """Return the problem of the scene, optionally with another task."""
         return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
 
     def moving(self, coordinates: tuple[str, ...]) -> States:
-        """The true motion of some joint coordinates."""
+        """Return the true motion of some joint coordinates."""
         q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
         return States(coordinates, q, v, a=a)
 
     def pushed(self, coordinates: tuple[str, ...]) -> Problem:
-        """Accelerations wanted at the true states of a tree, see the function `pushed`."""
+        """Return the problem of accelerations at the true states of a tree, see the function `pushed`."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
         return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
 
 def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
-    """Accelerations of a tree wanted under actuator forces and the loads.
+    """Return the problem of accelerations of a tree under actuator forces and the loads.
 
-    Loads are among the forces along the coordinates, so that engines need not turn them.
+    Loads are included in the forces along the coordinates, so that engines need not transform them.
 
     Args:
         q: All joint coordinates, see `along_tree`. Shape (n, n_q).
-        force: Of the actuators. Shape (n, n_actuator).
+        force: Actuator forces. Shape (n, n_actuator).
     """
     names = states.coordinates
     tau = along_tree(mechanism, names, q, applied)
@@ -200,10 +200,10 @@ def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, for
 
 
 def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, applied: Applied) -> Array:
-    """Loads as forces along coordinates of the spanning tree, by what each coordinate alone moves.
+    """Convert loads to forces along coordinates of the spanning tree, from the bodies that each coordinate moves.
 
     Args:
-        q: All joint coordinates; those of cut joints move nothing. Shape (n, n_q).
+        q: All joint coordinates; those of cut joints move no body. Shape (n, n_q).
 
     Returns:
         Shape (n, n_coordinate).
@@ -222,14 +222,14 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
 
 
 def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
-    """Writes the model files and computes the reference values.
+    """Write the model files and compute the reference values.
 
     Args:
-        folder: For the model files.
-        samples: Compared times, at most.
+        folder: Folder for the model files.
+        samples: Largest number of compared times.
 
     Raises:
-        ScrewgaugeError: The scene cannot be computed.
+        ScrewgaugeError: The scene cannot be solved.
     """
     whole = replace(scene, rule="min_norm", models={})
     motion: GivenMotion = whole.motion

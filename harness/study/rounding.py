@@ -15,7 +15,7 @@ from screwgauge.solution import Solution
 
 
 def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Replace errors that engines state by those of their number types, where these are not float64."""
+    """Replace the stated errors of engines with those of their number types, if these are not float64."""
     rounding = cache(partial(rounding_errors, mechanism, problem))
     idle = cache(partial(idle_errors, mechanism, problem))
 
@@ -33,7 +33,7 @@ def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, 
 
 
 def _with_idle(answer: Solution, idle: Callable[[], Mapping[str, Mapping[str, float]]]) -> Solution:
-    """Raise stated errors to the rounding of accelerations of idle coordinates."""
+    """Raise stated errors to the rounding error of accelerations of idle coordinates."""
     errors = dict(answer.errors)
     for name in {*errors} & {*idle()}:
         own = errors[name].absolute

@@ -1,6 +1,6 @@
-"""Runs a scene: every engine on its own model file, then comparison and judgement.
+"""Run of a scene: every engine solves its own model file; then come comparison and judgement.
 
-Of a simulation observables, conditions and the known solution are compared, too.
+For simulations, observables, conditions and the known solution are compared, too.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ Ask = Callable[[Scene, Iterable[str], Path], Mapping[str, Solution | Failure]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """A checked scene with what is asked of engines.
+    """A checked scene with the request to engines.
 
     Attributes:
         problem: The wanted quantities of the scene.
-        wanted: Their names, in the order of the user.
+        wanted: Names of the wanted quantities, in the order of the user.
         components: Quantity -> names and units of its components.
-        warnings: Sentences on the scene.
-        lay: The layout of a simulated scene.
+        warnings: Warnings about the scene.
+        lay: Layout of a simulated scene.
     """
 
     scene: Scene
@@ -77,7 +77,7 @@ class _Asked:
 
     @property
     def requested(self) -> tuple[str, ...]:
-        """Quantities put to engines: of a simulation the motion, from which all else follows."""
+        """Quantities requested from engines: for a simulation the motion, from which all else follows."""
         if self.lay is None:
             return self.wanted
         measured = bool(self.scene.mechanism.left_out or self.scene.models)
@@ -86,13 +86,13 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Answered:
-    """Answers of engines and tables, without forces that no engine has.
+    """Answers of engines and tables, without forces that no engine includes.
 
     Attributes:
         answers: Engine or table -> its answer, with notes on what it lacks.
-        refused: Samples at which an engine gives no number of some quantities.
-        lacking: Those, and whole quantities and samples that an engine does not give.
-        left_out: Forces that act in files and in no engine.
+        refused: Samples at which an engine returns no value of some quantities.
+        lacking: Those samples, and whole quantities and samples that an engine omits.
+        left_out: Forces that files contain and no engine includes.
     """
 
     answers: Mapping[str, Solution]
@@ -112,18 +112,18 @@ def run(
     date: datetime | None = None,
     limits: Limits | None = None,
 ) -> Comparison:
-    """Puts a scene to the engines, compares all pairs and judges each. Where there is a start, it is integrated.
+    """Solve a scene with the engines, compare all pairs and judge each answer. A scene with a start is integrated.
 
     Args:
         engines: Names; those of the scene by default.
         quantities: Names; those of the scene by default. Nothing else is computed.
-        progress: Called as work goes on.
-        warn: Called with a sentence on what may take long or go wrong, before it begins.
-        date: That the report bears; now by default.
-        limits: What each engine may take in a process of its own; by default they run in this one.
+        progress: Called during the work.
+        warn: Called with a warning before a step that may take long or fail.
+        date: Date of the report; now by default.
+        limits: Limits of each engine in its own process; by default engines run in this process.
 
     Raises:
-        ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
+        ScrewgaugeError: Bad input. An engine that fails or stops early is a row of the results, not an error.
     """
     check_scene_type(scene, "run")
     names, wanted = _check_names(scene, engines, quantities)
@@ -132,7 +132,7 @@ def run(
     check_leave(scene)
     remarks, unread = _remarks(asked), unread_files(scene, names)
     remarks |= {sentence: "" if key in scene.allow else UNREAD for key, sentence in unread.items()}
-    for sentence in asked.warnings:  # all others can wait for the report
+    for sentence in asked.warnings:  # further warnings can wait for the report
         warn(sentence)
     ask = partial(ask_engines, wanted=asked.requested, components=asked.components, progress=progress, limits=limits)
     with generated(scene) as folder:
@@ -160,7 +160,7 @@ def run(
 
 
 def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = None) -> TableReview:
-    """Reviews a table beside `STANDIN` at its own times, see `screwgauge.review`."""
+    """Review a table by comparison with `STANDIN` at its own times, see `screwgauge.review`."""
     check_scene_type(scene, "review")
     path = table.file
     name = re.sub(r"[^\w.-]", "-", path.stem) if path else "numbers"
@@ -196,7 +196,7 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
     """Check a scene before engines run.
 
     Raises:
-        ScrewgaugeError: It cannot be computed.
+        ScrewgaugeError: The scene cannot be solved.
     """
     mechanism = scene.mechanism
     names = described(mechanism, scene.points)
@@ -216,7 +216,7 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
 
 
 def _remarks(asked: _Asked) -> dict[str, str]:
-    """Sentences on the scene and its mechanism, doubts first, with their kinds."""
+    """Return warnings and remarks about the scene and its mechanism with their kinds, doubts first."""
     scene, said = asked.scene, [*asked.scene.mechanism.remarks, *asked.warnings]
     if scene.changed:
         said.append(
@@ -226,14 +226,14 @@ def _remarks(asked: _Asked) -> dict[str, str]:
 
 
 def _files(scene: Scene, names: Iterable[str], folder: Path) -> dict[str, Path]:
-    """Engine or table -> the file that it was read from."""
+    """Return engine or table -> the file that it was read from."""
     tables = {name: scene.tables[name].file for name in names if name in scene.tables}
     models = {name: model_files(scene, name, folder).model for name in names if name not in tables}
     return models | {name: file for name, file in tables.items() if file}
 
 
 def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
-    """Prepare answers for comparison: estimate rounding, note what they lack, take off forces that no engine has."""
+    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces no engine includes."""
     scene, problem = asked.scene, asked.problem
     failures = {name: one for name, one in told.items() if isinstance(one, Failure)}
     posed = replace(problem, wanted=frozenset(asked.requested))
@@ -247,14 +247,14 @@ def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered
 
 
 def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Requested quantities that engines give at no sample."""
+    """Yield requested quantities that engines give at no sample."""
     for name, answer in answers.items():
         if lost := left_out(asked.requested, answer):
             yield Refusal(name, lost, np.arange(len(asked.scene.t)), without(lost), without(lost))
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Samples that engines do not answer, though they do not say beforehand that they answer fewer."""
+    """Yield samples that engines omit without having declared so."""
     t = asked.scene.t
     for name, answer in answers.items():
         if name in asked.scene.tables:
@@ -269,7 +269,7 @@ def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator
 
 
 def _note_lacks(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> Solution:
-    """An answer with notes on what it lacks."""
+    """Add notes on missing values to an answer."""
     notes = [one.sentence for one in lacking if one.engine == answer.engine]
     if not (scene.simulated or answer.engine in scene.tables) and assembly_of(scene.mechanism, answer) is None:
         notes.append("its assembly is not known, as it gives no joint positions: nothing of it can be judged")
@@ -283,10 +283,10 @@ Looser = Mapping[str, Sequence[Solution]]
 def _compare_all(
     asked: _Asked, answered: _Answered, ask: Ask
 ) -> tuple[dict[str, Solution], pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Compare all pairs and judge each answer; simulations out of tolerance are run again to estimate their errors.
+    """Compare all pairs and judge each answer; to estimate integration errors, rerun simulations out of tolerance.
 
     Returns:
-        Solutions, rows of component pairs, of pairs with those of what is missing, and of the judge.
+        Solutions; rows of component pairs; rows of pairs, including missing values; and rows of the judge.
     """
     scene, answers = asked.scene, answered.answers
     judged = {name: _judge_answer(asked, answered, name) for name in answers}
@@ -312,7 +312,7 @@ def _compare_all(
 
 
 def _judge_answer(asked: _Asked, answered: _Answered, name: str, again: Sequence[Solution] = ()) -> pd.DataFrame:
-    """Judge an answer. `again`: of the same engine with looser tolerances."""
+    """Judge an answer. `again`: answers of the same engine with looser tolerances."""
     scene, problem, answer = asked.scene, asked.problem, answered.answers[name]
     if name in scene.tables:
         return judge_table(scene, problem, answer, asked.components)
@@ -321,7 +321,7 @@ def _judge_answer(asked: _Asked, answered: _Answered, name: str, again: Sequence
 
 
 def _solutions_of(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Prepare solutions: answers in one chart of joint angles; of a simulation, with its observables."""
+    """Prepare solutions: answers in a common chart of joint angles; for a simulation, with its observables."""
     scene = asked.scene
     given = answers if asked.lay is None else add_observables(scene, asked.lay, answers, asked.wanted)
     return without_fixed(scene.mechanism, in_one_chart(scene.mechanism, given))
@@ -330,7 +330,7 @@ def _solutions_of(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, S
 def _errors(
     asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution], integration: Mapping[str, Integrated]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Rows of component pairs, and of pairs."""
+    """Return the rows of component pairs, and of pairs."""
     scene = asked.scene
     whole = [each for name, each in answered.answers.items() if name not in scene.tables]  # tables may lack components
     allowance = Allowance(
@@ -347,7 +347,7 @@ def _errors(
 def _estimate_integration(
     asked: _Asked, lay: Layout, solution: Solution, again: Sequence[Solution]
 ) -> tuple[Solution, Integrated]:
-    """A solution with a note on the error of its integration, and that error, from runs with looser tolerances."""
+    """Add a note on the integration error to a solution; return that error, too, from runs with looser tolerances."""
     seen = add_observables(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism
@@ -357,7 +357,7 @@ def _estimate_integration(
 
 
 def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution]) -> Iterator[SizedResidual]:
-    """Rows without numbers: pairs of engines that have a quantity with one that has not, or not all of it."""
+    """Yield rows without values: pairs of engines of which one lacks a quantity, or part of it."""
     scene, answers = asked.scene, answered.answers
     reasons = [
         (quantity, one.engine, f"{one.engine} {one.sentence}")
@@ -376,7 +376,7 @@ def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, So
 def _reviews(
     scene: Scene, solutions: Mapping[str, Solution], answers: Mapping[str, Solution], rows: Sequence[pd.DataFrame]
 ) -> dict[str, TableReview]:
-    """Review the tables of a scene beside engines that the judge does not fault."""
+    """Review the tables of a scene by comparison with engines that the judge does not fault."""
     errors, judge = rows
     faulted = {*judge[~judge["ok"].astype(bool)]["engine"]}
     tables = {name: answers[name] for name in scene.tables if name in answers}

@@ -1,6 +1,6 @@
-"""The runner: tasks, where they run (here or in other processes; `cluster` has the third), and rows kept as they come.
+"""Task runner: executors that run tasks here or in other processes (`cluster` has a third), and a log of their rows.
 
-What a task does, and what its row is, is for each study to say.
+Each study defines its tasks and rows.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Row = TypeVar("Row")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A task, of which a row is the result.
+    """Task whose result is a row.
 
     Attributes:
-        name: One of its own among all tasks.
-        work: Takes a progress and returns the row. It pickles.
-        key: What a journal knows the row by; the name if empty.
-        files: Those that it reads and that do not come with the package, for machines that must have them, too.
+        name: Unique name.
+        work: Function that takes a progress and returns the row. It pickles.
+        key: Key of the row in a journal; the name if empty.
+        files: External files that the task reads, which other machines need, too.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Task:
 
 
 class Executor(Protocol):
-    """Runs tasks."""
+    """Executor of tasks."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        """Calls `keep` with the name and row of each task as soon as it is done, or with a `Failure`.
+        """Run tasks; call `keep` with the name and row, or `Failure`, of each task as soon as it is done.
 
         Raises:
             ScrewgaugeError: Raised by a task; the others are stopped.
@@ -52,11 +52,11 @@ class Executor(Protocol):
 
 
 def _unseen(share: float, step: str = "") -> None:
-    """Progress within a task that is not shown."""
+    """Ignore progress within a task."""
 
 
 class InTurn:
-    """Runs tasks in this process, one after the other."""
+    """Executor of tasks in this process, one after the other."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         for i, (name, task) in enumerate(tasks.items()):
@@ -66,10 +66,10 @@ class InTurn:
 
 @dataclass(frozen=True)
 class Processes:
-    """Runs tasks in `jobs` processes of this machine at a time, which crash or hang at the cost of one row.
+    """Executor of tasks in `jobs` parallel processes of this machine; a crash or hang costs only one row.
 
     Raises:
-        DescriptionError: There are less than one.
+        DescriptionError: `jobs` is less than one.
     """
 
     jobs: int = 1
@@ -95,13 +95,13 @@ def run_tasks(
     keep: Callable[[str, Row], None] = lambda key, row: None,
     progress: Report = silent,
 ) -> list[Row]:
-    """The rows of all tasks, in their order.
+    """Run all tasks; return their rows in order.
 
     Args:
-        lost: Makes a row of the name of a task that crashed, met a limit or raised something, and of the reason.
-        before: Key -> row of tasks that are not done again, see `Journal.rows`.
-        keep: Takes the key of a task and its row as soon as it is done, see `Journal.keep`.
-        progress: Takes what is under way with the rate and the remaining time, and the share that is done.
+        lost: Makes a row of the name of a task that crashed, met a limit or raised an error, and the reason.
+        before: Key -> row of tasks that are not run again, see `Journal.rows`.
+        keep: Called with the key of a task and its row as soon as it is done, see `Journal.keep`.
+        progress: Called with the current step, rate and remaining time, and the completed share.
 
     Raises:
         ScrewgaugeError: Raised by a task, or by `keep`.
@@ -133,13 +133,13 @@ def grow_table(
     progress: Report = silent,
     about: object = None,
 ) -> str:
-    """Return the rows of tasks as CSV. Those that the same code has made for this file before are not made again.
+    """Return the rows of tasks as CSV. Rows that the same code made before for this file are reused.
 
     Args:
-        file: The table that they are for; it is neither read nor written.
-        tasks: Each returns a list of rows.
-        lost: As `run_tasks` takes it.
-        about: What rows depend on besides the names of their tasks, as `address` takes it.
+        file: File of the table, which is neither read nor written.
+        tasks: Tasks that each return a list of rows.
+        lost: See `run_tasks`.
+        about: Further data that rows depend on, see `address`.
 
     Raises:
         ScrewgaugeError: Raised by a task.
@@ -164,7 +164,7 @@ class TaskRate:
         self.n, self.clock, self.done, self.began = n, clock, 0, clock()
 
     def shown(self, step: str) -> str:
-        """A step with the rate and the remaining time, once there are some."""
+        """Append the rate and the remaining time to a step, once they are known."""
         passed = self.clock() - self.began
         if self.done < 2 or passed <= 0.0:
             return step

@@ -1,6 +1,6 @@
-"""Puts scenes and problems to engines: writes their model files, asks them here or in processes of their own.
+"""Solution of scenes and problems by engines: generates model files, and runs engines here or in separate processes.
 
-Whatever an engine raises becomes a failure. Nothing is compared here, see `run`.
+Whatever an engine raises becomes a failure. For comparisons see `run`.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 def solve(
     scene: Scene, names: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
-    """Puts a scene to the engines as it is: nothing is checked before, nothing compared after.
+    """Solve a scene with the engines as it is, without previous checks or later comparison.
 
     Returns:
-        What each engine answered, and why the others did not.
+        Answers of the engines, and failures of the others.
     """
     wanted = frozenset(quantities)
     solutions, failures = dict[str, Solution](), dict[str, Failure]()
@@ -65,14 +65,14 @@ def solve(
 
 @contextmanager
 def generated(scene: Scene) -> Iterator[Path]:
-    """A temporary folder with the generated models of a scene's mechanism."""
+    """Write the generated models of a scene's mechanism to a temporary folder for the context."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         write_scene_models(scene, Path(name))
         yield Path(name)
 
 
 def write_scene_models(scene: Scene, folder: Path) -> None:
-    """Writes the models of a scene's mechanism, and its description if that differs from its file.
+    """Write the models of a scene's mechanism, and its description if that differs from its file.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -85,13 +85,13 @@ def write_scene_models(scene: Scene, folder: Path) -> None:
 
 
 def description_file(scene: Scene, folder: Path) -> Path:
-    """The description of a scene's mechanism: its file, or what `write_scene_models` left in a folder."""
+    """Return the description of a scene's mechanism: its file, or the one from `write_scene_models` in a folder."""
     written = folder / f"{scene.mechanism.name}.toml"
     return written if written.is_file() else scene.mechanism_file
 
 
 def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
-    """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
+    """Return the model file of an engine, generated in `folder` or the user's, and its loops file."""
     engine, given = get_engine(name), scene.models.get(name)
     if not engine.cut:
         return ModelFiles(given or description_file(scene, folder))
@@ -102,11 +102,11 @@ def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
 
 
 class TooLongError(Exception):
-    """A method took too long and was stopped."""
+    """Raised if a method took too long and was stopped."""
 
 
 def within(seconds: float) -> Progress:
-    """A progress that raises `TooLongError` when it is called after `seconds`."""
+    """Return a progress that raises `TooLongError` if it is called after `seconds`."""
     begin = perf_counter()
 
     def progress(share: float) -> None:
@@ -117,7 +117,7 @@ def within(seconds: float) -> Progress:
 
 
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
-    """Loads a model and solves a problem, in full; whatever is raised becomes a failure, but for `TooLongError`."""
+    """Load a model and solve a problem completely; whatever is raised becomes a failure, except `TooLongError`."""
     entry = get_engine(method.engine) if method.engine in engine_names() else None
     try:
         if entry is None or not entry.apart:
@@ -144,18 +144,18 @@ def ask_engines(
     progress: Report = silent,
     limits: Limits | None = None,
 ) -> dict[str, Solution | Failure]:
-    """Asks tables, which answer at once, and engines: one after the other in this process, or each in one of its own.
+    """Query the tables, then the engines: sequentially in this process, or each in its own process.
 
     Args:
-        folder: Where the generated models are.
+        folder: Folder of the generated models.
         components: Quantity -> names and units of the components that an answer must have.
-        limits: What each may take in a process of its own; None for this one.
+        limits: Limits of each engine in its own process; None to run in this process.
 
     Returns:
-        What each of them answers, or why it does not, in the order of the names.
+        The answer or failure of each, in the order of the names.
 
     Raises:
-        ScrewgaugeError: A table or model file of the user's own is bad input.
+        ScrewgaugeError: A table or model file of the user is bad input.
     """
     wanted, expected = frozenset(wanted), components or {}
     questions, answers = dict[str, EngineTask](), dict[str, Solution | Failure]()
@@ -180,10 +180,10 @@ def ask_engines(
 
 
 def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected: Names) -> Solution:
-    """An answer with the coordinates of fixed joints, in the order of the description, with notes on what it lacks.
+    """Add the coordinates of fixed joints and notes on missing values to an answer, in the order of the description.
 
     Raises:
-        Exception: It is of other samples, components or units.
+        Exception: The answer has other samples, components or units.
     """
     mechanism = scene.mechanism
     answer = replace(answer, values=with_fixed(mechanism, answer.values))
@@ -199,7 +199,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
 def _ask_all(
     questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
 ) -> dict[str, Solution | Failure]:
-    """Answers of engines, in their order; those that run apart are asked by workers alone."""
+    """Return the answers of engines, in order; only workers run engines that must be isolated."""
     others = {name: one for name, one in questions.items() if one.engine.apart}
     if limits is None and not others:
         return in_turn(questions, progress)
@@ -215,7 +215,7 @@ def _ask_all(
 
 
 def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
-    """Asks engines in this process, one after the other."""
+    """Run engines in this process, one after the other."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():
         progress(name, 0.0)

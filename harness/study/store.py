@@ -1,4 +1,4 @@
-"""Rows on disk: journals that interrupted work goes on from, and what JSON makes of rows."""
+"""Rows on disk: journals from which interrupted work resumes, and conversion of rows to and from JSON."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ _CHANGED = "Pieces of earlier work were not used: scene, settings, code or envir
 
 
 class Journal:
-    """A log of results and measured times as they come, in the folder of the cache.
+    """Log of results and measured times as they arrive, in the cache folder.
 
-    Each line bears a code over its text and the address of the work, made with the secret of that folder: of lines
-    that somebody else wrote, or that were written of other files, by other code or with other versions, none is taken.
+    Each line carries a code over its text and the address of the work, made with the secret of that folder: lines that
+    somebody else wrote, or that belong to other files, other code or other versions, are ignored.
 
     Attributes:
         results: Key -> result of the first call.
         times: Key -> seconds measured.
-        note: A sentence for the report on what was on disk; empty if nothing.
+        note: Sentence for the report on reused results; empty if there are none.
     """
 
     def __init__(
         self, place: Path | None, address: str, fits: Callable[[dict[str, Any]], bool] = lambda result: True
     ) -> None:
-        """Reads what is on disk.
+        """Read the log on disk.
 
         Args:
-            place: What the work leaves its table or report in; without, nothing is kept.
-            address: Of the work, see `address`.
-            fits: Whether a result has the form of this work's; another is made anew.
+            place: Folder or file of the table or report of the work; if None, nothing is kept.
+            address: Address of the work, see `address`.
+            fits: Returns True if a result has the form of this work; other results are computed again.
         """
         self.address, self.results, self.times = address, dict[str, Any](), dict[str, list[float]]()
         self.path, self.note = None, ""
@@ -71,31 +71,31 @@ class Journal:
             self.note = f"Resumed: {len(self.results)} results of interrupted work were taken over."
 
     def rows(self, form: type[Row]) -> dict[str, Row]:
-        """Results as rows of a dataclass; those that are no such rows are left out, and made anew."""
+        """Return results as rows of a dataclass; malformed rows are omitted, and computed again."""
         return {key: from_record(each, form) for key, each in self.results.items() if is_record(each, form)}
 
     def keep(self, key: str, result: Any) -> None:
-        """Adds a result, a mapping or an instance of a dataclass.
+        """Add a result, a mapping or an instance of a dataclass.
 
         Raises:
-            OutputError: There is no room, say; all results before are there.
+            OutputError: The disk is full, for example; earlier results are kept.
         """
         self.results[key] = _record(result)
         self._write({"key": key, "result": self.results[key]})
 
     def time(self, key: str, seconds: float) -> None:
-        """Adds one measurement."""
+        """Add one measurement."""
         self.times.setdefault(key, []).append(seconds)
         self._write({"key": key, "time": seconds})
 
     def remove(self) -> None:
-        """The work is complete: the next starts afresh."""
+        """Remove the log of completed work, so that the next run starts afresh."""
         if self.path is not None:
             with suppress(OSError):
                 self.path.unlink()
 
     def _read(self, line: bytes) -> dict[str, Any] | None:
-        """The record of a line that was written here of this work."""
+        """Return the record of a line that was written here for this work; else None."""
         code, _, text = line.decode(errors="replace").partition(" ")
         if not compare_digest(code.encode(), self._sign(self.address, text).encode()):
             return None
@@ -103,7 +103,7 @@ class Journal:
         return record
 
     def _write(self, record: Mapping[str, Any]) -> None:
-        """Writes a record on a line of its own, even after one that was cut off."""
+        """Write a record on a separate line, even after a line that was cut off."""
         if self.path is None:
             return
         text = json.dumps(record)
@@ -122,7 +122,7 @@ def _record(row: Any) -> dict[str, Any]:
 
 
 def is_record(value: object, hint: Any) -> bool:
-    """True if a value that was read from JSON is of a type.
+    """Return True if a value that was read from JSON has a type.
 
     Args:
         hint: A plain type, a dataclass (its record by `dataclasses.asdict`), or a sequence, mapping, union or literal.

@@ -1,4 +1,4 @@
-"""A scene with more samples than memory holds, solved part after part; each is handed over and then forgotten."""
+"""Solution of a scene with more samples than fit in memory, part by part; each part is returned and then discarded."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.solving import solve
 
-PART = 4096  # samples: walking along them takes some 50 MB, and preparing a part a twentieth of its time
+PART = 4096  # samples per part: following them takes some 50 MB, and preparing a part a twentieth of its time
 
 
 def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> Iterator[Array]:
-    """Evenly spaced times [s] part by part, never all at once: ``first + k step`` for k below `count`.
+    """Yield evenly spaced times [s] in parts, never all at once: ``first + k step`` for k below `count`.
 
     Raises:
-        DescriptionError: A number that makes no grid.
+        DescriptionError: A number does not define a grid.
     """
     if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
         what = f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on"
@@ -36,19 +36,19 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
 def stream(
     scene: Scene, parts: Iterable[Array], *, engine: str = "screw", quantities: Iterable[str] | None = None
 ) -> Iterator[tuple[Array, Solution]]:
-    """Solves a scene for times that come in parts; memory is that of one part, however many there are.
+    """Solve a scene for times in parts; memory is that of one part, whatever their number.
 
-    Every part starts from the home pose anew: angles of joints that are cut in an engine's tree count from there.
-    Nothing is walked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises when its turn
-    comes.
+    Every part starts from the home pose again: angles of joints that are cut in an engine's tree count from there.
+    The motion is not checked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises when
+    its turn comes.
 
     Args:
-        parts: Times [s], shape (m,) each, such as `times` makes them.
-        engine: One engine's name.
+        parts: Arrays of times [s], shape (m,) each, such as those of `times`.
+        engine: Name of the engine.
         quantities: Names; those of the scene by default. Nothing else is computed.
 
     Yields:
-        Times and solution of each part; forces that too few actuators cannot deliver are left out, as its notes say.
+        Times and solution of each part; forces that too few actuators cannot produce are omitted, with a note.
 
     Raises:
         ScrewgaugeError: Bad input, or a part that the engine cannot solve.

@@ -1,7 +1,7 @@
-"""Faults of a table: transformations tried on the expected numbers until they are those of the table.
+"""Faults of a table, found by applying transformations to the expected values until they match the table.
 
 A column is explained by the fewest transformations after which all its samples agree to the digits that it carries.
-More has to agree than was fitted: what two machines have in common by their smoothness alone is no explanation.
+More has to agree than was fitted: a match that follows from the smoothness of both alone is no explanation.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from screwgauge.problem import Rows, spread
 from screwgauge.reference.rotations import Array
 from screwgauge.study.transformations import FILTERS, NOISY, UNITS, Expected, Family, Fault, Key
 
-MOST = 3  # faults of one column
-EVIDENCE = 0.5  # decimal places that agree beyond what was fitted, and beyond one more for each fault
-FIRM = 3.0  # times as many where a table has columns that nothing explains, or more faults than one makes
-SEARCHED, TRIED = 200, 2  # samples that the coarse search looks at; candidates of each class that are fitted
-PROMISE = 0.1  # share of the squares of a column, or of those without a filter, that may be left where a fit begins
-FITS, WIDE = 15, 1.5  # steps of a fit, and how far they may lead in steps of the grid
-SECANT, ENOUGH = 1e-8, 1e-6  # step that gives a derivative; relative gain at which a fit ends
-UNEVEN = 0.2  # of the last place of the largest number: no smaller number is read more closely
-WINDOW = 10  # numbers in a row by which the dimension of a signal is counted, or whose mean is looked at
+MOST = 3  # largest number of faults of one column
+EVIDENCE = 0.5  # decimal places that must agree beyond the fitted ones, and beyond one more for each fault
+FIRM = 3.0  # factor on these if a table has unexplained columns, or more than one fault
+SEARCHED, TRIED = 200, 2  # samples used by the coarse search; candidates of each class that are fitted
+PROMISE = 0.1  # largest residual share of the squares, of a column or without a filter, to start a fit
+FITS, WIDE = 15, 1.5  # steps of a fit, and their largest total in steps of the grid
+SECANT, ENOUGH = 1e-8, 1e-6  # step of numerical derivatives; relative gain at which a fit ends
+UNEVEN = 0.2  # of the last place of the largest number: smaller numbers are not taken as more precise
+WINDOW = 10  # window of successive numbers, to count the dimension of a signal, or for means
 SPIKE, WAVY, FAINT = 6.0, 0.1, 0.3  # of noise: multiples of its rms, shares of the signal
-MEDIAN = 0.6745 * np.sqrt(20.0)  # of the sizes of third differences of white noise, over its rms
-MODES = ((False, False), (True, False), (False, True), (True, True))  # whether factor and offset are fitted
+MEDIAN = 0.6745 * np.sqrt(20.0)  # median size of third differences of white noise, over its rms
+MODES = ((False, False), (True, False), (False, True), (True, True))  # factor fitted, offset fitted
 
 Mode = tuple[bool, bool]
 
@@ -41,10 +41,10 @@ class Column:
 
     Attributes:
         values: Shape (n,).
-        expected: What they should be. Shape (n,).
+        expected: Expected values. Shape (n,).
         scale: S of the scaled error [unit].
-        tolerance: Absolute, of the expected numbers [unit].
-        place: Unit in the last place that is printed. Shape (n,).
+        tolerance: Absolute tolerance of the expected values [unit].
+        place: Unit in the last printed place. Shape (n,).
     """
 
     component: str
@@ -58,12 +58,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Faults that make the expected numbers those of a column.
+    """Faults that turn the expected values into those of a column.
 
     Attributes:
-        left: Scaled error that is left.
-        dimension: How many independent numbers could differ, at the precision to which their difference is explained.
-        digits: Digits of the difference that are explained.
+        left: Remaining scaled error.
+        dimension: Number of independent values that could differ, at the precision of the explanation.
+        digits: Explained digits of the difference.
     """
 
     faults: tuple[Fault, ...]
@@ -72,18 +72,18 @@ class Explanation:
     digits: float = 0.0
 
     def convinces(self, known: Container[Key] = (), least: float = 1.0) -> bool:
-        """True if more of the difference agrees than was fitted, counting sizes that other columns show as known."""
+        """Return True if more of the difference agrees than was fitted; sizes found in other columns count as known."""
         tried = sum(fault.kind != "noise" for fault in self.faults)
         fitted = sum(fault.fitted and fault.key not in known for fault in self.faults)
-        # noise that is white shows that nothing else is wrong
+        # white noise shows that nothing else is wrong
         return not tried or (self.dimension - fitted) * self.digits >= least * (EVIDENCE + tried)
 
 
 def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanation | None]:
-    """Explains columns, each by the fewest faults, among these by those that most columns share.
+    """Explain columns, each by the fewest faults, preferring faults that most columns share.
 
     Returns:
-        For each column: no faults if it agrees, None if nothing explains it.
+        The explanation of each column: without faults if it agrees, None if nothing explains it.
     """
     found = _found(columns, expected)
     votes = Counter(key for some in found for key in {f.key for e in some if e.convinces() for f in e.faults})
@@ -105,13 +105,13 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
 
 
 def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
-    """All explanations of each column by its fewest faults."""
+    """Return all explanations of each column with its fewest faults."""
     X = np.stack([column.values for column in columns], axis=1)
     every = np.arange(len(X))
     plain = [_explained(column, every, column.expected, (), MODES[0]) for column in columns]
     found = [[one] if one and not one.faults else [] for one in plain]
     limits = np.full((4, len(columns), 1), PROMISE) * np.mean(X**2, axis=0)[:, None]
-    gain = limits  # of a filter: what it has to come near to, better than the numbers without it
+    gain = limits  # limit for a filter, which has to improve on the numbers without it
     for family in expected.families():
         fewest = [min((len(e.faults) for e in some if e.convinces()), default=MOST + 1) for some in found]
         if not any(family.cost < least for least in fewest):
@@ -128,7 +128,7 @@ def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanati
 def _of_family(
     column: Column, expected: Expected, family: Family, squares: tuple[Array, Array]
 ) -> Iterator[Explanation]:
-    """Explanations with a transformation of this family, until one convinces and the next has more faults."""
+    """Yield explanations with a transformation of a family, until one convinces and the next has more faults."""
     named = [
         (*faults, *([Fault("permutation", name)] * (name != column.component)))
         for faults, name in zip(expected.faults, expected.components, strict=True)
@@ -148,11 +148,11 @@ def _of_family(
 
 
 def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int, Mode]]:
-    """Place in the grid, base and mode with the least squares left of each number of faults, the fewest faults first.
+    """Return grid place, base and mode with the least squares for each number of faults, the fewest faults first.
 
     Args:
         left: Mean squares by place, mode and base. Shape (m, 4, k).
-        limit: Of what is tried. Shape (4, k) or (4, 1).
+        limit: Largest mean square to try. Shape (4, k) or (4, 1).
         costs: Faults of each base. Shape (k,).
     """
     at, best = left.argmin(axis=0), left.min(axis=0)
@@ -165,7 +165,7 @@ def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int,
 
 
 def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
-    """Mean squares that a fit of each base to each column leaves, at some samples. Shape (4, n_column, n_base)."""
+    """Return mean squared residuals of fits of each base to each column, at some samples. (4, n_column, n_base)."""
     some = spread(len(rows), SEARCHED)
     X, numbers, left = X[rows[some]], numbers[some], list[Array]()
     for scaled, shifted in MODES:
@@ -176,7 +176,7 @@ def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
 
 
 def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[float, float]:
-    """Factor and offset from b to x by least squares. Shape (n,)."""
+    """Fit factor and offset from b to x by least squares. Shape (n,)."""
     scaled, shifted = mode
     x0, b0 = (x.mean(), b.mean()) if shifted else (0.0, 0.0)
     if factor is None:
@@ -186,7 +186,7 @@ def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[
 
 
 def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
-    """Return the size next to one of the grid that leaves least squares, by Gauss and Newton's method."""
+    """Return the size near a grid size that minimises the squared residuals, by the Gauss-Newton method."""
     start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
     large = np.abs(x).max() or 1.0
 
@@ -218,7 +218,7 @@ def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> floa
 def _explained(
     column: Column, rows: Rows, b: Array, faults: tuple[Fault, ...], mode: Mode, error: float = 0.0
 ) -> Explanation | None:
-    """Faults with factor and offset, if what they leave is within what the column carries, or is noise."""
+    """Return faults with factor and offset, if their residual is within the precision of the column, or is noise."""
     x, names = column.values[rows], {1.0: "", **{f: name for name, f in UNITS.get(column.unit, {}).items()}}
     free, _ = _line(x, b, mode)
     known = [sign * f for f in names for sign in (1.0, -1.0) if mode[0] and abs(free / (sign * f) - 1.0) < 0.02]
@@ -226,7 +226,7 @@ def _explained(
         _, offset = _line(x, b, mode, factor)
         fit = factor * b + offset
         left = np.abs(x - fit)
-        # the fit is as good as the largest numbers allow
+        # the fit is as precise as the largest numbers allow
         place = np.maximum(column.place[rows], UNEVEN * column.place.max())
         admitted = place + abs(factor) * (column.tolerance + error * column.scale)
         more = [Fault("offset", size=offset)] * mode[1]
@@ -239,7 +239,7 @@ def _explained(
             level = fine = max(_rms(left), float(admitted.min()))
         elif level := 0.0 if any(fault.kind in FILTERS for fault in faults) else _noise(x - fit, fit):
             more.append(Fault("noise", size=level))
-            fine = level * float(np.sqrt(WINDOW / len(x)))  # its means are that near to zero
+            fine = level * float(np.sqrt(WINDOW / len(x)))  # its means must be this close to zero
         else:
             continue
         size = _rms(fit) or 1.0
@@ -255,11 +255,11 @@ def _rms(x: Array) -> float:
 
 
 def _noise(left: Array, fit: Array) -> float:
-    """The rms of what is left if that is white noise: no larger than third differences say; 0 if it is not."""
+    """Return the rms of a residual if it is white noise, not larger than third differences indicate; 0 if it is not."""
     if len(left) < NOISY:
         return 0.0
     rms, size = _rms(left), _rms(fit)
-    # by medians, as one jump in what is smooth is no noise; those of white noise are as large as its rms
+    # by medians, since a jump in a smooth signal is not noise
     quick, wavy = (float(np.median(np.abs(np.diff(each, 3)))) / MEDIAN for each in (left, fit))
     means = left[: len(left) // WINDOW * WINDOW].reshape(-1, WINDOW).mean(axis=1) * np.sqrt(WINDOW)
     white = rms <= (1.0 + 5.0 / np.sqrt(len(left))) * quick and np.abs(left).max() <= SPIKE * rms
@@ -268,7 +268,7 @@ def _noise(left: Array, fit: Array) -> float:
 
 
 def _dimension(signal: Array, level: float) -> int:
-    """Count the numbers that a signal needs at a precision: the rank of windows of it."""
+    """Count the independent values of a signal at a precision: the rank of its windows."""
     signal = signal[spread(len(signal), SEARCHED)]
     width = min(WINDOW, (len(signal) + 1) // 2)
     step = max(1, len(signal) // (2 * width))
@@ -278,7 +278,7 @@ def _dimension(signal: Array, level: float) -> int:
 
 
 def last_place(values: Array) -> Array:
-    """The unit in the last place that numbers were printed to, by decimals or by figures. Shape (n,)."""
+    """Return the unit in the last place to which numbers were printed, by decimals or by figures. Shape (n,)."""
     some = [Decimal(repr(float(value))).normalize().as_tuple() for value in values[spread(len(values), 500)] if value]
     places = min((int(one.exponent) for one in some), default=-17)
     figures = max((len(one.digits) for one in some), default=17)

@@ -1,4 +1,4 @@
-"""A table of the user's numbers as an engine: its answer to a scene, and how the answer is judged."""
+"""Tables of the user as engines: their answer to a scene, and how it is judged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
 from screwgauge.study.fixed import with_fixed
 
-#: An angle that is so close to that of the scene, whole turns aside, is meant to be that [rad].
+#: Distance within which an angle, up to whole revolutions, is taken to be that of the scene [rad].
 NEAR = 0.1
 NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
 
@@ -33,10 +33,10 @@ Columns = dict[str, dict[str, Array]]
 
 
 def check_tables(scene: Scene) -> None:
-    """Refuses tables whose names are taken.
+    """Reject tables whose names are taken.
 
     Raises:
-        DescriptionError: One is.
+        DescriptionError: A name is taken.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
         why = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
@@ -44,15 +44,15 @@ def check_tables(scene: Scene) -> None:
 
 
 def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
-    """Answer a scene by a table, as an engine does that lacks what the table has not.
+    """Answer a scene from a table, like an engine that lacks what the table does not contain.
 
     Args:
-        name: That of the table.
+        name: Name of the table.
         names: Components and units of every quantity that a table may have.
         wanted: Names of quantities; others are not compared, and a note names them.
 
     Raises:
-        ScrewgaugeError: It has unknown columns or other units, or nothing of what is compared.
+        ScrewgaugeError: The table has unknown columns or wrong units, or none of the compared quantities.
     """
     table, n = scene.tables[name], len(scene.t)
     (rows, at), columns = same_times(scene.t, table.t), _columns(table, names, wanted)
@@ -93,7 +93,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
 
 
 def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
-    """Columns of a table by quantity and component."""
+    """Return the columns of a table by quantity and component."""
     columns: Columns = {}
     for text, values in table.columns.items():
         header = read_header(text)
@@ -109,7 +109,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
-    """The quantity of a column: the one it names, or the only compared one that has its component."""
+    """Return the quantity of a column: the one it names, or the only compared one that has its component."""
     if header.quantity and header.quantity not in names:
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
@@ -131,7 +131,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 def _lacks(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Say what a table lacks of the wanted quantities: in one sentence, and in notes by component."""
+    """Describe what a table lacks of the wanted quantities: in one sentence, and in notes by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
     long = [f"gives {each}" for each in short]
@@ -147,7 +147,7 @@ def _is_whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool
 
 
 def _assembly(scene: Scene, rows: Rows) -> Array:
-    """Joint coordinates that follow from the scene, at which numbers without positions are judged. Shape (n, n_q)."""
+    """Compute joint coordinates from the scene, at which values without positions are judged. Shape (n, n_q)."""
     motion, mechanism = scene.motion.part(rows), scene.mechanism
     q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
     q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
@@ -155,10 +155,10 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
 
 
 def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
-    """Recorded angles with whole turns added where these and little else are missing: an encoder counts within one.
+    """Add whole revolutions to recorded angles if little else is missing: an encoder counts within one revolution.
 
     Args:
-        q: All coordinates, as they follow from the scene. Shape (n, n_q).
+        q: All coordinates, computed from the scene. Shape (n, n_q).
     """
     off = q[:, [coordinates.index(name) for name in values.components]] - values.array
     turns = np.round(off / (2 * np.pi)) * [unit == "rad" for unit in values.units]
@@ -167,9 +167,9 @@ def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
-    """Judges those quantities of a table that have all of their components: equations hold for no others.
+    """Judge the quantities of a table that have all their components: equations hold for no others.
 
-    What a table states as its error it may leave over; positions that it does not give are not judged.
+    Residuals within the stated error of a table are admitted; positions that it does not contain are not judged.
     """
     values = {name: one for name, one in answer.values.items() if _is_whole(answer.values, names, name)}
 

@@ -1,4 +1,4 @@
-"""Transformations that make a wrong table of the right numbers: units, delays, filters, and what is missing."""
+"""Transformations that turn correct numbers into a faulty table: units, delays, filters, and missing terms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.problem import Rows
 from screwgauge.reference.rotations import Array
 
-#: Unit of a component -> unit that a table may have in its place -> factor.
+#: Unit of a component -> unit that a table may have instead -> factor.
 UNITS = {
     "rad": {"degrees": 180.0 / np.pi, "turns": 0.5 / np.pi},
     "rad/s": {"degrees/s": 180.0 / np.pi, "rpm": 30.0 / np.pi},
@@ -22,11 +22,11 @@ UNITS = {
     "N": {"kN": 1e-3, "mN": 1e3, "kgf": 1.0 / 9.80665, "kg by 9.81 m/s^2": 1.0 / 9.81, "lbf": 1.0 / 4.4482216152605},
     "N m": {"N mm": 1e3, "N cm": 1e2, "kN m": 1e-3, "kgf m": 1.0 / 9.80665, "N m per degree": np.pi / 180.0},
 }
-REACH, STEPS = 0.15, 122  # longest shift, a share of the motion; shifts and cut-offs that the coarse search tries
-LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # cut-off of a filter, a share of half the sampling rate
-WIDEST = 100  # samples of a mean
-LEAST, DEGREE = 16, 5  # samples between which is interpolated, and how
-NOISY = 30  # samples from which filters and noise are told
+REACH, STEPS = 0.15, 122  # longest shift over the duration; number of shifts and cut-offs in the coarse search
+LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # range and number of cut-offs of a filter, over half the sampling rate
+WIDEST = 100  # largest number of samples of a mean
+LEAST, DEGREE = 16, 5  # fewest samples for interpolation, and its degree
+NOISY = 30  # fewest samples to detect filters and noise
 FILTERS = ("filter", "mean")
 FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults of any size
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
@@ -40,13 +40,13 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A transformation of numbers.
+    """Transformation of numbers that makes them wrong.
 
     Attributes:
         kind: ``sign``, ``unit``, ``factor`` (no unit), ``offset``, ``permutation``, ``shift``, ``held`` (of an
             interpolation, its ends), ``filter``, ``mean``, ``missing``, ``reversed``, ``side`` (that of a pair) or
             ``noise``.
-        of: Unit, component whose numbers these are, filter, which mean, or what is missing or reversed.
+        of: Unit, component that the numbers belong to, filter, kind of mean, or what is missing or reversed.
         size: Factor, offset [unit], delay [s], cut-off [Hz], samples of a mean, rms of noise [unit].
     """
 
@@ -56,26 +56,26 @@ class Fault:
 
     @property
     def key(self) -> Key:
-        """Equal for faults that are one: their sizes are fitted."""
+        """Key that is equal for equal faults, whose sizes are fitted."""
         return self.kind, self.of, "" if self.kind == "noise" else f"{self.size:.2e}"
 
     @property
     def fitted(self) -> bool:
-        """True if its size is fitted."""
+        """True if the size is fitted."""
         return self.kind in FITTED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """A fault of one kind and any size, as a transformation of expected numbers.
+    """Faults of one kind and any size, as a transformation of expected values.
 
     Attributes:
-        kind, of: Of the fault; empty where nothing is done.
+        kind, of: Fields of the fault; empty for the identity.
         grid: Sizes that the coarse search tries. Shape (m,).
-        apply: Size, and numbers by their columns -> rows, and what becomes of the numbers there, shape (n_row, n_base).
-        error: Scaled error that it brings.
-        smooth: Whether the size is a real number.
-        more: Faults that come with it.
+        apply: Function of a size and numbers in columns; returns rows and the new numbers there, shape (n_row, n_base).
+        error: Scaled error due to the transformation.
+        smooth: True if the size is continuous.
+        more: Accompanying faults.
     """
 
     kind: str
@@ -87,24 +87,24 @@ class Family:
     more: tuple[Fault, ...] = ()
 
     def faults(self, size: float) -> tuple[Fault, ...]:
-        """The fault, if it is one, and what comes with it."""
+        """Return the fault, unless this is the identity, and the accompanying ones."""
         return (Fault(self.kind, self.of, size), *self.more) if self.kind else ()
 
     @property
     def cost(self) -> int:
-        """Number of faults that it counts as."""
+        """Number of faults that the family counts as."""
         return len(self.faults(1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """Columns of a quantity as they should be, and as they would be under faults of the whole table.
+    """Expected columns of a quantity, and their values under faults of the whole table.
 
     Attributes:
-        components, faults: Of each of the numbers: its component, and what is wrong with it. Length k.
+        components, faults: Component and faults of each column. Length k.
         t: Times [s]. Shape (n,).
-        arrays: The numbers. Shape (n, k).
-        moved: The same at other times, see `shifts`.
+        arrays: Values of the columns. Shape (n, k).
+        moved: The columns at other times, see `shifts`.
     """
 
     components: Sequence[str]
@@ -114,7 +114,7 @@ class Expected:
     moved: Family | None
 
     def families(self) -> Iterator[Family]:
-        """Yield transformations of all numbers, beginning with none."""
+        """Yield transformations of all numbers, beginning with the identity."""
         every = np.arange(len(self.t))
         yield Family("", "", np.zeros(1), lambda size, bases: (every, self.arrays[:, bases]))
         if self.moved:
@@ -124,7 +124,7 @@ class Expected:
             yield from _filters(self.arrays, 0.5 / step)
 
     def _interpolated(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
-        """Numbers of a table that was late and interpolated as `np.interp` does, which holds what is at the ends."""
+        """Return numbers of a delayed table, interpolated like `np.interp`, which holds the values at the ends."""
         numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
         share = (at - self.t[after - 1]) / (self.t[after] - self.t[after - 1])
@@ -132,18 +132,18 @@ class Expected:
 
 
 def even_step(t: Array) -> float:
-    """The step between times [s], 0 if it varies. Shape (n,)."""
+    """Return the step between times [s], 0 if it varies. Shape (n,)."""
     steps = np.diff(t)
     return float(steps.mean()) if len(steps) and np.ptp(steps) < 1e-6 * steps.mean() else 0.0
 
 
 def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
-    """Numbers of a table that is late; None where too few are known to interpolate.
+    """Return the family of delayed tables; None if there are too few known values to interpolate.
 
     Args:
         t: Times of the table [s]. Shape (n,).
-        dense: Times at which numbers are known [s]. Shape (m,).
-        numbers: Shape (m, k).
+        dense: Times of the known values [s]. Shape (m,).
+        numbers: Known values. Shape (m, k).
     """
     from scipy.interpolate import BSpline, make_interp_spline
 
@@ -162,7 +162,7 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
 
 
 def _filters(arrays: Array, half: float) -> Iterator[Family]:
-    """Filters of evenly sampled numbers; `half` the sampling rate [Hz]."""
+    """Yield filters of evenly sampled numbers; `half`: half the sampling rate [Hz]."""
     from scipy.signal import butter, filtfilt, lfilter, lfilter_zi
 
     every = np.arange(len(arrays))

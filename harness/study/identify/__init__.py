@@ -1,1 +1,1 @@
-"""Identification: which numbers of a machine its forces tell, and the numbers that measured forces tell."""
+"""Identification: the numbers of a machine that its forces determine, and their estimates from measured forces."""

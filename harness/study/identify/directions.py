@@ -1,4 +1,4 @@
-"""Directions that no motion tells: changes of several numbers at once that leave all actuator forces as they are."""
+"""Unidentifiable directions: simultaneous changes of several numbers that leave all actuator forces unchanged."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from screwgauge.reference.parameters import TENSOR, XYZ
 from screwgauge.reference.rotations import Array
 from screwgauge.study.identify.regressor import Regressor
 
-#: What may pass through a joint unseen; whatever else is not seen is a list of numbers.
+#: Kinds of directions: what may be shifted through a joint without effect; any other direction is a list of numbers.
 MASS, FIRST, SECOND, LIST = "point mass", "first moment", "second moment", "numbers"
-#: Singular values of the regressor's columns, over the largest: rank is counted where they fall most between these.
+#: Range of singular values of the regressor, over the largest, in which the steepest fall determines the rank.
 LEAST, MOST = 1e-12, 1e-9
-#: Part of a unit direction outside of the null space, or of what is known of it, that is rounding; entries likewise.
+#: Parts of a unit direction outside the null space, and outside its known part, that count as rounding; entries, too.
 INSIDE, NEW, ENTRY = 1e-7, 1e-5, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """A change of numbers that no motion shows, to first order where a load acts at a centre of mass.
+    """Change of numbers that affects no motion, to first order where a load acts at a centre of mass.
 
     Attributes:
-        kind: `MASS`, `FIRST` or `SECOND`: it passes through a joint from one body to the other; `LIST`: it does not.
-        joint, axis: Of the first three: the joint, and where of its frame: ``axis``, or names of axes.
-        bodies: One from which, and one to which it passes; one alone where the other is the ground.
-        entries: Moment (about the body's origin) or resistance -> its share in SI units, the largest of them one.
+        kind: `MASS`, `FIRST` or `SECOND` if shifted through a joint from one body to the other; otherwise `LIST`.
+        joint, axis: Joint of the first three kinds, and place in its frame: ``axis``, or names of axes.
+        bodies: Body that loses and body that gains; a single one if the other is the ground.
+        entries: Moment (about the body's origin) or resistance -> its share in SI units; the largest share is one.
     """
 
     kind: str
@@ -42,13 +42,13 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """What any motion can tell.
+    """Numbers that some motion can determine, and directions that none can.
 
     Attributes:
-        count: Moments and resistances.
-        rank: How many combinations of them forces depend on.
+        count: Number of moments and resistances.
+        rank: Number of their combinations on which forces depend.
         gap: Singular values on both sides of the rank, over the largest.
-        directions: All that is not seen, ``count - rank`` of them.
+        directions: All ``count - rank`` unidentifiable directions.
     """
 
     count: int
@@ -58,7 +58,7 @@ class Structure:
 
 
 def structure(regressor: Regressor, seed: int = 0) -> Structure:
-    """What any motion can tell of the unknown numbers, by rates at random."""
+    """Compute which of the unknown numbers any motion can determine, from random rates."""
     matrix = regressor.shaken(seed)
     scales = np.linalg.norm(matrix, axis=0)
     scales[scales <= LEAST * scales.max(initial=0.0)] = np.inf
@@ -74,10 +74,10 @@ def structure(regressor: Regressor, seed: int = 0) -> Structure:
 
 
 class _Found:
-    """Directions found so far, in a null space.
+    """Directions found so far in a null space.
 
     Attributes:
-        units: Of each number, in which columns of the regressor have a length of one. Shape (count,).
+        units: Unit of each number in which its regressor column has length one. Shape (count,).
         null: Orthonormal rows in these units. Shape (c, count).
     """
 
@@ -86,7 +86,7 @@ class _Found:
         self.known, self.directions = np.zeros((0, len(units))), list[Direction]()
 
     def add_all(self, mechanism: Mechanism) -> None:
-        """What passes through joints, what single bodies and pairs at a joint have, and the rest."""
+        """Add directions of joints, then those of single bodies and of pairs at a joint, then the rest."""
         for joint in mechanism.joints:
             for kind, axis, ends in _passing(joint):
                 self._pass(joint, kind, axis, ends)
@@ -97,17 +97,17 @@ class _Found:
         self._list(self._rest())
 
     def _within(self, inside: NDArray[np.bool_]) -> Array:
-        """Null directions that change some of the numbers alone. Shape (m, count)."""
+        """Return null directions that change only the selected numbers. Shape (m, count)."""
         values, back = np.linalg.svd(self.null[:, ~inside].T)[1:]
         return np.asarray(back[int((values > INSIDE).sum()) :] @ self.null)
 
     def _rest(self) -> Array:
-        """Null directions across those that are known, orthonormal. Shape (m, count)."""
+        """Return null directions orthogonal to the known ones, orthonormal. Shape (m, count)."""
         values, back = np.linalg.svd(self.null - self.null @ self.known.T @ self.known, full_matrices=False)[1:]
         return np.asarray(back[values > NEW])
 
     def _pass(self, joint: Joint, kind: str, axis: str, ends: Sequence[Array]) -> None:
-        """Takes what passes through a joint, if forces do not see it."""
+        """Add a shift through a joint, if forces do not depend on it."""
         vector, bodies = np.zeros(len(self.names)), list[str]()
         for body, moment, sign in zip((joint.parent, joint.child), ends, (1.0, -1.0), strict=True):
             if f"{body}.mass" in self.names:
@@ -123,7 +123,7 @@ class _Found:
                 self.directions.append(Direction(LIST, self._entries(row)))
 
     def _add(self, vector: Array) -> bool:
-        """Whether a vector is in the null space, and none of the known ones."""
+        """Add a vector to the known ones; return False if it is outside the null space or depends on the known ones."""
         size = np.linalg.norm(vector)
         if not size or len(self.known) == len(self.null):
             return False
@@ -138,7 +138,7 @@ class _Found:
         return True
 
     def _entries(self, vector: Array) -> dict[str, float]:
-        """Entries that count, by what they do, over the one that does most."""
+        """Return the significant entries, ordered by effect, relative to the one with the largest effect."""
         effects = np.abs(vector / self.units)
         order = np.argsort(-effects, kind="stable")
         some = [i for i in order if effects[i] > ENTRY * effects[order[0]]]
@@ -146,7 +146,7 @@ class _Found:
 
 
 def _passing(joint: Joint) -> Iterator[tuple[str, str, list[Array]]]:
-    """What may pass through a joint, by its frame: kind, axis, moments that one body gains and the other loses."""
+    """Yield what may be shifted through a joint: kind, axis, moments that one body gains and the other loses."""
     axes = {"axis": next(iter(joint.axes), np.eye(3)[2]), **dict(zip(XYZ, np.eye(3), strict=True))}
     frames = joint.parent_frame, joint.child_frame
     yield MASS, "", [_point(F.p) for F in frames]
@@ -158,16 +158,16 @@ def _passing(joint: Joint) -> Iterator[tuple[str, str, list[Array]]]:
 
 
 def _point(x: Array) -> Array:
-    """Moments of a unit of mass at a point. Shapes (3,), (10,)."""
+    """Return the moments of a unit mass at a point. Shapes (3,), (10,)."""
     return np.array([1.0, *x, *_inertia(np.outer(x, x))])
 
 
 def _second(a: Array, b: Array) -> Array:
-    """Moments of a second moment alone: matter along a line through any point, without mass. Shape (10,)."""
+    """Return the moments of a pure second moment: matter along a line through any point, without mass. Shape (10,)."""
     return np.array([0.0, 0.0, 0.0, 0.0, *_inertia(0.5 * (np.outer(a, b) + np.outer(b, a)))])
 
 
 def _inertia(second: Array) -> list[float]:
-    """Entries of the inertia of second moments. Shape (3, 3)."""
+    """Return the inertia entries of second moments. Shape (3, 3)."""
     tensor = np.trace(second) * np.eye(3) - second
     return [float(tensor[at]) for at in TENSOR.values()]

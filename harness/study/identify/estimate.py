@@ -1,4 +1,4 @@
-"""Estimation: bodies that can exist, rotors and friction, from actuator forces and what the file says beforehand."""
+"""Estimation of physically consistent bodies, rotors and friction, from actuator forces and priors from the file."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.study.identify.regressor import Regressor
 
-#: Step of a difference; steps of a trust region method, the relative change that ends it, and room of its first point.
+#: Step of differences; limit of trust region steps, their relative tolerance, and margin of the first point to bounds.
 STEP, STEPS, ENOUGH, TINY = 1e-4, 500, 1e-7, 1e-9
-#: Estimates of the noise from residuals, one after the other, and the least that can be told from rounding.
+#: Number of successive noise estimates from residuals, and the smallest noise distinguishable from rounding.
 ROUNDS, LEAST = 3, 1e-6
 
 
 class Unknowns:
-    """Coordinates without dimension of all numbers: zero is the scene, one a standard deviation of the prior.
+    """Dimensionless coordinates of all numbers: zero is the scene, one is a standard deviation of the prior.
 
-    Ten of each body, see `consistent`, so that every point is a body that can exist; one of each resistance, which has
-    a least value, too.
+    Each body has ten, see `consistent`, so that every point is a physically consistent body; each resistance has one,
+    with a lower bound.
     """
 
     def __init__(self, regressor: Regressor, prior: float) -> None:
@@ -32,22 +32,22 @@ class Unknowns:
 
     @property
     def least(self) -> Array:
-        """Where no resistance is below zero. Shape (count,)."""
+        """Lower bounds of the coordinates, below which a resistance would be negative. Shape (count,)."""
         first = 10 * len(self.matter.bodies)
         return np.concatenate([np.full(first, -np.inf), -self.matter.nominal[first:] / self.deviations])
 
     def numbers(self, x: Array) -> Array:
-        """Numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
+        """Return the numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
         bodies, first = self.matter.of_bodies(self.matter.nominal), 10 * len(self.matter.bodies)
         parts = [consistent(body, self.prior * x[10 * i : 10 * i + 10]).T for i, body in enumerate(bodies)]
         return np.concatenate([*parts, self.matter.nominal[first:] + self.deviations * x[first:].T], axis=1)
 
     def features(self, x: Array) -> Array:
-        """What forces are linear in, see `Matter.features`. Shape (count, V) -> (V, n_feature)."""
+        """Return the features in which forces are linear, see `Matter.features`. Shape (count, V) -> (V, n_feature)."""
         return self.matter.features(self.numbers(x))
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
-        """Derivatives of numbers and of features. Shape (count,) -> (count, count), (n_feature, count)."""
+        """Return derivatives of numbers and of features. Shape (count,) -> (count, count), (n_feature, count)."""
         ways = x[:, None] + STEP * np.concatenate([np.eye(self.count), -np.eye(self.count)], axis=1)
         return _difference(self.numbers(ways)), _difference(self.features(ways))
 
@@ -59,11 +59,11 @@ def _difference(values: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
-    """Where the unknowns are.
+    """Estimate of the unknowns.
 
     Attributes:
         x: Most likely coordinates. Shape (count,).
-        covariance: Of these. Shape (count, count).
+        covariance: Covariance of the coordinates. Shape (count, count).
         noise: Standard deviation of the measured forces, over the largest of their unit.
     """
 
@@ -74,12 +74,12 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Forces of some samples over the largest of their unit, and how they depend on features.
+    """Forces of some samples over the largest of their unit, and their dependence on features.
 
     Attributes:
-        forces: Measured less those of no feature at all. Shape (r,).
-        matrix: Shape (r, n_feature).
-        count: How many of the rows are independent: forces of redundant actuators are measured along fewer.
+        forces: Measured forces minus the forces at zero features. Shape (r,).
+        matrix: Derivatives by the features. Shape (r, n_feature).
+        count: Number of independent rows: redundant actuators have more forces than independent measurements.
     """
 
     forces: Array
@@ -88,25 +88,25 @@ class Rows:
 
 
 def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Singular values of what rows tell, in standard deviations of the prior over those of the noise."""
+    """Return the singular values of the information in rows, in prior standard deviations over those of the noise."""
     slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
     return np.asarray(np.linalg.svd(slopes, compute_uv=False))
 
 
 def expected(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Covariance of the coordinates that rows leave, before anything is measured. Shape (count, count)."""
+    """Return the covariance of the coordinates after rows that are not measured yet. Shape (count, count)."""
     slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
     return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
 
 
 def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Estimate:
-    """The most likely machine.
+    """Estimate the most likely machine.
 
     Args:
-        noise: Of the rows; where it is not `known` a guess, and estimated from what is left over.
+        noise: Noise of the rows; if not `known`, an initial guess that is re-estimated from residuals.
 
     Raises:
-        ScrewgaugeError: The method does not come to an end.
+        ScrewgaugeError: The method does not converge.
     """
     Q, R = np.linalg.qr(rows.matrix)
     t, rest = Q.T @ rows.forces, float(rows.forces @ rows.forces)
@@ -116,13 +116,13 @@ def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> E
         x, covariance = _most_likely(unknowns, R, t, noise, x)
         if not known:
             left = t - R @ unknowns.features(x[:, None])[0]
-            told = unknowns.count - float(np.trace(covariance))  # numbers that the rows have been spent on
+            told = unknowns.count - float(np.trace(covariance))  # effective number of parameters determined
             noise = max(np.sqrt(max(rest + float(left @ left), 0.0) / max(rows.count - told, 1.0)), LEAST)
     return Estimate(x, covariance, noise)
 
 
 def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array) -> tuple[Array, Array]:
-    """Coordinates that explain the rows best, from some on, and their covariance."""
+    """Return the coordinates that fit the rows best, from an initial guess, and their covariance."""
 
     def left(x: Array) -> Array:
         return np.concatenate([(R @ unknowns.features(x[:, None])[0] - t) / noise, x])
@@ -138,6 +138,6 @@ def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array)
 
 
 def _covariance(slopes: Array) -> Array:
-    """From slopes of the rows and of the prior. Shape (count, count)."""
+    """Compute the covariance from slopes of the rows and of the prior. Shape (count, count)."""
     inverse = solve_triangular(np.linalg.qr(slopes, mode="r"), np.eye(slopes.shape[1]))
     return np.asarray(inverse @ inverse.T)

@@ -1,4 +1,4 @@
-"""Identified numbers written back: as a description, or into the model file that the scene was made of."""
+"""Output of identified numbers: as a description, or into the model file that the scene was made from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screwgauge.study.identify.run import Identification
 
 
 def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
-    """Refuses, before any work, a file that numbers cannot be written to.
+    """Reject, before any work, a file that numbers cannot be written to.
 
     Raises:
         DescriptionError: There are no data, or no model file of this ending.
@@ -26,9 +26,9 @@ def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
 
 
 def write_fix(found: Identification, out: Path, model: Path | None, *, force: bool = False) -> Iterator[str]:
-    """Writes the most likely numbers, and yields a sentence on the file and on each number that is not in it.
+    """Write the most likely numbers; yield a sentence on the file and on each number missing from it.
 
-    A model file is corrected as by ``diagnose``: what differs from the identified machine is written, and no more.
+    A model file is corrected as in ``diagnose``: only differences from the identified machine are written.
 
     Raises:
         ScrewgaugeError: The file cannot be written.

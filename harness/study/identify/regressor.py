@@ -1,4 +1,4 @@
-"""The regressor: actuator forces of a scene, linear in the moments of its bodies and in what its joints resist."""
+"""The regressor: actuator forces of a scene, linear in the moments of its bodies and the resistances of its joints."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from screwgauge.scene.default import exciting
 from screwgauge.scene.scene import RULES, Scene
 
 FORCE = "actuator_force"
-#: Poses of a motion at which rates are drawn, and draws at each.
+#: Number of poses of a motion at which rates are drawn, and of draws per pose.
 POSES, DRAWS = 60, 3
 #: Names of the moments of a body: mass, mass times centre of mass, inertia about the body's origin.
 MOMENTS = ("mass", "mx", "my", "mz", *(entry.removeprefix("inertia.") for entry in ENTRIES[4:]))
@@ -31,23 +31,23 @@ class Regressor:
     """Actuator forces over the largest of their unit, as a function of numbers of the machine.
 
     Attributes:
-        matter: The numbers that are unknown.
+        matter: The unknown numbers.
         sizes: Largest nominal force of the unit of each component [N or N m]. Shape (m,).
         deviations: Prior standard deviation of each resistance. Shape (n_resist,).
     """
 
     def __init__(self, scene: Scene, patterns: Sequence[str], prior: float, share: float) -> None:
-        """Follows the scene's motion.
+        """Follow the motion of a scene.
 
         Args:
-            patterns: Numbers that are unknown, see `unknown`.
-            prior: Standard deviation of a resistance that the scene has, over its size.
-            share: Of the largest force that a resistance takes in the motion, where the scene has none.
+            patterns: Unknown numbers, see `unknown`.
+            prior: Standard deviation of an existing resistance, relative to its size.
+            share: Prior force of a resistance that the scene lacks, relative to the largest force.
 
         Raises:
             ScrewgaugeError: The motion cannot be followed, or no program answers the question.
         """
-        self.scene = replace(scene, rule=RULES[0])  # smallest forces, linear as all others are
+        self.scene = replace(scene, rule=RULES[0])  # the smallest forces, which are linear like all others
         self.machine = NominalMachine(self.scene, [FORCE])
         self.matter = Matter(self.machine, unknown(scene, patterns), "llvm")
         motion = scene.motion
@@ -64,33 +64,33 @@ class Regressor:
         self.deviations = np.where(given > 0.0, given, share / np.where(taken > 0.0, taken, np.inf))
 
     def forces(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Forces of `Matter.base`, and what a unit of each feature adds to them. Shapes (n, m), (n, m, n_feature)."""
+        """Return the forces of `Matter.base`, and their changes per unit feature. Shapes (n, m), (n, m, n_feature)."""
         parts = [(base, matrix) for _, base, matrix in self.matter.parts(poses)]
         return np.concatenate([base for base, _ in parts]), np.concatenate([matrix for _, matrix in parts])
 
     def without_preload(self, measured: Array) -> Array:
-        """Forces less what redundant actuators exert against each other, which no motion tells. Shape (n, m)."""
+        """Subtract forces of redundant actuators against each other, which no motion determines. Shape (n, m)."""
         loops, motion = self.machine.work.loops, self.poses.motion
         at = ClosedMotion(loops, self.poses.q, motion.yd, motion.ydd, self.scene.applied, motion.t)
         free = preload_space(at.B)
         return np.asarray(measured - np.einsum("nip,njp,nj->ni", free, free, measured))
 
     def rows(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """The same over `sizes`, sample after sample. Shapes (n m,), (n m, n_feature)."""
+        """Return `forces` over `sizes`, sample after sample. Shapes (n m,), (n m, n_feature)."""
         values, matrix = self.forces(poses)
         return (values / self.sizes).ravel(), (matrix / self.sizes[:, None]).reshape(-1, matrix.shape[-1])
 
     @cached_property
     def names(self) -> list[str]:
-        """Moments and resistances, the columns of `shaken`."""
+        """Names of moments and resistances, the columns of `shaken`."""
         bodies = [f"{body.name}.{moment}" for body in self.matter.bodies for moment in MOMENTS]
         return [*bodies, *(name.removeprefix("joints.") for name in self.matter.resists)]
 
     def shaken(self, seed: int) -> Array:
-        """What a unit of each moment and resistance does at poses of the machine with any rates.
+        """Return the effect of a unit of each moment and resistance at poses of the machine with random rates.
 
-        Poses are those of the scene and of an exciting motion, rates and accelerations are drawn: what has no effect
-        here has none in any motion through them. Shape (rows, n_moment + n_resist).
+        Poses are those of the scene and of an exciting motion; rates and accelerations are random: numbers without
+        effect here have none in any motion through these poses. Shape (rows, n_moment + n_resist).
         """
         rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
         for poses in self._anywhere():
@@ -104,7 +104,7 @@ class Regressor:
 
     @property
     def _centres(self) -> Array:
-        """How the centres of mass of loaded bodies move with moments. Shape (n_feature - E, E)."""
+        """Derivatives of the centres of mass of loaded bodies by moments. Shape (n_feature - E, E)."""
         matter, count = self.matter, len(self.matter.nominal)
         bodies, rows = matter.of_bodies(matter.base), list[Array]()
         for i in matter.loaded:
@@ -115,7 +115,7 @@ class Regressor:
         return np.reshape(rows, (-1, count))
 
     def _anywhere(self) -> list[NominalPoses]:
-        """Poses of the scene, and of an exciting motion if there is room for one."""
+        """Return the poses of the scene, and those of an exciting motion if there is room for one."""
         try:
             motion = exciting(self.scene).motion
             return [self.poses, self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)]
@@ -124,14 +124,14 @@ class Regressor:
 
 
 def unknown(scene: Scene, patterns: Sequence[str]) -> list[str]:
-    """Whole names of the numbers that are unknown.
+    """Return the full names of the unknown numbers.
 
     Args:
-        patterns: Names or patterns; a number of a body stands for all of its matter. By default all bodies with mass,
-            and what the actuated joints resist.
+        patterns: Names or patterns; a number of a body stands for all its moments. By default all bodies with mass, and
+            the resistances of actuated joints.
 
     Raises:
-        ScrewgaugeError: A name stands for nothing, or for a number that forces are not linear in.
+        ScrewgaugeError: A name matches nothing, or a number in which forces are not linear.
     """
     mechanism, known = scene.mechanism, numbers(scene.mechanism, scene.applied)
     of_body = {f"bodies.{body.name}.{entry}": body.name for body in mechanism.bodies if body.mass for entry in ENTRIES}

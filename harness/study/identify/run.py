@@ -1,4 +1,4 @@
-"""An identification: what a machine's forces tell of its numbers, and the numbers that measured forces tell."""
+"""Identification: which numbers of a machine its forces determine, and their estimates from measured forces."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from screwgauge.study.identify.regressor import FORCE, Regressor
 from screwgauge.study.tables import answer_of_table
 
 DATA = "data"
-#: Samples of a table that are needed: some to fit, some to predict.
+#: Smallest number of samples in a table: some to fit, some to predict.
 FEWEST = 4
-#: Noise and prior if nobody states them, over the largest force and over the size of a number; and what a resistance
-#: that the scene has not may take, over the largest force.
+#: Default noise over the largest force, default prior over the size of a number, and prior force of a resistance that
+#: the scene lacks, over the largest force.
 NOISE, PRIOR, SHARE = 1e-3, 0.1, 0.05
-#: A number is told where its standard deviation is below this share of that of the prior.
+#: Ratio of posterior to prior standard deviation below which a number counts as determined.
 TOLD = 0.5
-#: Speed of a faster motion, over that of the scene.
+#: Speed of a faster motion, relative to that of the scene.
 FASTER = 2.0
-#: Correlation from sample to sample that noise does not have, and errors of prediction that are rounding.
+#: Correlation between successive samples above which residuals are not noise; prediction error that is rounding.
 CORRELATED, ROUNDING = 0.3, 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """What measured forces tell.
+    """Estimates from measured forces.
 
     Attributes:
         values: Most likely numbers. Shape (E,).
         deviations: Their standard deviations. Shape (E,).
         noise: Standard deviation of the measured forces, over the largest of their unit.
-        error: Root of the mean square of what prediction leaves of samples that were not fitted, likewise.
-        correlation: Of what is left over, from one sample to the next.
+        error: RMS prediction error of samples that were not fitted, over the largest force of their unit.
+        correlation: Correlation of residuals from one sample to the next.
     """
 
     values: Array
@@ -60,23 +60,23 @@ class Fit:
 
     @property
     def explains(self) -> bool:
-        """Whether what is left over is noise."""
+        """True if the residuals are noise."""
         return self.error < ROUNDING or self.correlation < CORRELATED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """What a scene tells of the numbers of its machine.
+    """Information that a scene gives about the numbers of its machine.
 
     Attributes:
-        names: Numbers that are unknown, whole names. E of them.
-        nominal, prior: Their values in the scene, and standard deviations before any force. Shape (E,).
+        names: Full names of the E unknown numbers.
+        nominal, prior: Values in the scene, and prior standard deviations. Shape (E,).
         expected: Standard deviations after this motion, with forces of this `noise`. Shape (E,).
-        structure: What any motion can tell.
-        told: Combinations of numbers that this motion tells better than the prior; `faster`: that it tells at `FASTER`
+        structure: Combinations of numbers that any motion can determine.
+        told: Number of combinations that this motion determines better than the prior; `faster`: number at `FASTER`
             times its speed.
-        size: Standard deviation of a body before any force.
-        fit: What the measured forces tell; None without data.
+        size: Prior standard deviation of a body.
+        fit: Estimates from the measured forces; None without data.
     """
 
     scene: Scene
@@ -99,12 +99,12 @@ class Identification:
 
     @property
     def after(self) -> Array:
-        """Standard deviations after this motion: of the estimate, if there is one. Shape (E,)."""
+        """Standard deviations after this motion, or those of the estimate if there is one. Shape (E,)."""
         return self.expected if self.fit is None else self.fit.deviations
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """True for the numbers that are told. Shape (E,)."""
+        """True for the numbers that are determined. Shape (E,)."""
         return np.asarray(self.after < TOLD * self.prior)
 
     @property
@@ -130,14 +130,14 @@ def identify(
     seed: int = 0,
     progress: Report = silent,
 ) -> Identification:
-    """Says what a motion tells of a machine's numbers, and the numbers that measured actuator forces tell.
+    """Determine which numbers of a machine a motion identifies, and estimate them from measured actuator forces.
 
     Args:
-        data: Table of times and actuator forces, and of the motion where it is another one than the scene's.
-        numbers: Names or patterns of what is unknown, see `unknown`.
+        data: Table of times and actuator forces, and of the motion if it differs from that of the scene.
+        numbers: Names or patterns of the unknown numbers, see `unknown`.
         noise: Standard deviation of measured forces over the largest of their unit; estimated from data by default.
-        prior: Standard deviation of a body, and of what its joints resist, before any force.
-        seed: Of the rates at random.
+        prior: Prior standard deviation of a body and of the resistances of its joints.
+        seed: Seed of the random rates.
 
     Raises:
         ScrewgaugeError: Bad input, or a motion that cannot be followed.
@@ -177,7 +177,7 @@ def identify(
 
 
 def _measured(scene: Scene, table: Recorded) -> Scene:
-    """The scene at the times of a table, and in its motion where the table has one."""
+    """Return the scene at the times of a table, and in the motion of the table if it has one."""
     labels = [*scene.mechanism.independent]
     of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
     if table.file is not None and of_motion <= {*table.columns}:  # an actuator may have the name of a coordinate
@@ -195,21 +195,21 @@ def _told(unknowns: Unknowns, matrix: Array, noise: float) -> int:
 
 
 def _deviations(ways: Array, covariance: Array) -> Array:
-    """Standard deviations of numbers, from those of coordinates. Shape (E,)."""
+    """Compute standard deviations of numbers from the covariance of coordinates. Shape (E,)."""
     return np.asarray(np.sqrt(np.maximum(((ways @ covariance) * ways).sum(axis=1), 0.0)))
 
 
 def _faster(poses: NominalPoses) -> NominalPoses:
-    """The same poses, passed faster."""
+    """Return the same poses, passed at a higher speed."""
     motion = poses.motion
     return NominalPoses(GivenMotion(motion.t / FASTER, motion.y, FASTER * motion.yd, FASTER**2 * motion.ydd), poses.q)
 
 
 def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
-    """Measured forces over `Regressor.sizes`, less those of no feature at all, and how they depend on features.
+    """Return measured forces over `Regressor.sizes`, minus those at zero features, and their derivatives by features.
 
     Returns:
-        Shapes (n, c), (n, c, n_feature), and how many of the c forces of a sample are independent.
+        Shapes (n, c), (n, c, n_feature), and the number of independent ones among the c forces of a sample.
     """
     scene, units = regressor.scene, described(regressor.scene.mechanism)[FORCE]
     values, where = answer_of_table(scene, DATA, {FORCE: units}, [FORCE]).values[FORCE], scene.tables[DATA].where
@@ -230,7 +230,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
 
 
 def _fitted(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
-    """Fits every second sample, and predicts the others."""
+    """Fit every second sample, and predict the others."""
     measured, matrix, independent = _measurements(regressor)
     fit, test = slice(0, None, 2), slice(1, None, 2)
     rows = Rows(measured[fit].ravel(), np.concatenate(matrix[fit]), len(measured[fit]) * independent)

@@ -1,1 +1,1 @@
-"""Sweeps: many variants of one scene, which numbers cost most, and a sample of them checked by the other engines."""
+"""Sweeps: many variants of a scene, the numbers with the largest effects, and some variants checked by engines."""

@@ -1,4 +1,4 @@
-"""The file of a sweep: which numbers of a scene scatter, how, and what is kept of each variant."""
+"""The file of a sweep: the numbers of a scene that scatter, their distributions, and the recorded statistics."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from screwgauge.scene.scene import Scene
 
 DESIGNS = ("random", "sobol")
 TABLES = ("csv", "parquet")
-#: How numbers scatter: standard deviation, half of the width, or consistent bodies, see `Body`.
+#: Kinds of scatter, with their sizes: standard deviation, half width, or consistent bodies, see `Body`.
 KINDS = ("normal", "uniform", "body")
 _KEYS = ("scene", "title", "quantities", "statistics", "variants", "seed", "design", "check", "table", "indices")
 _GRID = ("from", "to", "count", "values")
-#: Variants that a file may ask for, and points of a grid.
+#: Largest number of variants, and of points of a grid.
 MOST = 10_000_000
-#: Statistics that are kept if nobody chooses.
+#: Statistics recorded by default.
 KEPT = ("peak", "rms")
 
 
 @dataclass(frozen=True, slots=True)
 class Scatter:
-    """How numbers of the scene scatter.
+    """Distribution of numbers of the scene.
 
     Attributes:
-        name: A number by its whole name; of a body ``bodies.NAME``, whose ten numbers scatter together so that every
-            draw is a body that can exist.
+        name: Full name of a number; for a body ``bodies.NAME``, whose ten numbers scatter together so that every draw
+            is physically consistent.
         kind: One of `KINDS`.
-        size: Standard deviation or half width in the unit of the number; of a body without dimension.
-        value: Of the number in the scene; zero of a body.
+        size: Standard deviation or half width in the unit of the number; dimensionless for a body.
+        value: Value of the number in the scene; zero for a body.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Scatter:
 
     @property
     def numbers(self) -> list[str]:
-        """Numbers of the scene that it changes."""
+        """Numbers of the scene that the scatter changes."""
         return [f"{self.name}.{entry}" for entry in ENTRIES] if self.kind == "body" else [self.name]
 
     @property
@@ -64,15 +64,15 @@ class Scatter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """What a sweep asks. It pickles.
+    """Request of a sweep. It pickles.
 
     Attributes:
-        scene: The scene, its own numbers being those that all others scatter about.
-        count: Draws; of each point of the grid, if there is one.
-        scatter: Numbers that scatter, one a dimension of the draw (ten of a body).
-        grid: Number by its whole name -> its values.
-        check: Variants that the engines of the scene are asked for, too.
-        indices: Draws of Sobol's indices; none if zero.
+        scene: The scene, about whose numbers the variants scatter.
+        count: Number of draws, for each point of the grid if there is one.
+        scatter: Numbers that scatter, one dimension of the draw each (ten for a body).
+        grid: Full name of a number -> its values.
+        check: Number of variants that the engines of the scene check.
+        indices: Number of draws for Sobol's indices; 0 for none.
     """
 
     scene: Scene
@@ -91,15 +91,15 @@ class Plan:
 
     @property
     def variants(self) -> int:
-        """How many there are."""
+        """Number of variants."""
         return self.count * int(np.prod([len(values) for values in self.grid.values()], dtype=int))
 
 
 def read_plan(file: Path) -> Plan:
-    """Reads the file of a sweep.
+    """Read the file of a sweep.
 
     Raises:
-        ScrewgaugeError: It is none, or asks for numbers that the scene has not.
+        ScrewgaugeError: The file is malformed, or names numbers that the scene lacks.
     """
     data, where = read_toml(file), str(file)
     check_keys(data, [*_KEYS, "scatter", "grid"], where)
@@ -148,7 +148,7 @@ def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str
 
 
 def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[Scatter]:
-    """Entries of one line of ``[scatter]``."""
+    """Read one entry of ``[scatter]``."""
     pattern, table = item
     where = f"{where}.{pattern}"
     check_keys(table, KINDS, where)
@@ -168,7 +168,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
 
 
 def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
-    """Bodies of a pattern, ``bodies.NAME`` or ``NAME``, that have mass."""
+    """Return the bodies with mass that match a pattern, ``bodies.NAME`` or ``NAME``."""
     masses = {name: value for name, value in known.items() if name.endswith(".mass") and value}
     try:
         return [name.removesuffix(".mass") for name in chosen(masses, [f"{pattern}.mass"], where)]
@@ -177,7 +177,7 @@ def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
 
 
 def _share(value: Any, where: str) -> float:
-    """A positive share, ``"2 %"`` or 0.02."""
+    """Read a positive share, ``"2 %"`` or 0.02."""
     match = re.fullmatch(r"\s*(.+?)\s*%\s*", value) if isinstance(value, str) else None
     share = number(match[1], where) / 100.0 if match else number(value, where)
     if not share > 0.0:
@@ -186,13 +186,13 @@ def _share(value: Any, where: str) -> float:
 
 
 def _size(value: Any, nominal: float, where: str) -> float:
-    """Size of a scatter: a number, or a percentage of the nominal one."""
+    """Read the size of a scatter: a number, or a percentage of the nominal one."""
     share = _share(value, where)
     return share * abs(nominal) if isinstance(value, str) and "%" in value else share
 
 
 def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[tuple[str, Array]]:
-    """Values of one line of ``[grid]``."""
+    """Read the values of one entry of ``[grid]``."""
     pattern, table = item
     where = f"{where}.{pattern}"
     check_keys(table, _GRID, where)

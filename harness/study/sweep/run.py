@@ -1,4 +1,4 @@
-"""A sweep: chunks of variants as tasks, and what of their scatter is whose."""
+"""Sweep: chunks of variants as tasks, and the contribution of each number to their scatter."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from screwgauge.study.sweep.plan import Plan
 if TYPE_CHECKING:
     from screwgauge.engines.screw.variants import Variants
 
-#: Variants of a task: seconds of work, and a row of the journal.
+#: Number of variants per task: seconds of work, and one row of the journal.
 CHUNK = 4096
-#: Numbers that a sentence names.
+#: Number of names in a sentence.
 NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A statistic of a component."""
+    """Statistic of a component."""
 
     statistic: str
     quantity: str
@@ -47,7 +47,7 @@ class Column:
 
 
 def columns(plan: Plan) -> list[Column]:
-    """Columns of the table, statistic after statistic."""
+    """Return the columns of the table, statistic after statistic."""
     known = described(plan.scene.mechanism)
     each = [(quantity, *pair) for quantity in plan.quantities for pair in zip(*known[quantity], strict=True)]
     return [Column(statistic, *one) for statistic in plan.statistics for one in each]
@@ -55,10 +55,10 @@ def columns(plan: Plan) -> list[Column]:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Statistics of some variants. It pickles.
+    """Statistics of some variants, computed as a task. It pickles.
 
     Attributes:
-        key: Of the plan; a process compiles it once.
+        key: Key of the plan, which a process compiles once.
     """
 
     plan: Plan
@@ -67,7 +67,7 @@ class Chunk:
     stop: int
 
     def __call__(self, progress: Progress) -> dict[str, Any]:
-        """Values row by row, each a variant, as text of their bytes, and why a variant has none."""
+        """Return values row by row, one variant each, as base64 text, and the reasons of variants without values."""
         draw, variants = _compiled(self.plan, self.key)
         motion, values = self.plan.scene.motion, draw.values(range(self.first, self.stop))
         given = dict(zip(draw.names, values, strict=True))
@@ -78,7 +78,7 @@ class Chunk:
         return {"values": text, "why": {str(i): str(why[i]) for i in np.flatnonzero(why != "")}}
 
 
-#: What a process has compiled last.
+#: Key -> the plan that this process compiled last.
 _known: dict[str, tuple[Draw, Variants]] = {}
 
 
@@ -94,11 +94,11 @@ def _compiled(plan: Plan, key: str) -> tuple[Draw, Variants]:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What one standard deviation of a scatter changes, to first order.
+    """First-order effect of one standard deviation of a scatter.
 
     Attributes:
-        deviation: In the unit of the number; of a body without dimension.
-        changes: Of each column. Shape (C,).
+        deviation: Standard deviation in the unit of the number; dimensionless for a body.
+        changes: Change of each column. Shape (C,).
     """
 
     name: str
@@ -109,7 +109,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A variant that the engines of the scene were asked for, too, each from model files of its own."""
+    """Variant checked by the engines of the scene, each with its own model files."""
 
     variant: int
     ok: bool
@@ -119,14 +119,14 @@ class Checked:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """All variants.
+    """Results of all variants.
 
     Attributes:
         values: Statistics. Shape (V, C).
-        why: Why a variant has none; empty where it has. Shape (V,).
+        why: Reason why a variant has no statistics; empty if it has. Shape (V,).
         nominal: Statistics of the scene as it is. Shape (C,).
-        effects: Of each scatter.
-        indices: Sobol's indices of first order and in total of each number, of the column that scatters most; if asked.
+        effects: Effect of each scatter.
+        indices: Number -> Sobol's first-order and total indices for the column that scatters most; if requested.
     """
 
     plan: Plan
@@ -152,13 +152,13 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for each variant: its numbers, its statistics, and why it has none."""
+        """A row for each variant: numbers, statistics, and the reason if there are none."""
         found = pd.DataFrame(self.values, columns=[column.name for column in self.columns])
         return pd.concat([self.numbers, found.assign(why=self.why)], axis=1)
 
     @property
     def sizes(self) -> Array:
-        """What each column is measured by: the largest nominal number of its statistic and unit. Shape (C,)."""
+        """Scale of each column: the largest nominal value of its statistic and unit. Shape (C,)."""
         keys = [(column.statistic, column.unit) for column in self.columns]
         largest = dict.fromkeys(keys, 0.0)
         for key, value in zip(keys, self.nominal, strict=True):
@@ -167,14 +167,14 @@ class Sweep:
 
     @property
     def ranked(self) -> list[tuple[Effect, int]]:
-        """Effects by what they cost most, the largest first, each with the column that it changes most."""
+        """Effects in descending order, each with the column that it changes most."""
         some = [i for i, column in enumerate(self.columns) if column.statistic == self.plan.statistics[0]]
         shares = [np.abs(effect.changes / self.sizes)[some] for effect in self.effects]
         order = sorted(range(len(shares)), key=lambda i: -float(shares[i].max(initial=0.0)))
         return [(self.effects[i], some[int(np.argmax(shares[i]))]) for i in order]
 
     def worst(self, column: int) -> int | None:
-        """The variant whose statistic is farthest from the nominal one."""
+        """Return the variant whose statistic is farthest from the nominal one."""
         away = np.abs(self.values[:, column] - self.nominal[column])
         return int(np.nanargmax(away)) if np.isfinite(away).any() else None
 
@@ -182,14 +182,14 @@ class Sweep:
 def sweep(
     plan: Plan, *, progress: Report = silent, execute: Executor | None = None, place: Path | None = None
 ) -> Sweep:
-    """Answers all variants of a plan.
+    """Solve all variants of a plan.
 
     Args:
-        execute: Where chunks are worked on; in this process by default.
-        place: Folder of the report, of which chunks are kept until all are there; by default none are.
+        execute: Executor of the chunks; this process by default.
+        place: Folder of the report; its chunks are kept on disk until all are complete; by default none.
 
     Raises:
-        ScrewgaugeError: Numbers cost the machine its mobility, or the scene's motion cannot be followed.
+        ScrewgaugeError: Varied numbers remove the mobility of the machine, or the scene's motion cannot be followed.
     """
     key = address("sweep", _content(plan), files=[plan.file, *_files(plan)])
     draw, variants = _compiled(plan, key)
@@ -231,7 +231,7 @@ def _files(plan: Plan) -> list[Path]:
 
 
 def _check_mobility(plan: Plan, variants: Variants) -> None:
-    """Refuses numbers that cost an overconstrained machine its mobility, before any variant."""
+    """Reject, before any variant is solved, numbers that remove the mobility of an overconstrained machine."""
     if costs := [*variants.cannot_change]:
         where = str(plan.file)
         what = f"{first_few(costs, NAMED)} cannot change alone: the loops would stay open"
@@ -239,7 +239,7 @@ def _check_mobility(plan: Plan, variants: Variants) -> None:
 
 
 def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
-    """Values and reasons of a chunk. Shapes (count, width), (count,)."""
+    """Decode values and reasons of a chunk. Shapes (count, width), (count,)."""
     why = np.full(count, row["why"].get("", ""), dtype=object)
     for i, reason in row["why"].items():
         if i:
@@ -249,12 +249,12 @@ def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
 
 
 def _change(ways: Array) -> Array:
-    """Change by one number with its sign, or the size of that by the ten of a body. Shape (C, 1 or 10) -> (C,)."""
+    """Return the signed change due to a number, or the norm of the ten of a body. Shape (C, 1 or 10) -> (C,)."""
     return ways[:, 0] if ways.shape[1] == 1 else np.asarray(np.linalg.norm(ways, axis=1))
 
 
 def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
-    """Statistics of the scene as it is, and their derivatives by all numbers. Shapes (C,), (C, P)."""
+    """Return the nominal statistics of the scene, and their derivatives by all numbers. Shapes (C,), (C, P)."""
     motion, nominal, slopes = plan.scene.motion, list[float](), list[Array]()
     given = motion.y, motion.yd, motion.ydd
     values = variants(*given, parameters={}, t=motion.t)
@@ -269,7 +269,7 @@ def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
 
 
 def _statistic(name: str, x: Array) -> tuple[float, Array]:
-    """A statistic of a course, and its derivative by each of its values. Shape (n,)."""
+    """Return a statistic of a time series, and its derivative by each value. Shape (n,)."""
     n, at = len(x), np.zeros(len(x))
     if name == "mean":
         return float(x.mean()), at + 1.0 / n
@@ -282,13 +282,13 @@ def _statistic(name: str, x: Array) -> tuple[float, Array]:
 
 
 def _checked(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
-    """Some of the variants by the engines of the scene, each from model files of its own."""
+    """Check some of the variants with the engines of the scene, each with its own model files."""
     from screwgauge.study.run import run
 
     for i in rows[spread(len(rows), plan.check)].tolist() if len(rows) and plan.check else ():
         given = dict(zip(draw.names, draw.values(range(i, i + 1))[:, 0].tolist(), strict=True))
         try:
-            with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+            with np.errstate(all="ignore"):  # a NaN becomes a row with its reason
                 results = run(plan.scene.with_(given), quantities=plan.quantities)
         except ScrewgaugeError as error:
             yield Checked(i, False, np.nan, str(error))
@@ -298,7 +298,7 @@ def _checked(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
 
 
 def _indices(found: Sweep, draw: Draw, variants: Variants) -> dict[str, tuple[float, float]]:
-    """Sobol's indices of the column that scatters most, over its measure."""
+    """Compute Sobol's indices for the column with the largest scaled scatter."""
     from scipy.stats import sobol_indices, uniform
 
     plan, motion = found.plan, found.plan.scene.motion
