@@ -1,1 +1,1 @@
-"""Scenes: which mechanism, what acts on it, how it moves; read from TOML and checked before any engine runs."""
+"""Scenes: a mechanism, what acts on it and how it moves; read from TOML and checked before any engine runs."""

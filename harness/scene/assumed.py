@@ -1,4 +1,4 @@
-"""Assumptions on coordinates that no actuator drives, in words, and whether they matter."""
+"""Sentences on the assumed motion of coordinates that no actuator drives, and on its effect on actuator forces."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.idle import Freedom
 from screwgauge.scene.scene import Scene
 
-#: Samples that are looked at; how far coordinates and rates are moved there [rad or lengths of the mechanism, per s].
+#: Samples examined; perturbation of coordinates and rates there [rad or lengths of the mechanism, per s].
 MOST, AWAY = 8, 0.1
-#: What forces may differ by, of the largest.
+#: Largest relative change of forces that counts as none.
 NOTHING = 1e-9
 
 
 def assumptions(scene: Scene) -> tuple[str, ...]:
-    """A sentence on each coordinate that no actuator drives: where it starts, how, and whether that matters."""
+    """Return a sentence on each coordinate that no actuator drives: start, motion, and effect on the actuators."""
     if not scene.undriven:
         return ()
     numbers = tuple(one.number for one in scene.undriven)
@@ -48,10 +48,10 @@ def _sentence(scene: Scene, one: Freedom) -> str:
 
 
 def check_rest(scene: Scene) -> None:
-    """Refuses a force along a coordinate that rests because it has no inertia.
+    """Reject a force along a coordinate that is assumed to rest because it has no inertia.
 
     Raises:
-        DescriptionError: It cannot rest.
+        DescriptionError: The coordinate cannot rest.
     """
     resting = [one for one in scene.undriven if one.rests]
     if not resting:
@@ -67,7 +67,7 @@ def check_rest(scene: Scene) -> None:
             raise DescriptionError(what, where, "give its bodies inertia, or take away what acts along it")
 
 
-@lru_cache(maxsize=1)  # of the same objects, which nothing changes
+@lru_cache(maxsize=1)  # of the same immutable objects
 def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
     """Select coordinates along which nothing acts, and whose motion changes no force of an actuator."""
     rows: Rows = spread(len(motion), MOST)
@@ -92,14 +92,14 @@ def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: 
 
 
 def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMotion:
-    """A mechanism in a motion, whose accelerations are taken as they are given."""
+    """Return a mechanism in a motion, with the accelerations as given."""
     mode = AssemblyMode(layout(mechanism))
     q = mode.motion(motion.y, motion.t, (motion.yd, motion.ydd))
     return ClosedMotion(mode.system, q, motion.yd, motion.ydd, applied, motion.t)
 
 
 def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
-    """Forces along motions that move no actuator, shape (n, m), at no acceleration of these; and the largest of all."""
+    """Compute forces along motions that move no actuator, without accelerations along these; and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
     unit = at.loops.sizes[at.loops.y_columns]

@@ -1,4 +1,4 @@
-"""Cells of a grid of poses: which of them are reached from home, and an order in which each is beside one before."""
+"""Cells of a grid of poses: those reached from home, and an order in which each cell is adjacent to an earlier one."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from screwgauge.reference.rotations import Array
 
 #: Condition number of loops or actuators beyond which a cell is singular: half of the digits are lost there.
 SINGULAR = 1e8
-#: Share of a step by which a pose may miss the tangents at both of its ends, rounding, and the longest step [rad or
+#: Largest deviation from the tangents at both ends, over the step; rounding; and the longest step [rad or
 #: lengths of the mechanism].
 BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
-#: Steps of Newton's method; pieces of the way between two cells, where one step does not lead over, and at last.
+#: Steps of Newton's method; pieces of the way between two cells, if a single step fails; and the finest subdivision.
 NEWTON, PIECES, FINEST = 8, (1, 8), 64
-#: Cells near home that are tried as the first.
+#: Cells near home that are tried as the first cell.
 FIRST = 20
 NOT_REACHED = "the loops do not close there, or not without passing a singular pose on the way from home"
 
@@ -37,7 +37,7 @@ Closed = tuple[Array, ...]
 
 
 def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
-    """Pairs of cells that lie side by side along an axis. `counts`: cells along each axis."""
+    """Return pairs of cells that are adjacent along an axis. `counts`: number of cells along each axis."""
     numbers = np.arange(int(np.prod(counts))).reshape(counts)
     first, second = [], []
     for axis in range(len(counts)):
@@ -49,15 +49,15 @@ def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
 def examine(
     mechanism: Mechanism, y: Array, counts: Sequence[int], undriven: Collection[int]
 ) -> tuple[list[str], tuple[Rows, Rows], int]:
-    """Closes all cells that are reached from home, from cell to cell.
+    """Close the loops at all cells that can be reached from home, moving from cell to cell.
 
     Args:
         y: Independent coordinates of the cells, the last axis running fastest [rad or m]. Shape (n, k).
         counts: Cells along each axis.
-        undriven: Numbers of coordinates that no actuator has to drive.
+        undriven: Indices of coordinates that no actuator has to drive.
 
     Returns:
-        Why each cell has no numbers, empty where it has; pairs of cells with a way between them; the first cell.
+        The reason why each cell has no results, empty if it has; pairs of connected cells; the first cell.
     """
     lay = check_home(mechanism)
     mode, sides = AssemblyMode(lay, strict=True), edges(counts)
@@ -85,7 +85,7 @@ def examine(
 
 
 def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | None:
-    """A cell that is reached from home, and its unknowns there. Shape (n_z,)."""
+    """Find a cell that can be reached from home, and its unknowns there. Shape (n_z,)."""
     for row in nearest[:FIRST].tolist():
         mode.restart()
         try:
@@ -99,15 +99,15 @@ def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | N
 def _flood(
     system: LoopEquations, y: Array, first: tuple[int, Array], sides: tuple[Rows, Rows]
 ) -> tuple[NDArray[np.bool_], Closed, Rows]:
-    """Goes from cell to cell, from all that were reached last to those beside them, until no more are reached.
+    """Advance from the cells reached last to their neighbours, until no more cells can be reached.
 
     Args:
-        y: Without dimension. Shape (n, k).
+        y: Dimensionless independent coordinates. Shape (n, k).
         first: The first cell and its unknowns.
-        sides: Pairs of cells side by side.
+        sides: Pairs of adjacent cells.
 
     Returns:
-        Which cells were reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
+        Mask of the cells reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
     """
     start, n = _close(system, first[1][None], y[first[0]][None])[0], len(y)
     all_cells = tuple(np.full((n, *part.shape[1:]), np.nan) for part in start)
@@ -129,7 +129,7 @@ def _flood(
             known[reached] = True
             passed.append(np.stack([a[some], reached]))
         wave = np.flatnonzero(known & ~before)
-        if last := not len(wave) and not last:  # what is left lies next to singular poses
+        if last := not len(wave) and not last:  # the remaining cells are next to singular poses
             wave = np.flatnonzero(known)
     return known, all_cells, np.concatenate(passed, axis=1)
 
@@ -140,12 +140,12 @@ def _keep(cells: Closed, rows: Rows, found: Closed) -> None:
 
 
 def _rows(cells: Closed, rows: Rows) -> Closed:
-    """Copy some cells."""
+    """Copy the cells of some rows."""
     return tuple(part[rows] for part in cells)
 
 
 def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
-    """Closes poses near predictions, and whether they close. Shapes (n, n_z), (n, k)."""
+    """Close the loops near predicted poses; return the poses, and True where they close. Shapes (n, n_z), (n, k)."""
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
         K = velocity_map(J, y.shape[1])
@@ -155,7 +155,7 @@ def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[n
 def _advance(
     system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
 ) -> tuple[Closed, NDArray[np.bool_]]:
-    """Goes straight from cells to others, piece by piece, and whether each way leads there. Shape (n, k) each."""
+    """Move straight from cells to others, piece by piece; return True where a way succeeds. Shape (n, k) each."""
     step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
     for i in range(1, pieces + 1):
         rows = np.flatnonzero(good)
@@ -170,7 +170,7 @@ def _advance(
 
 
 def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
-    """True for steps that are short and follow the tangents at both ends. Shapes (n, n_z), (n, n_z, k), (n, k)."""
+    """Return True for steps that are short and follow both end tangents. Shapes (n, n_z), (n, n_z, k), (n, k)."""
     size = np.abs(step).max(axis=1, initial=0.0)
     good = size <= LONGEST
     for K in tangents:
@@ -180,11 +180,11 @@ def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np
 
 
 def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[int]) -> list[str]:
-    """Why closed poses have no numbers, empty where they have.
+    """Return the reason why each closed pose has no results; empty if it has.
 
     Args:
         q: Shape (n, n_q).
-        matrix: Closing system, if there is one. Shape (n, m, n_z).
+        matrix: System matrix of the loop closure, if any. Shape (n, m, n_z).
     """
     mechanism, found = lay.mechanism, [""] * len(q)
     at, (low, high) = motion_at(lay, q, np.zeros((len(q), len(mechanism.independent)))), mechanism.limits.T
@@ -195,14 +195,14 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     if given and len(mechanism.actuators) >= len(given):
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
         driven = driven[..., given]
-        rates = np.linalg.svd(driven, compute_uv=False)  # a single rate is small against 1
+        rates = np.linalg.svd(driven, compute_uv=False)  # a single rate is small compared with 1
         with np.errstate(divide="ignore"):
             share = np.maximum(rates[:, 0], 1.0) / rates[:, -1]
         conditions.append((share, "its actuators do not determine the motion"))
     for condition, why in conditions:
         for i in np.flatnonzero(~(condition <= SINGULAR)).tolist():
             found[i] = found[i] or f"the pose is singular: {why}"
-    margin = SLACK * sizes  # at a limit rounding decides
+    margin = SLACK * sizes  # at a limit, rounding decides
     for i, k in np.argwhere((q < low + margin) | (q > high - margin)).tolist():
         limits = f"[{low[k]:g}, {high[k]:g}]"
         found[i] = found[i] or f"'{mechanism.coordinates[k]}' is not within its limits {limits}"
@@ -212,17 +212,17 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
 def walk(
     counts: Sequence[int], wanted: NDArray[np.bool_], ways: tuple[Rows, Rows], first: int
 ) -> tuple[Rows, Rows, Rows]:
-    """An order of the cells in which each is beside one before: along the last axis, then over to the next row.
+    """Order the cells so that each is adjacent to an earlier one: along the last axis, then on to the next row.
 
     Args:
-        wanted: Cells that have numbers; others may be passed. Shape (n,).
-        ways: Pairs of cells with a way between them.
-        first: Where the walk begins.
+        wanted: Cells that have results; the way may pass through other cells. Shape (n,).
+        ways: Pairs of connected cells.
+        first: Cell at which the walk begins.
 
     Returns:
-        Cells in order, cells of the whole path, ways back included, and where on it each is first reached.
+        Cells in order; cells of the whole path, including ways back; and where on the path each cell is first reached.
     """
-    beside: list[dict[int, int]] = [{} for _ in wanted]  # difference of the numbers -> the cell
+    beside: list[dict[int, int]] = [{} for _ in wanted]  # difference of the indices -> the adjacent cell
     for a, b in zip(*(side.tolist() for side in ways), strict=True):
         beside[a][b - a], beside[b][a - b] = b, a
     steps = [sign * int(np.prod(counts[axis + 1 :])) for axis in reversed(range(len(counts))) for sign in (1, -1)]

@@ -1,4 +1,4 @@
-"""Contacts of a scene: joints to ground for the whole scene, besides those of its description."""
+"""Contacts of a scene: joints to ground that hold during the whole scene, in addition to those of its description."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name, read_items, required
 from screwgauge.scene.keys import read_keys
 
-#: What a contact leaves free -> the kind of its joint.
+#: Kind of a contact -> kind of its joint.
 CONTACTS = {"weld": "fixed", "hinge": "R", "point": "S"}
-#: Distance of a rotation from one by quarter turns that is rounding.
+#: Distance of a rotation from one by quarter turns that counts as rounding.
 ROUNDING = 1e-12
-#: Names in a sentence.
+#: Names listed in a sentence.
 SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contact:
-    """A body that the ground holds.
+    """Attachment of a body to the ground.
 
     Attributes:
         kind: One of `CONTACTS`.
         point: In the frame of the body [m]. Shape (3,).
-        axis: Unit vector in the frame of the body, of a hinge. Shape (3,).
+        axis: Axis of a hinge: unit vector in the frame of the body. Shape (3,).
     """
 
     name: str
@@ -49,11 +49,11 @@ class Contact:
 
     @property
     def held(self) -> Array:
-        """Directions in the frame of the body that it does not let turn, as columns. Shape (3, n)."""
+        """Directions in the frame of the body about which the contact prevents rotation, as columns. Shape (3, n)."""
         return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
 
     def joint(self, R: Array, p: Array) -> Joint:
-        """The joint from ground to its body in a pose, shapes (3, 3), (3,). A weld has the axes of the world."""
+        """Return the joint from ground to the body in a pose, shapes (3, 3), (3,). A weld has the axes of the world."""
         kind, place = CONTACTS[self.kind], p + R @ self.point
         n, turned = len(KINDS[kind]), (np.eye(3), R.T) if self.kind == "weld" else (R, np.eye(3))
         return Joint(
@@ -71,16 +71,16 @@ class Contact:
         )
 
     def coupling(self, coordinate: str, value: float) -> Coupling:
-        """The coupling that holds a coordinate of the free joint that carries its body."""
+        """Return the coupling that holds a coordinate of the free joint that carries the body."""
         name = f"{self.name}.{coordinate.rpartition('.')[2]}"
         return Coupling(name, coordinate, PolynomialSum(float(value), {}), self.where)
 
 
 def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
-    """Reads an entry of ``[[contacts]]``.
+    """Read an entry of ``[[contacts]]``.
 
     Raises:
-        ScrewgaugeError: Unknown names or kinds, a name that is taken, an axis that is none or belongs to no hinge.
+        ScrewgaugeError: A name or kind is unknown, a name is taken, an axis is invalid, or a non-hinge has an axis.
     """
     given = read_keys("contacts", table, where)
     body, kind = check_name("body", given["body"], [body.name for body in mechanism.bodies], where), given["kind"]
@@ -113,7 +113,7 @@ def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tup
 
 
 def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
-    """The mechanism with contacts, its home being joint coordinates of shape (n_q,).
+    """Return the mechanism with contacts; its home pose has the given joint coordinates, shape (n_q,).
 
     A weld of a body that a free joint carries holds the coordinates of that joint: no loop is closed.
     """
@@ -133,16 +133,16 @@ def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, whe
 
 
 def _exact(R: Array) -> Array:
-    """A rotation without what rounding makes of quarter turns. Shape (3, 3)."""
+    """Replace a rotation that differs from quarter turns only by rounding with the exact one. Shape (3, 3)."""
     return np.round(R) if np.abs(R - np.round(R)).max() < ROUNDING else np.where(np.abs(R) < EPS, 0.0, R)
 
 
 def independent_of(
     touching: Mechanism, mechanism: Mechanism, named: Sequence[str], where: str
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Label -> coordinate of what is independent where contacts hold, and what is named beyond these.
+    """Return label -> coordinate of independent coordinates under contacts, and the named ones that are dependent.
 
-    Preferred are those named, then actuated ones, other labels of the description, contacts, and the pose of the base.
+    Named coordinates are preferred, then actuated ones, other labels of the description, contacts, and the base pose.
 
     Raises:
         ScrewgaugeError: Contacts leave no freedom, or begin at a singular pose.
@@ -166,7 +166,7 @@ def independent_of(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Independent rows, the first first, each with more than a share of it beyond those before. (n, k) -> k rows."""
+    """Select independent rows, early ones first, each with more than a share of it beyond those before. (n, k) -> k."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

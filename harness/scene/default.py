@@ -1,7 +1,7 @@
-"""Scenes made by the program: exciting motions, default scenes of descriptions and model files, and their text.
+"""Generated scenes: exciting motions, default scenes of descriptions and model files, and their text.
 
 A persistently exciting motion is a sum of sines of every independent coordinate, as large as limits and singular poses
-allow, and so fast that inertial forces are about as large as the others. Scenes from files are read in `read`.
+allow, and so fast that inertial forces are about as large as the others. Module `read` reads scenes from files.
 """
 
 from __future__ import annotations
@@ -41,26 +41,26 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
-WORSE = 4.0  # times the condition number at home is still well inside
+WORSE = 4.0  # a condition number this many times that of home is acceptable
 STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
 #: Amplitude of the coordinate that moves most [rad or lengths of the mechanism]: the first regular one is taken.
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
 SINES = 3  # of each coordinate
 SAMPLES = 101
-NAMED = 4  # joints in a sentence
-PART = 12  # samples that are followed before they are looked at
+NAMED = 4  # joints named in a sentence
+PART = 12  # samples tracked before screening
 PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
-    """The obstacle of a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
+    """Describe the obstacle of a motion from home: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
-        mode: Follows it, strictly; what was followed before is of use again.
-        part: So many are followed before they are looked at: to find where a way ends takes long.
+        mode: Assembly mode that strictly follows the motion, and reuses what it has followed before.
+        part: Number of samples tracked before screening: finding where a way ends takes long.
 
     Raises:
-        ScrewgaugeError: It cannot be followed.
+        ScrewgaugeError: The motion cannot be followed.
     """
     lay, mechanism = mode.lay, mode.lay.mechanism
     system, balls = loop_equations(lay), [j for j in mechanism.joints if j.constrains and j.angles == 3]
@@ -80,15 +80,15 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """A scene whose motion from home excites as much inertia as possible, at new times.
+    """Return a scene whose motion from home excites as much inertia as possible, at new times.
 
     Args:
-        seed: Gives the same motion again; name and title say it.
-        samples: So many, of `SAMPLES` that would show all of the motion.
-        largest: Amplitude that is tried first [rad or lengths of the mechanism].
+        seed: Seed of the motion, which name and title contain.
+        samples: Number of samples; `SAMPLES` would show the whole motion.
+        largest: Amplitude to try first [rad or lengths of the mechanism].
 
     Raises:
-        DescriptionError: Its motion is integrated, or it has no room to move about home.
+        DescriptionError: The motion of the scene is integrated, or the mechanism has no room to move about home.
         ScrewgaugeError: Its mechanism is refused.
     """
     check_scene_type(scene, "exciting")
@@ -139,12 +139,12 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
 
 
 def _whole(scene: Scene, given: Drive) -> Drive | Followed:
-    """A motion of what has one in a scene, with that of what no actuator drives."""
+    """Return the motion of all coordinates: the given one, completed for coordinates that no actuator drives."""
     return replace(scene.drive, given=given, since=0.0) if isinstance(scene.drive, Followed) else given
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """Distance of the independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    """Return distances of independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -164,7 +164,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
 
 
 def _sines(rng: np.random.Generator, heights: Array) -> Array:
-    """Rows [omega, cos, sin] of each coordinate: no two frequencies alike, phases random, the sum zero at the start.
+    """Draw sines of each coordinate, rows [omega, cos, sin]: distinct frequencies, random phases, sum zero at t = 0.
 
     Frequencies are about 1. Shape (k,) -> (k, SINES, 3).
     """
@@ -181,7 +181,7 @@ def _sines(rng: np.random.Generator, heights: Array) -> Array:
 
 
 def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
-    """Frequency [rad/s] at which moving so far from home takes as much inertia as gravity and loads can be."""
+    """Return the frequency [rad/s] at which inertial forces of a motion are about as large as gravity and loads."""
     mechanism, index = at.mechanism, at.mechanism.body_index
     inertia = float((heights**2 * np.diagonal(at.inertia_matrix[0])).sum())
     v, w = (np.linalg.norm(part[0], axis=2).T @ heights for part in at.partial_motion)
@@ -192,18 +192,18 @@ def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))
 
 
-#: Ending of the scene of a description: ``panda.toml`` has ``panda.scene.toml``.
+#: Ending of the scene file of a description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
 
 
 def scene_file(path: Path) -> Path:
-    """The scene that a path means: itself, or that of a description or model file.
+    """Return the scene file that a path stands for: itself, or the scene of a description or model file.
 
-    A description has the scene in its folder, or else the usual one, as a model file has, in a folder that goes with
-    the process.
+    If a description has no scene in its folder, it has the default scene, like a model file, in a folder removed
+    at the end of the process.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, or no scene can be made of it.
+        ScrewgaugeError: The file cannot be read, or does not make a scene.
     """
     from screwgauge.models.importing.model import imported_file, scratch_folder
 
@@ -219,13 +219,13 @@ def scene_file(path: Path) -> Path:
             return scene
         description, acting = path.resolve(), dict[str, Any]()
     file = scratch_folder() / f"{path.stem}{SUFFIX}"
-    mechanism = replace(load_mechanism(description), where=str(path))  # what is wrong is wrong in the user's file
+    mechanism = replace(load_mechanism(description), where=str(path))  # errors are in the user's file
     file.write_text(default_scene(mechanism, description, **acting), encoding="utf-8")
     return file
 
 
 def gravity_of(name: str) -> Array | None:
-    """Gravity of a model file, or of the scene next to a description.
+    """Return the gravity of a model file, or of the scene next to a description.
 
     Returns:
         World axes [m/s^2], shape (3,); None where neither states it.
@@ -241,7 +241,7 @@ def gravity_of(name: str) -> Array | None:
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:
-    """Entries of `default_scene` from a model file besides its mechanism."""
+    """Return arguments of `default_scene` from a model file, besides its mechanism."""
     from screwgauge.models.importing.model import notes
 
     return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
@@ -255,11 +255,11 @@ def default_scene(
     springs: Sequence[JointSpring] = (),
     description: str = "",
 ) -> str:
-    """A scene as TOML.
+    """Return the default scene of a mechanism as TOML.
 
     Args:
         file: The description, by its full path or relative to the scene.
-        gravity: World axes [m/s^2]; the usual one by default. Shape (3,).
+        gravity: World axes [m/s^2]; standard gravity by default. Shape (3,).
         springs: Springs and dampers of joints.
 
     Raises:
@@ -302,10 +302,10 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
 
 
 def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, options: Options) -> Path:
-    """Writes the scene of a Pinocchio model to a folder that goes away with the process; see `screwgauge.import_model`.
+    """Write the scene of a Pinocchio model to a folder removed with the process; see `screwgauge.import_model`.
 
     Raises:
-        ScrewgaugeError: It is no model, or no scene can be made of it.
+        ScrewgaugeError: The model is not a Pinocchio model, or does not make a scene.
     """
     from screwgauge.models.importing.left_out import left_out_of_model
     from screwgauge.models.importing.model import describe, scratch_folder
@@ -318,17 +318,17 @@ def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, opt
 
 
 def write_imported(imported: Imported, file: Path, text: str = "", *, force: bool = False) -> tuple[Path, Path]:
-    """Writes the description and its scene into one folder.
+    """Write the description and its scene into one folder.
 
     Args:
-        text: Of the description; made of the mechanism by default.
-        force: Existing files are replaced, whatever their origin.
+        text: Text of the description; made from the mechanism by default.
+        force: Replace existing files, whatever their origin.
 
     Returns:
         Their paths.
 
     Raises:
-        OutputError: They cannot be written, or a file is there that is not as it was written here.
+        OutputError: The files cannot be written, or one exists that was changed or not written here.
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":
@@ -341,7 +341,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
         with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
             made = Path(folder) / file.name, Path(folder) / scene.name
             _write(made[0], text or description(imported.mechanism, notes(imported)))
-            # as it will be read, to the last digit; what is wrong is wrong in the file that was imported
+            # as it will be read, to the last digit; errors are in the imported file
             mechanism = replace(load_mechanism(made[0]), where=imported.mechanism.where)
             _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))
             for path, target in zip(made, (file, scene), strict=True):

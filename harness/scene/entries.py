@@ -1,4 +1,4 @@
-"""Tables of a scene file as objects: loads, springs, motors, tolerances, figures; each checked when it is read."""
+"""Entries of a scene file as objects: loads, springs, motors, tolerances, figures; each checked when it is read."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from screwgauge.scene.motion import read_column, read_course
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Curves of one quantity and unit, in panels side by side, or a contour plot over a grid.
+    """Curves of one quantity and unit in adjacent panels, or a contour plot over a grid.
 
     Attributes:
-        panels: Label and the patterns (``leg1.*``) of the components of each panel.
-        contour: Component that is drawn over the two coordinates of a grid; empty for curves.
+        panels: Label of each panel, and patterns (``leg1.*``) of its components.
+        contour: Component drawn over the two coordinates of a grid; empty for curves.
     """
 
     title: str
@@ -45,7 +45,7 @@ GRID = "take a longer step or a shorter duration"
 
 def read_times(values: list[Any], where: str) -> Array:
     check_count(len(values), "samples", where, GRID)
-    if all(isinstance(v, float) for v in values):  # also numpy's
+    if all(isinstance(v, float) for v in values):  # including those of numpy
         t = np.array(values, dtype=float)
     else:
         t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
@@ -75,7 +75,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     if step > duration * (1 + 1e-12):
         what = f"the step of {step:g} s is longer than the duration of {duration:g} s"
         raise DescriptionError(what, where, "check their units, or write times = [...]")
-    # multiples of the step; a duration that is no whole number of steps ends at the last one before it
+    # multiples of the step; a duration that is not a whole number of steps ends at the last one before it
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
@@ -101,7 +101,7 @@ def read_figure(table: Any, where: str) -> Figure:
 
 
 def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Point, ...]:
-    """Reads ``[[points]]``: named points of bodies, whose velocities are wanted.
+    """Read ``[[points]]``: named points of bodies, whose velocities are wanted.
 
     Raises:
         ScrewgaugeError: Unknown bodies, or a name that is taken.
@@ -124,7 +124,7 @@ _ENDS = ("first", "first_point", "second", "second_point")
 
 
 def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path()) -> Load:
-    """``by`` exerts the load, ``on`` feels it; one is a body, the other the environment.
+    """Read a load: ``by`` exerts it, ``on`` feels it; one is a body, the other the environment.
 
     Args:
         folder: Where CSV files are looked for.
@@ -150,7 +150,7 @@ def _as_list(value: Any) -> list[Any]:
 
 
 def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> Iterator[Course | Samples]:
-    """Three components of a load, each a number, a course over time, or a column of a CSV file."""
+    """Yield the three components of a load, each a number, a course over time, or a column of a CSV file."""
     values, where = table.get(key, [0, 0, 0]), f"{where}.{key}"
     if not isinstance(values, list) or len(values) != 3:
         raise DescriptionError(f"{shown(values)} is no list of three components", where, "give three of them")
@@ -166,10 +166,10 @@ def _components(table: dict[str, Any], key: str, where: str, folder: Path) -> It
 
 
 def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
-    """A spring and damper along a joint coordinate, or on the line between points of two bodies.
+    """Read a spring and damper along a joint coordinate, or on the line between points of two bodies.
 
     Raises:
-        ScrewgaugeError: Unknown names, negative stiffness, damping or length, or nothing that it exerts.
+        ScrewgaugeError: A name is unknown, stiffness, damping or length is negative, or the spring exerts nothing.
     """
     given = read_keys("springs", table, where)
     if ("coordinate" in table) == ("first" in table):
@@ -194,7 +194,7 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
 
 
 def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
-    """A force along a joint coordinate over time, in the terms of a motion."""
+    """Read a force along a joint coordinate over time, in the terms of a motion."""
     coordinate = check_name("coordinate", read_keys("motors", table, where)["coordinate"], mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
@@ -213,7 +213,7 @@ def _read_acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entr
 
 
 def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder: Path) -> dict[str, Any]:
-    """Fields of `Applied` that are given by entries of a scene file; objects made of such are kept.
+    """Return fields of `Applied` from entries of a scene file; entries that are already objects are kept.
 
     Args:
         folder: Where CSV files are looked for.
@@ -229,7 +229,7 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder:
 
 
 def as_written(value: Any) -> Any:
-    """Tuples, arrays and their numbers as a file has them: lists and plain numbers."""
+    """Convert tuples, arrays and their numbers to the lists and plain numbers of a file."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, dict):

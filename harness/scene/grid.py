@@ -1,6 +1,6 @@
-"""A grid of poses as a motion: all cells that are reached from home, each at rest, in an order that keeps the assembly.
+"""A grid of poses as a motion: all cells reached from home, each at rest, in an order that keeps the assembly mode.
 
-Cells that no engine could answer are found when a scene is read, and named: where the loops do not close, or a pose is
+Cells that no engine could solve are found and named when a scene is read: where the loops do not close, or a pose is
 singular, or beyond the limits of a joint.
 """
 
@@ -36,12 +36,12 @@ Cell = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Missing:
-    """A cell without numbers.
+    """Cell without results.
 
     Attributes:
-        cell: Its number along each axis.
-        pose: Its coordinates in words.
-        reason: Why it has none.
+        cell: Index along each axis.
+        pose: Coordinates in words.
+        reason: Reason for missing results.
     """
 
     cell: Cell
@@ -51,17 +51,17 @@ class Missing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GridMotion:
-    """A walk over the cells of a grid as a function of time; the i-th cell is reached, at rest, at t = i.
+    """Walk over the cells of a grid as a function of time; it reaches the i-th cell, at rest, at t = i.
 
     Attributes:
         labels: Independent coordinates that the grid is over.
-        units: Theirs, rad or m.
+        units: Units of these coordinates, rad or m.
         axes: Values along each axis.
-        cells: The cells in the order of the walk. Shape (n, n_axis).
-        path: Independent coordinates of the cells that the walk passes, also again on its way back. Shape (p, k).
-        reached: Where each cell is first reached on the path. Shape (n,).
-        missing: Cells without numbers.
-        freedoms: Coordinates that no actuator drives and the grid is not over; they rest, and may accelerate.
+        cells: Indices of the cells in the order of the walk. Shape (n, n_axis).
+        path: Independent coordinates of the cells along the walk, including ways back. Shape (p, k).
+        reached: Index on the path at which each cell is first reached. Shape (n,).
+        missing: Cells without results.
+        freedoms: Coordinates outside the grid that no actuator drives; they rest, and may accelerate.
     """
 
     labels: tuple[str, ...]
@@ -74,7 +74,7 @@ class GridMotion:
     freedoms: tuple[Freedom, ...] = ()
 
     def __call__(self, t: Array) -> GivenMotion:
-        """The motion at times [s], from rest to rest between cells that lie side by side. Shape (n,)."""
+        """Return the motion at times [s], from rest to rest between adjacent cells. Shape (n,)."""
         last = len(self.reached) - 1
         time = np.clip(np.asarray(t, dtype=float), 0.0, last)
         i = np.minimum(time.astype(np.intp), max(last - 1, 0))
@@ -91,13 +91,13 @@ class GridMotion:
 
     @property
     def extent(self) -> str:
-        """A sentence with the number of cells and the assumptions on them."""
+        """Sentence with the number of cells and the assumptions about them."""
         n = len(self.missing) + len(self.cells)
         return f"{len(self.cells)} of {n} cells, each at rest; t counts them in the order of a walk from home"
 
     @property
     def told(self) -> list[str]:
-        """Every cell without numbers, by reason."""
+        """Lines that list every cell without results, by reason."""
         poses = dict[str, list[str]]()
         for one in self.missing:
             poses.setdefault(one.reason, []).append(one.pose)
@@ -105,7 +105,7 @@ class GridMotion:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A sentence on cells without numbers, if there are any."""
+        """Warning about cells without results, if there are any."""
         if not self.missing:
             return ()
         first, n = self.missing[0], len(self.missing) + len(self.cells)
@@ -114,15 +114,15 @@ class GridMotion:
 
 
 def is_grid(table: Any, mechanism: Mechanism) -> bool:
-    """True if ``[motion]`` is a grid."""
+    """Return True if ``[motion]`` is a grid."""
     return isinstance(table, Mapping) and KEY in table and KEY not in mechanism.independent
 
 
 def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) -> GridMotion:
-    """Reads ``[motion.grid]``; coordinates that are not in it keep a constant ``offset``, or that of home.
+    """Read ``[motion.grid]``; coordinates outside it keep a constant ``offset``, or their value at home.
 
     Raises:
-        ScrewgaugeError: It cannot be read, or has no cell that is reached from home.
+        ScrewgaugeError: The grid cannot be read, or none of its cells can be reached from home.
     """
     every, entries = [*mechanism.independent], table[KEY]
     check_keys(table, [*every, KEY], where)
@@ -157,7 +157,7 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
 
 
 def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
-    """Coordinates that no actuator drives and the grid is not over."""
+    """Return coordinates outside the grid that no actuator drives."""
     undriven = {*undriven_labels(mechanism)} - {*axes}
     if not undriven:
         return ()
@@ -168,17 +168,17 @@ def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...
 
 
 def check_contours(figures: Sequence[Figure], grid: GridMotion | None, where: str) -> None:
-    """Refuses contour plots where there is no grid over two coordinates."""
+    """Reject contour plots in a scene without a grid over two coordinates."""
     if any(one.contour for one in figures) and (grid is None or len(grid.axes) != 2):
         what = "a contour plot is drawn over a grid of two coordinates"
         raise DescriptionError(what, f"{where}, figures", "add [motion.grid] over two, or remove contour")
 
 
 def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
-    """Refuses what goes by time in the file of a scene with a grid.
+    """Reject entries that depend on time in the file of a scene with a grid.
 
     Args:
-        data: Its keys.
+        data: Keys of the file.
     """
     timed = [key for key in ("time", "idle") if key in data]
     timed += ["motors"] * any(not motor.course.constant for motor in applied.motors)

@@ -1,7 +1,7 @@
-"""Hold a mechanism to the ground in a scene by contacts, or by a given motion of a base that floats.
+"""Hold a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
-Such a scene runs on a description of its own that extends the given one, so that engines, truth and judge know what
-holds as they know all joints.
+Such a scene runs on a separate description that extends the given one, so that engines, truth and judge know what
+holds, like all other joints.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
-#: Slides of a contact [lengths of the mechanism or rad]: what closing leaves, and the farthest that encoders explain.
+#: Slide of a contact [lengths of the mechanism or rad]: closure residual, and the largest that encoders explain.
 CLOSED, FARTHEST = 1e-9, 1e-2
-#: Names in a sentence.
+#: Names listed in a sentence.
 SHOWN = 6
 
-#: Tables of a scene, its mechanism, times of the samples of its motion, its file -> its times.
+#: Function of a scene's tables, mechanism, times of motion samples, and file that returns its times.
 Times = Callable[[dict[str, Any], Mechanism, Array | None, Path], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Named:
-    """The coordinates that a scene names: with a motion, or with a start.
+    """Coordinates for which a scene gives a motion or a start.
 
     Attributes:
-        labels: In the order of the scene.
+        labels: Names in the order of the scene.
         start: Their values at the first time [rad or m].
         drive: Their motion, unless it is integrated.
-        t: Times of the scene, if it is given [s]. Shape (n,).
+        t: Times of the scene, if its motion is given [s]. Shape (n,).
     """
 
     labels: tuple[str, ...]
@@ -61,17 +61,17 @@ class _Named:
 def hold_to_ground(
     file: Path, mechanism: Mechanism, data: dict[str, Any], path: Path, times: Times
 ) -> tuple[Path, Mechanism, dict[str, Any]]:
-    """Hold a mechanism to the ground in a scene by contacts, or by a given motion of a base that floats.
+    """Hold a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
     Args:
-        file: The description, of `mechanism`.
+        file: The description of `mechanism`.
         data: Tables of the scene.
-        path: Its file.
-        times: Reads the times of the scene.
+        path: File of the scene.
+        times: Function that reads the times of the scene.
 
     Returns:
-        The description as it is held, its mechanism, with a remark on each assumption, and the tables with a motion of
-        what is independent then.
+        The extended description; its mechanism, with a remark on each assumption; and the tables with a motion of
+        the coordinates that are then independent.
 
     Raises:
         ScrewgaugeError: A contact cannot be read; contacts leave no freedom, or begin at a singular pose; or the motion
@@ -103,7 +103,7 @@ def hold_to_ground(
 def _in_contact(
     mechanism: Mechanism, contacts: Sequence[Contact], named: _Named, data: dict[str, Any], path: Path
 ) -> tuple[Mechanism, list[str], dict[str, Any]]:
-    """The mechanism with contacts, what was assumed, and the tables with a motion of what is independent."""
+    """Return the mechanism with contacts, its assumptions, and the tables with a motion of independent coordinates."""
     where = f"{path}, contacts"
     stance = _stance(mechanism, named, data.get("stance", {}), f"{path}, stance")
     touching = touching_at(mechanism, contacts, stance, where)
@@ -118,7 +118,7 @@ def _in_contact(
 
 
 def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
-    """Tables without a motion, or a start, of some labels; a CSV file may have them."""
+    """Return tables without a motion, or a start, of some labels; a CSV file may still have them."""
     if "forward" in data:
         start = {label: value for label, value in data["forward"].get("start", {}).items() if label not in labels}
         return {**data, "forward": {**data["forward"], "start": start}}
@@ -128,7 +128,7 @@ def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any
 
 
 def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
-    """The mechanism with those named of the coordinates of a base held, if no other joint leads to it."""
+    """Return the mechanism with the named coordinates of a base held, if no other joint leads to the base."""
     joints = list[Joint]()
     for joint in mechanism.joints:
         free = not joint.constrains and joint.parent == GROUND and not _is_led_to(mechanism, joint)
@@ -138,7 +138,7 @@ def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
 
 
 def _said_of_base(base: Joint) -> str:
-    """The sentence on who holds a base."""
+    """Return the sentence on what holds a base."""
     return (
         f"the motion of {base.child} is given and no actuator drives it: actuator_force has what the ground would have "
         f"to exert along {first_few(base.held, len(base.coordinates))}"
@@ -146,7 +146,7 @@ def _said_of_base(base: Joint) -> str:
 
 
 def _is_led_to(mechanism: Mechanism, base: Joint) -> bool:
-    """True if joints other than `base` connect its child with ground."""
+    """Return True if joints other than `base` connect its child with ground."""
     group = {name: name for name in mechanism.body_index}
     for joint in mechanism.joints:
         if joint is not base:
@@ -180,9 +180,9 @@ def _read_names(
 
 
 def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Array:
-    """All coordinates of the description without contacts where these take hold. Shape (n_q,).
+    """Return all coordinates of the description without contacts, at the pose where these take hold. Shape (n_q,).
 
-    That is the start of the motion, of what moves, then ``[stance]``, then home.
+    Each coordinate has its value at the start of the motion, else that of ``[stance]``, else that of home.
     """
     check_keys(table, mechanism.independent, where)
     if twice := [label for label in table if label in named.labels]:
@@ -195,18 +195,18 @@ def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Arra
         return mechanism.home
     check_home(mechanism)
     q: Array = positions(layout(mechanism), y[None], np.zeros(1))[0]
-    q[mechanism.independent_columns] = y  # which unknowns without dimension have rounded
+    q[mechanism.independent_columns] = y  # converting to dimensionless unknowns has rounded them
     return q
 
 
 def _assumption(contacts: Sequence[Contact]) -> str:
-    """The sentence on what a contact is taken to be."""
+    """Return the sentence on what contacts are assumed to be."""
     held = first_few([f"'{contact.name}' ({contact.kind} of {contact.body})" for contact in contacts], SHOWN)
     return f"contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
 
 
 def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
-    """A sentence on the rule by which actuators share what they could exert against each other through contacts."""
+    """Yield a sentence on the rule that distributes actuator forces which counteract each other through contacts."""
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (
             f"with contacts {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
@@ -222,10 +222,10 @@ def _follow(
     contacts: Sequence[Contact],
     scene: str,
 ) -> list[str]:
-    """A sentence on coordinates that are given, but follow from others, and how far the motion given slides contacts.
+    """Report given coordinates that follow from others, and how far the given motion makes contacts slide.
 
     Raises:
-        DescriptionError: One would slide farther than rounding or encoders explain.
+        DescriptionError: A contact would slide farther than rounding or encoders explain.
     """
     if not surplus:
         return []
@@ -261,7 +261,7 @@ def _follow(
 def _slides(
     mechanism: Mechanism, touching: Mechanism, motion: GivenMotion, labels: Sequence[str], contacts: Sequence[Contact]
 ) -> Array:
-    """Measure how far the given coordinates slide the point of each contact [m] and turn its body [rad]. (n, c, 2)."""
+    """Compute how far the given coordinates slide the point of each contact [m] and turn its body [rad]. (n, c, 2)."""
     chosen = [labels.index(label) for label in touching.independent]
     y, yd, ydd = (x[:, chosen] for x in (motion.y, motion.yd, motion.ydd))
     q = positions(layout(touching), y, motion.t, (yd, ydd))[:, : len(mechanism.coordinates)]
@@ -281,7 +281,7 @@ def _slides(
 
 
 def _write(file: Path, mechanism: Mechanism, changed: Mechanism) -> Path:
-    """Writes what a scene changes of a description, which it extends, to a folder that goes away with the process."""
+    """Write the description of a scene, which extends the given one, to a folder removed at the end of the process."""
     out = [f"extends = {value_text(str(file.resolve()))}", "", "[independent]", *lines(changed.independent)]
     for i, joint in enumerate(changed.joints):
         entries = joint_entries(joint)

@@ -1,4 +1,4 @@
-"""Coordinates that the motion of a scene leaves out because no actuator drives them: their motion follows."""
+"""Coordinates that a scene's motion omits because no actuator drives them: their motion follows from the forces."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
 #: Inertia below this share of that of the whole machine is rounding.
 NO_INERTIA = 1e-13
-#: How far the poses beside home are at which inertia is looked for [rad or lengths of the mechanism].
+#: Distance from home of the poses at which inertia is evaluated [rad or lengths of the mechanism].
 ASIDE = 0.05
-#: What interpolation between samples may miss, of how far a coordinate moves.
+#: Admitted interpolation error between samples, relative to the travel of a coordinate.
 COARSE = 1e-3
 
 
@@ -40,13 +40,13 @@ Start = Mapping[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
-    """A coordinate that no actuator drives, as it was found.
+    """Coordinate that no actuator drives, with its start.
 
     Attributes:
-        label, number: Of the independent coordinate.
-        start, rate: At the first time [rad or m, per s].
-        chosen: Whether the scene gives that rate.
-        rests: Whether it has no inertia, so that it rests.
+        label, number: Name and index of the independent coordinate.
+        start, rate: Value and rate at the first time [rad or m, per s].
+        chosen: True if the scene gives the rate.
+        rests: True if the coordinate has no inertia: it rests.
     """
 
     label: str
@@ -60,22 +60,22 @@ class Freedom:
 def read_given(
     table: Any, mechanism: Mechanism, folder: Path, where: str
 ) -> tuple[Analytic | Sampled, Array | None, tuple[str, ...]]:
-    """Reads ``[motion]``: the motion as a function of time, times of a CSV file, and the coordinates that have one.
+    """Read ``[motion]``: the motion as a function of time, times of a CSV file, and the coordinates that have a motion.
 
     Raises:
-        DescriptionError: It cannot be read, or leaves out coordinates that actuators drive.
+        DescriptionError: The motion cannot be read, or omits coordinates that actuators drive.
     """
     every = [*mechanism.independent]
     labels = moved_labels(table, every, folder, where)
     if not labels:
-        labels = every  # nothing is asked of actuators
+        labels = every  # an empty motion omits nothing
     if labels != every:
         left_to_forces(mechanism, labels, where)
     return *read_drive(table, labels, folder, where), tuple(labels)
 
 
 def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, where: str) -> dict[str, Start]:
-    """Reads ``[idle]``: label -> start and rate."""
+    """Read ``[idle]``: label -> start and rate."""
     check_keys(table, mechanism.independent, where)
     for label in table:
         if label in motion:
@@ -84,10 +84,10 @@ def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, whe
 
 
 def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
-    """Refuses a motion of some independent coordinates if actuators do not drive just these.
+    """Reject a motion of some independent coordinates unless these are exactly the ones that actuators drive.
 
     Raises:
-        DescriptionError: A coordinate without a motion is driven, or one with a motion is not.
+        DescriptionError: A driven coordinate has no motion, or a coordinate with a motion is not driven.
     """
     lay, every = check_home(mechanism), [*mechanism.independent]
     given = [every.index(label) for label in labels]
@@ -103,20 +103,20 @@ def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> N
 
 
 def undriven_labels(mechanism: Mechanism) -> list[str]:
-    """Independent coordinates that actuators do not drive at home."""
+    """Return the independent coordinates that actuators do not drive at home."""
     driven = driven_at_home(check_home(mechanism))
     return [label for k, label in enumerate(mechanism.independent) if k not in driven]
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A given motion of some coordinates as a function of time; that of all others follows from the forces.
+    """Prescribed motion of some coordinates as a function of time; the motion of all others follows from the forces.
 
     Attributes:
-        given: Motion of the others.
-        labels: Which these are.
-        stated: What the scene says of coordinates that no actuator drives, by label.
-        since: When they start [s].
+        given: Prescribed motion.
+        labels: Coordinates with a prescribed motion.
+        stated: Label -> entry of the scene for a coordinate that no actuator drives.
+        since: Time at which those coordinates start [s].
     """
 
     given: Analytic | Sampled
@@ -127,10 +127,10 @@ class Followed:
     applied: Applied
 
     def __call__(self, t: Array) -> GivenMotion:
-        """The motion at times [s]. Shape (n,).
+        """Return the motion at times [s]. Shape (n,).
 
         Raises:
-            ScrewgaugeError: It breaks off before, or samples have none there.
+            ScrewgaugeError: The motion breaks off earlier, or its file has no sample at a time.
         """
         motion = self.between(t)
         if not isinstance(self.given, Sampled):
@@ -142,7 +142,7 @@ class Followed:
         return replace(motion, y=y, yd=yd, ydd=self._motion.accelerations(t, y, yd, ydd))
 
     def between(self, t: Array) -> GivenMotion:
-        """The same, between samples of a file, too."""
+        """Return the motion at times [s], interpolated between samples of a file."""
         if (early := np.flatnonzero(t < self.since)).size:
             what = f"starts at t = {self.since:g} s, with what no actuator drives"
             raise DescriptionError(what, "motion", f"ask for no times before, such as {t[early[0]]:g} s")
@@ -154,7 +154,7 @@ class Followed:
         return [labels.index(label) for label in self.labels]
 
     def _given_motion(self, t: Array) -> State:
-        """Motion of the given coordinates, others at their start. Shape (n, k) each."""
+        """Return the prescribed motion, with all other coordinates at their start. Shape (n, k) each."""
         some = self.given.between(t) if isinstance(self.given, Sampled) else self.given(t)
         home = self.mechanism.home[self.mechanism.independent_columns]
         y, yd, ydd = np.tile(home, (len(t), 1)), *np.zeros((2, len(t), len(home)))
@@ -167,7 +167,7 @@ class Followed:
 
     @cached_property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """The coordinates that no actuator drives."""
+        """Coordinates that no actuator drives."""
         labels = [*self.mechanism.independent]
         every = [k for k in range(len(labels)) if k not in self._places]
         idle = self._inert(every)
@@ -202,7 +202,7 @@ class Followed:
         )
 
     def _inert(self, undriven: list[int]) -> list[int]:
-        """Select coordinates that have inertia, each beside those before: the others rest."""
+        """Select coordinates with inertia that is independent of those selected before: the others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]
         total: Array | float = 0.0
@@ -219,7 +219,7 @@ class Followed:
         return sorted(undriven[j] for j in kept)
 
     def _rates_without_momentum(self, y: Array, yd: Array, idle: list[int], free: list[int]) -> Array:
-        """Rates at the start, some of which are such that there is no momentum along these coordinates. (k,)."""
+        """Solve for rates at the start such that there is no momentum along the `free` coordinates. Shape (k,)."""
         if not free:
             return np.asarray(yd[0])
         q = AssemblyMode(layout(self.mechanism)).motion(y, np.array([self.since]))
@@ -234,7 +234,7 @@ class Followed:
 
 
 def _about_home(lay: Layout) -> list[Array]:
-    """Closed poses at and beside home, as far as there are any. Shape (n_q,) each."""
+    """Return the closed poses at and near home that exist. Shape (n_q,) each."""
     branch, columns = BranchPose(lay, lay.mechanism.home), lay.mechanism.independent_columns
     unit, poses = branch.system.sizes[columns], [lay.mechanism.home]
     for i in range(2):

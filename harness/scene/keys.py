@@ -1,4 +1,4 @@
-"""Keys of a scene file, of which ``keys.toml`` is the one table: it reads scenes, and makes a page of the guide."""
+"""Keys of a scene file. The table ``keys.toml`` defines them: readers of scenes and a page of the guide use it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from screwgauge.reference.tables import (
     required,
 )
 
-#: Table of a scene file -> its title, what it is about, and its keys.
+#: Table of a scene file -> its title, its purpose and its keys.
 TABLES: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("keys.toml"))
 
 
@@ -30,7 +30,7 @@ def _count(value: Any, key: str, where: str) -> int:
     return value
 
 
-#: Shape -> reader of a value from its key and the place of its table. Other shapes stay for readers of their own.
+#: Shape -> function that reads a value, its key and the place of its table. Other shapes have separate readers.
 SHAPES: dict[str, Callable[[Any, str, str], Any]] = {
     "text": lambda value, key, where: read_text({key: value}, key, where),
     "flag": lambda value, key, where: read_flag({key: value}, key, where),
@@ -45,13 +45,13 @@ SHAPES: dict[str, Callable[[Any, str, str], Any]] = {
 
 
 def read_keys(name: str, table: Any, where: str) -> dict[str, Any]:
-    """Read a table of a scene file: every key with its value, its default, or None if it may be left out.
+    """Read a table of a scene file: each key with its value, its default, or None if it is optional.
 
     Args:
-        name: Of the table in ``keys.toml``.
+        name: Name of the table in ``keys.toml``.
 
     Raises:
-        ScrewgaugeError: It is no table, a key is unknown or missing, or a value has another shape or is out of bounds.
+        ScrewgaugeError: Not a table, a key is unknown or missing, or a value has the wrong shape or is out of bounds.
     """
     keys = TABLES[name]["keys"]
     check_keys(table, keys, where)
@@ -75,5 +75,5 @@ def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> A
 
 
 def among(table: str, key: str) -> tuple[str, ...]:
-    """The names of which a key takes one, its default first."""
+    """Return the names that a key accepts, its default first."""
     return tuple(TABLES[table]["keys"][key]["among"])

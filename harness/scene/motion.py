@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 
 def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> dict[str, Array]:
-    """Columns of a CSV or Parquet file, read to the last bit and finite. Shape (n,) each.
+    """Return columns of a CSV or Parquet file, read to the last bit and finite. Shape (n,) each.
 
     Args:
-        wanted: Their names; all of them by default.
-        why: What to say of a column that is missing.
+        wanted: Names of the columns; all by default.
+        why: Explanation for the error about a missing column.
     """
     data = (read_parquet if path.suffix == ".parquet" else _csv)(path)
     columns: dict[str, Array] = {}
@@ -40,14 +40,14 @@ def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> 
         if column not in data.columns:
             names = f"give all of {', '.join(wanted or ())} ({why})"
             raise DescriptionError(f"column '{column}' is missing", str(path), names)
-        if f"{column}.1" in data.columns:  # what pandas makes of a second one
+        if f"{column}.1" in data.columns:  # name that pandas gives to a second column
             raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
         columns[column] = numbers(data[column], f"column '{column}'", str(path))
     return columns
 
 
 def numbers(values: Any, what: str, where: str) -> Array:
-    """Finite numbers, text among them. Shape (n,)."""
+    """Convert values, also texts, to finite numbers. Shape (n,)."""
     result = np.array([_number(value) for value in values], dtype=float)
     bad = np.flatnonzero(~(np.abs(result) <= LARGEST))
     if bad.size:
@@ -57,7 +57,7 @@ def numbers(values: Any, what: str, where: str) -> Array:
 
 def _number(value: Any) -> float:
     try:
-        return float("nan" if isinstance(value, complex) else value)  # of complex ones numpy drops a part
+        return float("nan" if isinstance(value, complex) else value)  # numpy drops imaginary parts
     except (TypeError, ValueError):
         return float("nan")
 
@@ -84,7 +84,7 @@ def _csv(path: Path) -> DataFrame:
 
 
 def _check_fields(text: str, where: str) -> None:
-    """Refuses rows of more fields than columns are admitted: pandas takes a minute for a million of them."""
+    """Reject rows with more fields than the admitted number of columns: pandas takes a minute for a million fields."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
     check_count(max((line.count(",") + 1 for line in lines), default=0), "CSV columns", where)
     if any(line.count('"') % 2 for line in lines):
@@ -92,10 +92,10 @@ def _check_fields(text: str, where: str) -> None:
 
 
 def read_parquet(path: Path) -> DataFrame:
-    """The table of a Parquet file.
+    """Read the table of a Parquet file.
 
     Raises:
-        DescriptionError: It cannot be read, or is larger than `LIMITS` say.
+        DescriptionError: The file cannot be read, or is larger than `LIMITS` allow.
     """
     content = read_bytes(path, "MB of CSV")
     if find_spec("pyarrow") is None:
@@ -105,14 +105,14 @@ def read_parquet(path: Path) -> DataFrame:
     try:
         file = ParquetFile(BytesIO(content))
         columns, rows = file.metadata.num_columns, file.metadata.num_rows
-    except Exception as error:  # whatever a library makes of bytes that are none of its format
+    except Exception as error:  # whatever a library raises for bytes that are not in its format
         raise _no_parquet(path, error) from None
     check_count(columns, "CSV columns", str(path))
     # a few bytes can stand for many equal numbers
     check_count(8e-6 * columns * rows, "MB of CSV", str(path))
     try:
         table = file.read(use_threads=False)
-        table.validate(full=True)  # texts are looked at when they are used, or here
+        table.validate(full=True)  # otherwise texts are checked only when they are used
         data: DataFrame = table.to_pandas(ignore_metadata=True)
     except Exception as error:
         raise _no_parquet(path, error) from None
@@ -123,23 +123,23 @@ def _no_parquet(path: Path, error: Exception) -> DescriptionError:
     return DescriptionError(f"cannot be read as Parquet ({error or type(error).__name__})", str(path), "check the file")
 
 
-_STILL = 1e-9  # what does not move as far as this rests [rad, m, or per s]
+_STILL = 1e-9  # smallest travel that counts as motion [rad, m, or per s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Analytic:
-    """A motion of polynomials and harmonics.
+    """Motion of polynomials and harmonics.
 
     Attributes:
-        terms: Of each coordinate.
-        where: What to blame.
+        terms: Polynomial and harmonics of each coordinate.
+        where: Place for error messages.
     """
 
     terms: tuple[Course, ...]
     where: str
 
     def __call__(self, t: Array) -> GivenMotion:
-        """The motion at times [s]. Shape (n,)."""
+        """Return the motion at times [s]. Shape (n,)."""
         y, yd, ydd = (np.empty((len(t), len(self.terms))) for _ in range(3))
         with np.errstate(over="ignore", invalid="ignore"):
             for k, course in enumerate(self.terms):
@@ -162,7 +162,7 @@ class Analytic:
 
 
 def _polynomial(coefficients: Array, t: Array) -> Array | float:
-    """A polynomial by Horner's scheme, lowest coefficient first. Shapes (m,), (n,) -> (n,)."""
+    """Evaluate a polynomial by Horner's scheme, lowest coefficient first. Shapes (m,), (n,) -> (n,)."""
     value: Array | float = 0.0
     for c in coefficients[::-1].tolist():
         value = value * t + c
@@ -171,13 +171,13 @@ def _polynomial(coefficients: Array, t: Array) -> Array | float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """The motion of a CSV file, at its own times only."""
+    """Motion of a CSV file, at the times of the file only."""
 
     file: Path
     samples: GivenMotion
 
     def __call__(self, t: Array) -> GivenMotion:
-        """The motion at times of the file [s]. Shape (n,)."""
+        """Return the motion at times [s] that must be sample times of the file. Shape (n,)."""
         rows = np.searchsorted(self.samples.t, t).clip(max=len(self.samples) - 1)
         wrong = np.flatnonzero(self.samples.t[rows] != t)
         if wrong.size:
@@ -189,7 +189,7 @@ class Sampled:
         return self.samples.part(rows)
 
     def between(self, t: Array) -> GivenMotion:
-        """The motion between its samples, by cubic splines through values and rates. Shape (n,)."""
+        """Interpolate the motion between samples, by cubic splines through values and rates. Shape (n,)."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
         one = self.samples
@@ -199,8 +199,10 @@ class Sampled:
         return GivenMotion(t, y(t), yd(t), CubicSpline(one.t, one.ydd)(t))
 
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
-        """A sentence on every column that is half of what it or its integral (trapezoidal rule) moves away from being
-        the derivative of another one, as in other units, with another sign, or sampled too coarsely to tell.
+        """Warn about columns that are not the derivative of another one, such as in other units or with another sign.
+
+        A column is reported if its integral (trapezoidal rule) misses the other column by more than half of the larger
+        travel: units or sign are wrong, or the sampling is too coarse to tell.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
         sentences, h = [], np.diff(self.samples.t)
@@ -221,14 +223,14 @@ Drive = Analytic | Sampled
 
 
 def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple[Drive, Array | None]:
-    """Reads ``[motion]``.
+    """Read ``[motion]``.
 
     Args:
         labels: Labels of the independent coordinates, in order.
-        folder: Where a CSV file is looked for.
+        folder: Folder of a CSV file.
 
     Returns:
-        The motion as a function of time, and the times of a CSV file, if it is one.
+        The motion as a function of time, and the times of its CSV file, if any.
 
     Raises:
         DescriptionError: It cannot be read.
@@ -241,7 +243,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 
 
 def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> list[str]:
-    """Select the independent coordinates to which ``[motion]``, or its file, gives a motion."""
+    """Select the independent coordinates for which ``[motion]``, or its file, gives a motion."""
     if not isinstance(table, dict) or "csv" not in table:
         check_keys(table, labels, where)
         return [label for label in labels if label in table]
@@ -252,13 +254,13 @@ def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> lis
 
 
 def _head(path: Path) -> list[str]:
-    """Names of the columns of a CSV file."""
+    """Return the names of the columns of a CSV file."""
     head = re.search(r"^[^#\r\n].*", read_file(path, "MB of CSV"), re.MULTILINE)
     return [name.strip(' "') for name in head[0].split(",")] if head else []
 
 
 def read_course(table: Any, where: str) -> Course:
-    """Reads ``offset``, ``polynomial`` and ``harmonics``."""
+    """Read ``offset``, ``polynomial`` and ``harmonics``."""
     given = read_keys("motion", table, where)
     polynomial = read_coefficients(given["polynomial"], f"{where}.polynomial")
     polynomial[0] += given["offset"]
@@ -271,14 +273,14 @@ def read_course(table: Any, where: str) -> Course:
 
 
 def read_column(path: Path, column: str) -> Samples:
-    """A column of a CSV file with times ``t``, known at these times only."""
+    """Read a column of a CSV file with times ``t``, known at these times only."""
     columns = read_columns(path, ["t", column], "of a load")
     check_times(columns["t"], str(path))
     return Samples(columns["t"], columns[column], str(path))
 
 
 def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
-    """A CSV file with the columns t, and for each coordinate a its value a, rate ad and second derivative add."""
+    """Read a CSV file with the column t, and for each coordinate a its value a, rate ad and second derivative add."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"

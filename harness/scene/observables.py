@@ -1,4 +1,4 @@
-"""Quantities of the user's own: observables computed from the motion, and recorded values from files."""
+"""Additional quantities from the user: observables computed from the motion, and recorded values from files."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from screwgauge.solution import Values
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observable:
-    """A number that is followed: a joint coordinate, or a world coordinate of a point of a body.
+    """Number to record: a joint coordinate, or a world coordinate of a point of a body.
 
     Attributes:
         unit: ``rad`` or ``m``.
-        coordinate: Joint coordinate, if it is one.
-        body, point, axis: If not, the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
+        coordinate: Joint coordinate; empty for a point.
+        body, point, axis: Body of a point, the point in its frame [m], shape (3,), and world axis 0, 1 or 2.
     """
 
     name: str
@@ -45,10 +45,10 @@ class Observable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
-    """Observables known from elsewhere.
+    """Values of the observables from another source.
 
     Attributes:
-        source: Where from.
+        source: Origin of the values.
         t: Times [s]. Shape (n,).
         values: Shape (n, n_observable).
     """
@@ -60,13 +60,13 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """A result that others have published.
+    """Result published by others.
 
     Attributes:
         who: Method or program, with its setting.
-        remark: What the numbers do not say.
+        remark: Qualification of the numbers.
         accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not stated.
-        cpu_s: Processor time on the machine of that time [s]; NaN if not stated.
+        cpu_s: Processor time on the machine used there [s]; NaN if not stated.
     """
 
     who: str
@@ -78,7 +78,7 @@ class Published:
 
 
 def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
-    """Reads one of ``[[observables]]``."""
+    """Read an entry of ``[[observables]]``."""
     given = read_keys("observables", table, where)
     name, coordinate = given["name"], given["coordinate"]
     if not name or "," in name:
@@ -100,7 +100,7 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
 
 
 def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
-    """Reads ``[reference]``: a CSV file with t and the observables; further columns are left alone."""
+    """Read ``[reference]``: a CSV file with t and the observables; further columns are ignored."""
     given = read_keys("reference", table, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
@@ -111,14 +111,14 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
 
 
 def read_published(table: Any, where: str) -> Published:
-    """Reads one of ``[[published]]``."""
+    """Read an entry of ``[[published]]``."""
     given = read_keys("published", table, where)
     stated = {key: value for key in ("accuracy", "cpu_s") if (value := given[key]) is not None}
     return Published(given["who"], given["source"], given["of"], given["remark"], **stated)
 
 
 def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
-    """Values of the observables at joint coordinates `q`, shape (n, n_q)."""
+    """Evaluate the observables at joint coordinates `q`, shape (n, n_q)."""
     at, columns = pose(lay, q), []
     for item in observables:
         if item.point is None:
@@ -130,10 +130,10 @@ def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
 
 
 def known_values(known: Known, observables: Sequence[Observable], t: Array, where: str) -> tuple[Values, Rows]:
-    """The reference at the times of a scene, NaN where it has none, and the rows where it has.
+    """Return the reference values at the times of a scene, NaN where missing, and the rows that have values.
 
     Raises:
-        DescriptionError: It has none of the scene's times.
+        DescriptionError: The reference has none of the scene's times.
     """
     array = np.full((len(t), len(observables)), np.nan)
     rows, same = same_times(t, known.t)
@@ -151,9 +151,9 @@ def _values(observables: Sequence[Observable], array: Array) -> Values:
 
 
 _NAME = re.compile(r"[\w.-]+")
-#: What a header ends with whose component redundant constraints leave open.
+#: Ending of the header of a component that redundant constraints leave undetermined.
 NOT_UNIQUE = " not unique"
-#: Names of units that are converted -> unit and factor.
+#: Name of a converted unit -> SI unit and factor.
 CONVERTED = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), ("rad", np.pi / 180.0)),
     "mm": ("m", 1e-3),
@@ -162,12 +162,12 @@ CONVERTED = {
     "ms": ("s", 1e-3),
     **dict.fromkeys(("us", "µs", "μs"), ("s", 1e-6)),
 }
-TIMES = ("t", "time")  # names of the column of times
+TIMES = ("t", "time")  # accepted names of the time column
 _UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
 
 
 def _converted(unit: str) -> tuple[str, float]:
-    """The SI unit of a unit such as ``N mm`` and what numbers in that are multiplied by: ``N m``, 1e-3."""
+    """Return the SI unit of a unit such as ``N mm``, and the factor that converts to it: ``N m``, 1e-3."""
     text, factor = unit.replace("·", " ").replace("²", "^2"), 1.0
     for one in _UNIT.finditer(text):
         power = int(one[2] or 1) * (-1 if text[: one.start()].endswith("/") else 1)
@@ -177,7 +177,7 @@ def _converted(unit: str) -> tuple[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Name of a column: ``component``, ``quantity/component``, either with its unit: ``leg1 [N]``."""
+    """Name of a column: ``component`` or ``quantity/component``, optionally with a unit: ``leg1 [N]``."""
 
     text: str
     quantity: str
@@ -185,23 +185,23 @@ class Header:
     unit: str
 
     def of(self, quantity: str, unit: str) -> bool:
-        """True if the header contradicts neither the quantity nor the unit."""
+        """Return True if the header contradicts neither the quantity nor the unit."""
         return self.quantity in ("", quantity) and _converted(self.unit)[0] in ("", unit)
 
     @property
     def factor(self) -> float:
-        """Factor that converts numbers to SI units."""
+        """Factor that converts values to SI units."""
         return _converted(self.unit)[1]
 
     def check_unit(self, unit: str, where: str) -> None:
-        """Refuses a stated unit that is neither that of the component nor converted to it."""
+        """Reject a stated unit that is neither that of the component nor convertible to it."""
         if not self.of(self.quantity, unit):
             remedy = f"give it in {unit}; `review` tells the unit of numbers under a header without one"
             raise DescriptionError(f"column '{self.text}' is in {unit} here", where, remedy)
 
 
 def read_header(text: str) -> Header:
-    """Takes the name of a column apart."""
+    """Parse the name of a column."""
     name, _, unit = text.removesuffix(NOT_UNIQUE).partition("[")
     quantity, _, component = name.strip().partition("/")
     if quantity not in QUANTITIES:  # names of components may have slashes
@@ -211,14 +211,14 @@ def read_header(text: str) -> Header:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recorded:
-    """Numbers of one's own: a solution by hand or by another program, a recording.
+    """Numbers from the user: a solution by hand or by another program, or a recording.
 
     Attributes:
         t: Times [s], increasing. Shape (n,).
         columns: Name, as in a file (see ``harness/scenes/README.md``) -> values. Shape (n,) each.
-        error: Quantity -> what its values may be off by [its units], beyond the tolerances of the scene.
-        file: Where it was read from.
-        header: Name of the column of times in it.
+        error: Quantity -> admitted error of its values [its units], on top of the tolerances of the scene.
+        file: File that the numbers were read from.
+        header: Name of the time column of that file.
 
     Raises:
         DescriptionError: A number is missing, or the times do not increase.
@@ -251,7 +251,7 @@ class Recorded:
 
     @property
     def converted(self) -> list[str]:
-        """Names of columns whose numbers were not in SI units."""
+        """Names of columns whose values were converted to SI units."""
         return [name for name in (self.header, *self.columns) if read_header(name).factor != 1.0]
 
     def _column(self, name: str) -> Array:
@@ -263,10 +263,10 @@ class Recorded:
 
 
 def read_tables(tables: Any, folder: Path, where: str) -> dict[str, Recorded]:
-    """Reads ``[tables]``: name -> file, or ``{ file, error }``.
+    """Read ``[tables]``: name -> file, or ``{ file, error }``.
 
     Raises:
-        DescriptionError: A name is none, or a file is no table.
+        DescriptionError: A name is invalid, or a file is not a table.
     """
     if not isinstance(tables, dict):
         raise DescriptionError(f"{shown(tables)} is not a table", where, "write name = 'file'")
@@ -281,13 +281,13 @@ def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
 
 
 def read_recorded(path: Path, error: Any = None) -> Recorded:
-    """Reads a table of one's own from CSV or Parquet.
+    """Read a table of recorded numbers from CSV or Parquet.
 
     Args:
-        error: Quantity -> what its values may be off by [its units].
+        error: Quantity -> admitted error of its values [its units].
 
     Raises:
-        DescriptionError: It is no table.
+        DescriptionError: The file is not a table.
     """
     columns = read_columns(path)
     headers = [read_header(text) for text in columns]
@@ -304,7 +304,7 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
 
 
 def merge_times(t: Array, tables: Iterable[Recorded]) -> Array:
-    """Times of a scene with those of its tables, in order if these bring further ones. Shape (n,).
+    """Merge the times of a scene with further times of its tables, in order. Shape (n,).
 
     Raises:
         DescriptionError: A table has times before or after those of the scene.

@@ -26,16 +26,16 @@ from screwgauge.scene.idle import undriven_labels
 from screwgauge.scene.scene import Scene
 
 PART = 2048
-FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: worth a word
+FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: causes a warning
 FARTHEST = 1000.0  # [rad or m]: takes thousands of steps, seconds
-NEAR = 1e-9  # where a way ends at a singular pose as near to a sample as this, that sample is singular [rad or lengths]
+NEAR = 1e-9  # a sample this close to a singular pose at which a way ends is singular [rad or lengths]
 
 
 def check_scene(scene: Scene) -> Mobility:
-    """Walks the whole motion on the description alone.
+    """Follow the whole motion on the description alone.
 
     Returns:
-        Counts of the mechanism; a force is called unique only if it is so at every pose looked at.
+        Counts of the mechanism; a force counts as unique only if it is unique at every pose examined.
 
     Raises:
         ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
@@ -49,7 +49,7 @@ def check_scene(scene: Scene) -> Mobility:
 
 
 def far_from_home(scene: Scene) -> tuple[str, ...]:
-    """A sentence if the motion starts far from home, as it does where its values are meant to count from there."""
+    """Warn if the motion starts far from home, as it does if its values were meant relative to home."""
     mechanism, start = scene.mechanism, scene.motion.y[0]
     home = mechanism.home[mechanism.independent_columns]
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
@@ -59,7 +59,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates do not count from home)",)
 
 
-@lru_cache(maxsize=1)  # of the same two objects, which nothing changes: a smoke test runs a scene several times
+@lru_cache(maxsize=1)  # of the same two immutable objects: a smoke test runs a scene several times
 def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
     lay = check_home(mechanism)
     _check_jumps(mechanism, whole)
@@ -82,10 +82,10 @@ def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
 def check_actuation(
     scene: Scene, freedoms: Mobility, quantities: Collection[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Quantities that the actuators determine, and a sentence on those that they do not, where nobody chose.
+    """Return the quantities that the actuators determine, and a sentence on the others, where the user chose none.
 
     Raises:
-        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
+        DescriptionError: No forces, or none that follow the rule, satisfy the equations of motion.
     """
     ruled = [name for name in quantities if name in ACTUATED]
     rest = tuple(name for name in quantities if name not in ruled)
@@ -111,7 +111,7 @@ def check_actuation(
 
 
 def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
-    """A remedy where actuators do not drive all that moves."""
+    """Return a remedy for scenes in which actuators do not drive all freedoms."""
     if not driven:
         return "actuate more joints"
     names = first_few((f"'{label}'" for label in undriven_labels(mechanism)), 4)
@@ -119,13 +119,13 @@ def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
 
 
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Results of `check_actuation` by the counts at home, where the motion is not known yet."""
+    """Return the result of `check_actuation` from the counts at home, for a motion that is not known yet."""
     lay = check_home(scene.mechanism)
     return check_actuation(scene, mobility(lay, scene.mechanism.home[None]), quantities)
 
 
 def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
-    """Poses are found by following the motion: consecutive samples must not be too far apart."""
+    """Reject samples that are too far apart: poses are found by following the motion from sample to sample."""
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
@@ -140,7 +140,7 @@ def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
 
 
 def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tuple[int, str] | None:
-    """The first sample of joint coordinates, shape (n, n_q), that is beyond a limit, and a sentence on it."""
+    """Return the first sample of joint coordinates, shape (n, n_q), that exceeds a limit, and a sentence on it."""
     low, high = mechanism.limits.T
     beyond = np.argwhere((q < low) | (q > high))
     if not len(beyond):
@@ -151,7 +151,7 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
 
 
 def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
-    """Coordinates that are beyond their limits in some sample, with these. `q`: shape (n, n_q)."""
+    """List coordinates that exceed their limits in some sample, with the limits. `q`: shape (n, n_q)."""
     low, high = mechanism.limits.T
     beyond = ((q < low) | (q > high)).any(axis=0)
     rows = zip(mechanism.coordinates, low, high, mechanism.units, beyond, strict=True)
@@ -159,10 +159,10 @@ def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
 
 
 class SampleWalk:
-    """Follows a motion part by part from home, for errors in terms of the description.
+    """Walk along a motion from home, part by part, with errors in terms of the description.
 
-    A pose where coordinates that are constant on the home branch may begin to move is singular, too. Charts of cut
-    joints are not among the unknowns; where one locks, only rates of that joint are lost.
+    A pose at which coordinates that are constant on the home branch may begin to move is also singular. Charts of cut
+    joints are not among the unknowns; where such a chart locks, only rates of that joint are lost.
     """
 
     def __init__(self, lay: Layout) -> None:
@@ -171,8 +171,7 @@ class SampleWalk:
         self.before: float | None = None
 
     def part(self, motion: GivenMotion) -> Array:
-        """Joint coordinates of a part, whose poses are regular; those of cut joints, if nothing limits them, as they
-        are nearby. Shape (n, n_q).
+        """Return joint coordinates of a part with regular poses; unlimited cut joints have nearby values. (n, n_q).
 
         Raises:
             ClosureError: The loops cannot close.
@@ -197,7 +196,7 @@ class SampleWalk:
         return q
 
     def _passage(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
-        """Warning: a motion passes a singular pose."""
+        """Build the error about a motion that passes a singular pose."""
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
         meets, described = self.lay.mechanism.described(end.y), self.lay.mechanism.described
@@ -219,7 +218,7 @@ class SampleWalk:
 
 
 def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | None = None) -> None:
-    """Condition of the closing system, `matrix` if it is known, at every sample.
+    """Check the condition number of the closing system (`matrix` if known) at every sample.
 
     Raises:
         SingularPoseError: A pose is singular.
@@ -237,7 +236,7 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
 
 
 def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
-    """Counts at the most general of a few poses, joint coordinates each: symmetric ones make forces look unique.
+    """Count freedoms at the most general of a few poses (joint coordinates): symmetry makes forces look unique.
 
     Next to a singular pose rounding decides on ranks, so that only poses of the highest rank count, that of home among
     them if there is no other.
@@ -254,17 +253,17 @@ def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     return replace(most, unique=unique, determined=determined)
 
 
-#: Rates at both ends of a motion that comes from rest and goes to rest, of the largest one.
+#: Largest rate at both ends of a motion from rest to rest, relative to the largest rate.
 REST = 1e-6
 
 
 def doubts(scene: Scene) -> tuple[str, ...]:
-    """Sentences on bodies, joints and motion."""
+    """Return warnings about bodies, joints and motion."""
     return (*implausible(scene.mechanism), *(_start_doubts(scene) if scene.simulated else _motion_doubts(scene)))
 
 
 def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
-    """Independent coordinates that are angles of hinges: number, label and column."""
+    """Yield independent coordinates that are angles of hinges: index, label and column."""
     mechanism, free = scene.mechanism, {hinge.name for hinge in hinges(scene.mechanism)}
     for k, label in enumerate(mechanism.independent):
         column = int(mechanism.independent_columns[k])
@@ -273,7 +272,7 @@ def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
 
 
 def _start_doubts(scene: Scene) -> Iterator[str]:
-    """Sentences on angles that start more than a turn from home."""
+    """Warn about angles that start more than one revolution from home."""
     for k, label, column in _angles(scene):
         value = float(scene.start.start[k])
         if abs(value - scene.mechanism.home[column]) > 2.0 * np.pi:
@@ -281,9 +280,9 @@ def _start_doubts(scene: Scene) -> Iterator[str]:
 
 
 def _motion_doubts(scene: Scene) -> Iterator[str]:
-    """Sentences on angles that begin over a turn from home, or go several turns to and fro or from rest to rest.
+    """Warn about angles that start over one revolution from home, or turn repeatedly and back, or from rest to rest.
 
-    What runs round, as a crank does, may turn as much as it likes.
+    Angles that turn in one direction, like that of a crank, may make any number of revolutions.
     """
     motion, home = scene.motion, scene.mechanism.home
     for k, label, column in _angles(scene):
@@ -296,11 +295,11 @@ def _motion_doubts(scene: Scene) -> Iterator[str]:
 
 
 def _returns(y: Array) -> bool:
-    """True if a coordinate goes back by more than a turn. Shape (n,)."""
+    """Return True if a coordinate reverses by more than one revolution. Shape (n,)."""
     back = (np.maximum.accumulate(y) - y).max(), (y - np.minimum.accumulate(y)).max()
     return bool(min(back) > 2.0 * np.pi)
 
 
 def _rests(yd: Array) -> bool:
-    """True if a coordinate goes from rest to rest. Shape (n,)."""
+    """Return True if a coordinate moves from rest to rest. Shape (n,)."""
     return bool(max(abs(yd[0]), abs(yd[-1])) <= REST * np.abs(yd).max())

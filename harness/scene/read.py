@@ -37,15 +37,15 @@ _GRAVITY = TABLES["scene"]["keys"]["gravity"]["default"]
 
 
 def scene_names() -> list[str]:
-    """Names of the built-in scenes."""
+    """Return the names of the built-in scenes."""
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
 def load_scene(name: str | Path) -> Scene:
-    """Reads a scene by built-in name or path of a TOML file; a description or model file gets the usual scene.
+    """Read a scene by built-in name or path of a TOML file; a description or model file gets the default scene.
 
     Raises:
-        ScrewgaugeError: It does not exist or is no scene.
+        ScrewgaugeError: The file does not exist or is not a scene.
     """
     if str(name) in scene_names():
         return _built_in(FOLDER / f"{name}.toml")
@@ -55,7 +55,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """True if a name is that of a scene alone: built in, or of a TOML file that names a mechanism."""
+    """Return True if a name can only be a scene: built in, or a TOML file that names a mechanism."""
     path = named_file(Path(), name)
     if is_path(name) and path.suffix == ".toml" and is_file(path):
         return "mechanism" in read_toml(path)
@@ -106,7 +106,7 @@ def _check_kind(data: dict[str, Any], where: str) -> None:
             raise DescriptionError(f"'{key}' does not belong to a forward scene", where, remedy)
 
 
-_built_in = cache(_read)  # what comes with the package does not change
+_built_in = cache(_read)  # files of the package do not change
 
 
 def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
@@ -116,7 +116,7 @@ def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Appl
 def _grid(
     data: dict[str, Any], sampled: Array | None, tables: Mapping[str, Recorded], applied: Applied, where: str
 ) -> Array:
-    """Times of a scene with a given motion: its own, else those of its samples, tables or loads. Shape (n,)."""
+    """Return times of a scene with a given motion: its own, else those of samples, tables or loads. Shape (n,)."""
     files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
     if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
         sampled = np.unique(np.concatenate(known))
@@ -124,7 +124,7 @@ def _grid(
 
 
 def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, path: Path) -> Array:
-    """`_grid` of tables that nobody has read yet."""
+    """Return `_grid` for tables that have not been read yet."""
     if "time" in data or sampled is not None:
         return read_grid(data.get("time"), sampled, f"{path}, time")
     tables = read_tables(data.get("tables", {}), path.parent, f"{path}, tables")
@@ -133,7 +133,7 @@ def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, pa
 
 
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """Fields of a scene with a given motion."""
+    """Read the fields of a scene with a given motion."""
     where = str(path)
     motion = required(data, "motion", where)
     given: Analytic | Sampled | GridMotion
@@ -152,7 +152,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
     t = _grid(data, sampled, tables, applied, where)
-    applied.at(t)  # refuses times that a file of loads has not
+    applied.at(t)  # rejects times that a file of loads lacks
     stated = read_undriven(data.get("idle", {}), labels, mechanism, f"{where}, idle")
     drive: Analytic | Sampled | GridMotion | Followed = given
     if not isinstance(given, GridMotion) and len(labels) < len(mechanism.independent):
@@ -168,7 +168,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 
 
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """Fields of a scene with a simulated motion."""
+    """Read the fields of a scene with a simulated motion."""
     where = str(path)
     observables = read_items(data, "observables", where, partial(read_observable, mechanism))
     names = [observable.name for observable in observables]
@@ -198,7 +198,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
 
 
 def _acts(applied: Applied) -> bool:
-    """True if anything acts; entries that are zero do not."""
+    """Return True if any force acts; entries that are zero do not count."""
     return (
         bool(applied.g.any())
         or not all(load.nothing for load in applied.loads)
@@ -208,7 +208,7 @@ def _acts(applied: Applied) -> bool:
 
 
 def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> InitialValue:
-    """Reads ``[forward]``."""
+    """Read ``[forward]``."""
     given, home = read_keys("forward", table, where), mechanism.home[mechanism.independent_columns]
     return InitialValue(
         start=_state(given["start"], mechanism, home, f"{where}.start"),
@@ -220,7 +220,7 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
 
 
 def _state(table: Any, mechanism: Mechanism, usual: Array, where: str) -> Array:
-    """Label -> value, the usual one where a label is not named. Shape (k,)."""
+    """Read label -> value, with the default value for labels that are not named. Shape (k,)."""
     values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
     check_keys(table, values, where)
     values |= {label: number(value, f"{where}.{label}") for label, value in table.items()}

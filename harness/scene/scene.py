@@ -1,4 +1,4 @@
-"""A scene: which mechanism, how it moves, what acts on it, and what is wanted. Data only; it pickles."""
+"""A scene: mechanism, motion, acting forces and wanted quantities. Data only; it pickles."""
 
 from __future__ import annotations
 
@@ -31,32 +31,32 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merge_times
 
 RULES = among("scene", "rule")
-LINE = 85  #: Signs of a longer list, which is counted where a scene shows itself.
+LINE = 85  #: Characters above which a list is shown as a count.
 DEFAULT_ENGINES: tuple[str, ...] = tuple(TABLES["scene"]["keys"]["engines"]["default"])
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A mechanism in motion.
+    """Mechanism in motion.
 
     Attributes:
-        mechanism_file: The description that it was read from, the model file of the engines ``screw`` and ``truth``
+        mechanism_file: The description that the mechanism was read from; engines ``screw`` and ``truth`` read it, too,
             unless the mechanism was changed since.
         applied: Gravity, loads, springs and motors.
         task: A given motion, or a start from which the motion is integrated.
-        rule: What fixes the redundant actuation.
-        tolerances: Scaled tolerance by quantity, where the scene changes the default.
-        models: Model files that replace the generated ones, by engine.
-        figures: What the report draws.
-        allow: What model files may differ in from the description, ``coupler.inertia``, what may be left unread,
-            ``models.mujoco.unread``, and tensors that no body has, ``wrist.triangle``.
-        file: Where it was read from.
-        drive: A given motion as a function of time.
-        text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.
-        observables: What is followed in a simulation.
-        known: Their values from elsewhere, if there are any.
-        published: What others have published.
-        tables: The user's values, compared like those of an engine, by name.
+        rule: Rule that resolves redundant actuation.
+        tolerances: Scaled tolerance by quantity, if the scene changes the default.
+        models: Engine -> model file that replaces the generated one.
+        figures: Figures of the report.
+        allow: Admitted differences of model files from the description, ``coupler.inertia``, unread files,
+            ``models.mujoco.unread``, and inertia tensors that no body can have, ``wrist.triangle``.
+        file: File that the scene was read from.
+        drive: The given motion as a function of time.
+        text: The tables ``motion``, ``gravity`` and ``loads`` as read, with numbers as text.
+        observables: Observables of a simulation.
+        known: Values of the observables from another source, if any.
+        published: Results published by others.
+        tables: Name -> the user's values, which are compared like those of an engine.
         points: Named points of bodies.
     """
 
@@ -84,7 +84,7 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
-        """Motion that follows from forces is that under the forces that act, on the mechanism as it is."""
+        """Recompute a motion that follows from forces, for the forces that act and the mechanism as it is."""
         drive = self.drive
         if isinstance(drive, Followed) and (drive.mechanism, drive.applied) != (self.mechanism, self.applied):
             object.__setattr__(self, "drive", replace(drive, mechanism=self.mechanism, applied=self.applied))
@@ -129,7 +129,7 @@ class Scene:
         """The given motion.
 
         Raises:
-            DescriptionError: It is integrated.
+            DescriptionError: The motion is integrated.
         """
         if isinstance(self.task, GivenMotion):
             return self.task
@@ -140,7 +140,7 @@ class Scene:
         """The start of a simulation.
 
         Raises:
-            DescriptionError: Its motion is given.
+            DescriptionError: The motion is given.
         """
         if isinstance(self.task, InitialValue):
             return self.task
@@ -153,12 +153,12 @@ class Scene:
 
     @property
     def grid(self) -> GridMotion | None:
-        """The grid of poses that is its motion, if it is one."""
+        """The grid of poses, if the motion is a grid; else None."""
         return self.drive if isinstance(self.drive, GridMotion) else None
 
     @property
     def simulated(self) -> bool:
-        """True if its motion is integrated."""
+        """True if the motion is integrated."""
         return isinstance(self.task, InitialValue)
 
     @property
@@ -166,14 +166,14 @@ class Scene:
         """True if the description has changed since the mechanism was read."""
         try:
             return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
-        except ScrewgaugeError:  # the file has gone, or cannot be read
+        except ScrewgaugeError:  # the file is missing, or cannot be read
             return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
-        """A copy of the scene at other times [s].
+        """Return a copy of the scene at other times [s].
 
         Raises:
-            DescriptionError: They are no finite numbers, or a motion from samples has none at one of them.
+            DescriptionError: A time is not a finite number, or a sampled motion has no sample there.
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
             raise DescriptionError(f"{shown(times)} is not a list of times", "times", "give a list of times in s")
@@ -184,12 +184,12 @@ class Scene:
         return replace(self, task=self.moved(t))
 
     def beside(self, **tables: Recorded) -> Scene:
-        """A copy of the scene with numbers of one's own, which are compared and judged like those of engines.
+        """Return a copy of the scene with tables of numbers, which are compared and judged like those of engines.
 
         Their times are added to those of the scene.
 
         Raises:
-            DescriptionError: A motion from samples has none at one of them, they lie outside the scene, or it is
+            DescriptionError: A sampled motion lacks one of these times, a time lies outside the scene, or the motion is
                 integrated.
         """
         times = merge_times(self.motion.t, [*tables.values()])
@@ -197,21 +197,21 @@ class Scene:
         return replace(self, task=self.moved(times), tables={**self.tables, **tables}, engines=tuple(engines))
 
     def moved(self, t: Array) -> GivenMotion:
-        """The given motion at times [s]. Shape (n,)."""
+        """Return the given motion at times [s]. Shape (n,)."""
         if self.drive is None:
             raise DescriptionError("its motion is no function of time", self.name, "give it a motion")
-        self.applied.at(t)  # refuses times that a file of loads has not
+        self.applied.at(t)  # rejects times that a file of loads lacks
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
-        """A copy of the scene under other gravity, loads, springs or motors.
+        """Return a copy of the scene with other gravity, loads, springs or motors.
 
         Args:
             changes: `gravity`, `loads`, `springs`, `motors` as a scene file has them: `loads=[{"on": "coupler",
                 "by": "environment", "force": [0, 0, -20]}]`. Vectors may be arrays.
 
         Raises:
-            ScrewgaugeError: There is no such field, or an entry is refused, as in a file.
+            ScrewgaugeError: A field is unknown, or an entry is rejected, as in a file.
         """
         for name in changes:
             check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
@@ -220,17 +220,17 @@ class Scene:
         return replace(self, applied=replace(self.applied, **given))
 
     def with_(self, changes: Mapping[str, Any]) -> Scene:
-        """A copy of the scene with other numbers of its mechanism and of what acts on it.
+        """Return a copy of the scene with changed numbers of its mechanism and of the forces acting on it.
 
-        Names are the paths of a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``, short ones
-        where they are unique, ``coupler.mass``, or patterns, ``*.mass``. Where placements change, home stays on its
-        assembly, and independent coordinates keep their values there.
+        Names are paths in a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``, short forms
+        that are unique, ``coupler.mass``, or patterns, ``*.mass``. If placements change, home keeps its assembly mode,
+        and independent coordinates keep their values there.
 
         Args:
-            changes: Name or pattern -> a number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
+            changes: Name or pattern -> number, or text in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
 
         Raises:
-            ScrewgaugeError: There is no such number, or no body, spring or closed loop has it.
+            ScrewgaugeError: There is no such number, or no body, spring or closed loop can have the new value.
         """
         from screwgauge.models.home import near_home  # a solver of many parts, which few scenes need
 
@@ -250,25 +250,25 @@ class Scene:
         return replace(self, mechanism=mechanism, applied=made.applied)
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
-        """The question that the scene puts to every engine.
+        """Return the problem that the scene poses to every engine.
 
         Args:
             wanted: Names of quantities.
-            engine: Whom it is put to, see `acting_on`; nobody in particular by default.
+            engine: Engine that solves it, see `acting_on`; none in particular by default.
         """
         applied = self.acting_on(engine)
         return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording(), self.points)
 
     def acting_on(self, engine: str) -> Applied:
-        """Forces on the model of an engine: a user's MJCF keeps its gravity.
+        """Return the forces on the model of an engine: a user's MJCF keeps its gravity.
 
-        That, too, is judged. A URDF and a description say none.
+        The judge checks that gravity, too. URDFs and descriptions state none.
         """
         file = self.models.get(engine)
         return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
-        """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""
+        """Return the text of motion, gravity and loads; None for those replaced by other doubles since then."""
         if not self.text:
             return Wording()
         motion, gravity, loads = (self.text[key] for key in ("motion", "gravity", "loads"))
@@ -287,8 +287,10 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """True if the scene moves as in the table; False for samples, and for what follows from forces, whose doubles
-        are what is meant."""
+        """Return True if the scene moves as in the table.
+
+        False for samples, and for motion that follows from forces: their doubles are authoritative.
+        """
         if "csv" in table or {*table} != {*self.mechanism.independent}:
             return False
         stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
@@ -296,7 +298,7 @@ class Scene:
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def tolerance(self, quantity: str) -> float:
-        """Scaled tolerance of a quantity."""
+        """Return the scaled tolerance of a quantity."""
         usual = QUANTITIES[quantity].tolerance
         if isinstance(self.task, InitialValue):
             usual = integrated_tolerance(self.task.integration.rtol, self.task.integration.atol)
@@ -304,13 +306,13 @@ class Scene:
 
 
 def check_scene_type(what: object, where: str) -> None:
-    """Refuses what is no scene, such as the name of one."""
+    """Reject objects that are not scenes, such as the name of a scene."""
     if not isinstance(what, Scene):
         raise DescriptionError(f"{shown(what)} is no scene", where, "give what load_scene makes of a name or path")
 
 
 def check_order(t: Array, since: float) -> None:
-    """Refuses times of a simulation that do not increase from its start on."""
+    """Reject times of a simulation that do not increase from its start."""
     if (np.diff(t) <= 0.0).any() or t[0] < since:
         raise DescriptionError(
             f"the times do not increase from t = {since:g} s on", "times", "give times in order, from the start on"

@@ -1,4 +1,4 @@
-"""Checks of a simulated scene before any engine runs: home, start, stiffness. Given motions: `preflight`."""
+"""Checks of a simulated scene before any engine runs: home, start, stiffness. For given motions see `preflight`."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from screwgauge.scene.scene import Scene
 EXPLICIT = ("DOP853",)
 #: A step h of DOP853 is stable for eigenvalues down to -6.3/h on the real axis and +-5.9i/h on the imaginary one.
 REACH = 6.0
-#: From so many steps on, all of them made only to stay stable, another method is worth while.
+#: Number of steps needed for stability alone from which another method is worthwhile.
 MANY = 1000
 #: Relative step of central differences: the cube root of the rounding error.
 DIFFERENCE = 2.0**-17
 
 
 def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
-    """Refuses a start that cannot be, and warns of a stiff scene.
+    """Reject an impossible start, and warn about a stiff scene.
 
     Returns:
-        The mechanism laid out, and sentences to be shown.
+        The layout of the mechanism, and warnings to show.
 
     Raises:
-        ScrewgaugeError: Home or start do not close, or lie beyond a limit, or no force can move a coordinate.
+        ScrewgaugeError: Home or start do not close or exceed a limit, or no force can move a coordinate.
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
@@ -55,11 +55,11 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
 
 
 def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float = 0.0) -> Array:
-    """Eigenvalues of the linearised motion (y, yd) at a state [1/s]. Complex, shape (2 k,).
+    """Return the eigenvalues of the linearised motion (y, yd) at a state [1/s]. Complex, shape (2 k,).
 
     Args:
         start, yd: Independent coordinates and their rates. Shape (k,).
-        t: Time, by which motors go [s].
+        t: Time, on which motor forces depend [s].
     """
     k, state = len(start), np.concatenate([start, yd])
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
@@ -72,9 +72,9 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
 
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
-    """The fastest eigenvalue at the start [1/s]; 0 where poses next to the start do not exist.
+    """Return the fastest eigenvalue at the start [1/s]; 0 if poses next to the start do not exist.
 
-    Dry friction, which jumps at rest, has none.
+    Dry friction, which jumps at rest, contributes none.
     """
     smooth = without_resistance(lay.mechanism, "friction")
     lay = lay if smooth is lay.mechanism else layout(smooth)
@@ -86,7 +86,7 @@ def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
 
 
 def stiff_warning(fastest: complex, task: InitialValue) -> str:
-    """A sentence if the method is explicit and stability alone asks for very many steps, else nothing.
+    """Warn if an explicit method needs very many steps for stability alone; else return an empty text.
 
     Args:
         fastest: The fastest eigenvalue at the start [1/s].
