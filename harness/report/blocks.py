@@ -16,7 +16,7 @@ from screwgauge.study.formatting import FORMS, missing, number, words
 
 T = TypeVar("T")
 Status = Literal["agree", "differ", "failed", "note"]
-LONG = 12  # rows of a table that are shown; further ones may be folded
+LONG = 12  # rows of a table that are shown; the others may be folded
 _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
 _MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
 _VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
@@ -24,7 +24,7 @@ _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no
 
 
 class Marked(str):
-    """Our own text with **bold**, *emphasis* and `code`; never text from files, engines or users."""
+    """Text of this package with **bold**, *emphasis* and `code`; never text from files, engines or users."""
 
     __slots__ = ()
 
@@ -54,20 +54,20 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """Build the banner of a good or a bad result."""
+        """Build the banner of a positive or negative result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
 @dataclass(frozen=True, slots=True)
 class Items:
-    """A list."""
+    """List of items."""
 
     texts: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text, row by row; a table without head has names and values."""
+    """Cells as text, row by row; a table without a head holds names and values."""
 
     head: tuple[str, ...]
     body: tuple[tuple[str, ...], ...]
@@ -81,14 +81,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A finished picture, and its interactive version on a page with scripts.
+    """Finished picture, with an interactive version for pages with scripts.
 
     Attributes:
         name: File name without ending.
-        chart: The same to zoom and ask, as JSON of Vega-Lite; empty if there is none.
-        stage: The same in space, as JSON of what ``stage.js`` draws; empty if there is none.
-        lost: Why it could not be drawn; empty if it was.
-        of: Quantity that it shows; empty if it shows something else.
+        chart: Interactive chart, as JSON of Vega-Lite; empty if there is none.
+        stage: Interactive drawing in space, as JSON for ``stage.js``; empty if there is none.
+        lost: Reason why it could not be drawn; empty if it was.
+        of: Quantity that the picture shows; empty if it shows something else.
     """
 
     name: str
@@ -116,21 +116,21 @@ class Folded:
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """The first screen: blocks beside a picture, or below two pictures."""
+    """First screen: blocks beside a picture, or below two pictures."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Appendix:
-    """Details at the end: sections folded on a screen and open in print."""
+    """Details at the end: sections folded on a screen and expanded in print."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Glossary:
-    """Words with their meaning; their first use on a page links here."""
+    """Words with their meaning; the first use of a word on a page links here."""
 
     entries: tuple[tuple[str, str], ...]
 

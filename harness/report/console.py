@@ -20,10 +20,10 @@ from screwgauge.reference.errors import OutputError, ScrewgaugeError, log_text, 
 from screwgauge.reference.files import why
 from screwgauge.reference.outputs import OVERWRITING
 
-#: What stands for a sign that a stream cannot encode: as long as the sign, so that columns stay where they are.
+#: Sign -> substitute for streams that cannot encode it, of the same length, so that columns stay aligned.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
 STOPS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-BROKEN = 3  # exit status of what nobody foresaw
+BROKEN = 3  # exit status of an unforeseen error
 _FALLBACK = "screwgauge.signs"
 _stopped_by: list[int] = []
 
@@ -34,7 +34,7 @@ def console() -> Iterator[None]:
     for number in range(3):
         try:
             os.fstat(number)
-        except OSError:  # the next file that is opened would get this number, and what is meant for the stream
+        except OSError:  # otherwise the next opened file would get this number, and the output meant for the stream
             os.open(os.devnull, os.O_RDWR)
     sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8", closefd=False)
     codecs.register_error(_FALLBACK, _fall_back)
@@ -65,7 +65,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def stopped() -> bool:
-    """True if a signal ends the command, even if a library has swallowed its exception."""
+    """Return True if a signal ends the command, even if a library has swallowed its exception."""
     return bool(_stopped_by)
 
 
@@ -94,7 +94,7 @@ def _print(text: str, end: str) -> None:
             raise OSError(errno.EBADF, "it is closed")
         print(text, end=end, flush=True)
     except OSError as error:
-        if sys.stdout is not None:  # what is left is written once more when Python ends
+        if sys.stdout is not None:  # Python writes the rest once more at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             what = f"standard output cannot be written ({why(error)})"
@@ -133,7 +133,7 @@ QUIET = 10.0  # s without a word where the output is no terminal, and from one l
 
 
 class Progress:
-    """Shows the current step, and wipes it at the end."""
+    """Display of the current step, which can be wiped."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = monotonic) -> None:
         self.stream, self.clock, self.terminal = stream, clock, stream.isatty()
@@ -141,7 +141,7 @@ class Progress:
         self.last = self.began
 
     def show(self, step: str, share: float) -> None:
-        """Show a step's name and its completed share, 0 to 1."""
+        """Show the name of a step and its completed share, 0 to 1."""
         if self.terminal:
             text = f"{printable(step):<16} {'#' * int(30 * share):<30} {share:4.0%}"
             if text != self.shown:
@@ -152,7 +152,7 @@ class Progress:
             self._write(f"screwgauge: {printable(step)}, {share:.0%} done after {now - self.began:.0f} s\n")
 
     def _write(self, text: str) -> None:
-        with suppress(OSError):  # nobody looks any more, which is no reason to stop
+        with suppress(OSError):  # a closed terminal is no reason to stop
             self.stream.write(text)
             self.stream.flush()
 

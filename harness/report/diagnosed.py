@@ -17,7 +17,7 @@ class DiagnosisReport(Shown, Diagnosis):
     __slots__ = ()
 
     def _report(self) -> Report:
-        """Import pages and figures only when needed: that takes a tenth of a diagnosis."""
+        """Return the report; pages and figures are imported only here, as that takes a tenth of a diagnosis."""
         from screwgauge.report.pages.diagnosis import PAGE
 
         return PAGE

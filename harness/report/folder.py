@@ -1,6 +1,6 @@
 """The folder of a report: one command writes at a time, and replaces only files of reports.
 
-A list of names and digests says which files these are. Anybody can have written such a list, and anybody can have
+A list of names and digests says which files these are. Anybody may have written such a list, and anybody may have
 changed a file since: a file whose digest does not prove it to be as a report wrote it is the user's own, and is neither
 replaced nor removed. Of the files of a report all get into the folder or none.
 """
@@ -36,10 +36,10 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
     Args:
         names: Names of all files except the report's pages.
-        force: Files of these names may be anybody's; links and folders in their places are refused all the same.
+        force: Admit existing files of any origin; links and folders in their places are still rejected.
 
     Raises:
-        OutputError: The folder cannot be written, or holds something else of that name.
+        OutputError: The folder cannot be written, or contains something else of that name.
     """
     names = (*names, *PAGES, MANIFEST)
     if SAMPLES in names and find_spec("pyarrow") is None:
@@ -58,7 +58,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
 
 def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
-    """Reject replacing foreign files and following links out of the folder."""
+    """Reject replacing files that are not from reports, and following links out of the folder."""
     for name in (MANIFEST, "plots", *names):
         path, odd = out / name, ""
         if path.is_symlink():
@@ -79,10 +79,10 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
 
     Args:
         files: Path below `out` -> text, or table for Parquet.
-        others: Further files of the report that these belong to, all of which are listed first; None if none.
+        others: Further files of the same report, all of which are listed first; None if there are none.
 
     Raises:
-        OutputError: The folder cannot be written; it is then as it was before.
+        OutputError: The folder cannot be written; it is then unchanged.
     """
     stage = None
     try:
@@ -91,7 +91,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
             path = stage / name
             path.parent.mkdir(parents=True, exist_ok=True)
             if isinstance(content, str):
-                # a path that is no text, such as that of a scene, is written with escapes
+                # an undecodable path, such as that of a scene, is written with escapes
                 path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
             else:
                 content.to_parquet(path, index=False)
@@ -137,15 +137,15 @@ def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
 
 
 MANIFEST = "report-files.json"
-#: Endings of what reports consist of.
+#: File name endings of reports.
 ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
 
 
 def written(out: Path) -> set[str]:
-    """Names of a report's unchanged files in a folder; empty without a report.
+    """Return names of a report's unchanged files in a folder; empty without a report.
 
     Raises:
-        OutputError: There is something else in the place of the list.
+        OutputError: Something else has the name of the list.
     """
     return {name for name, digests in _read_list(out).items() if _digest(out / name) in digests}
 
@@ -157,8 +157,8 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
     cut off, each file has one of the two.
 
     Args:
-        fresh: Name -> SHA-256 of what will be there.
-        others: Further files of the report; those that are there count as they are.
+        fresh: Name -> SHA-256 of the new file.
+        others: Further files of the report; existing ones count as they are.
     """
     listed, entries = _read_list(out), dict[str, list[str]]()
     for name in sorted({*fresh, *others}):
@@ -184,14 +184,14 @@ def _read_list(out: Path) -> dict[str, list[Any]]:
 
 
 def _is_ours(name: str) -> bool:
-    """True if a report could have written a file of that name directly in its folder."""
+    """Return True if a report could have written a file of that name directly in its folder."""
     path = PurePosixPath(name)
     inside = str(path) == name and str(path.parent) in (".", "plots") and path.name not in ("", "..", MANIFEST)
     return inside and path.suffix in ENDINGS
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a regular file if neither it nor its folder is a link; else empty."""
+    """Return the SHA-256 of a regular file if neither it nor its folder is a link; else an empty text."""
     if os.path.islink(path) or os.path.islink(path.parent):
         return ""
     try:
@@ -200,7 +200,7 @@ def _digest(path: Path) -> str:
         return ""
 
 
-#: What systems say whose folders cannot be locked, such as some network file systems.
+#: Errors of systems whose folders cannot be locked, such as some network file systems.
 _UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
 
 
@@ -208,10 +208,10 @@ _UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINV
 def locked(out: Path) -> Iterator[None]:
     """Lock a folder, created if needed, within the context; the system unlocks it if the process dies.
 
-    A folder that was made and stayed empty goes away.
+    A folder that was created here and stays empty is removed.
 
     Raises:
-        OutputError: Another command holds the folder, or it cannot be made.
+        OutputError: Another command holds the folder, or it cannot be created.
     """
     made, place = list[Path](), -1
     try:
@@ -231,6 +231,6 @@ def locked(out: Path) -> Iterator[None]:
         yield
     finally:
         os.close(place)
-        with suppress(OSError):  # something is in it
+        with suppress(OSError):  # it is not empty
             for folder in made:
                 folder.rmdir()

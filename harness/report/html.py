@@ -24,28 +24,28 @@ from screwgauge.study.formatting import file_name, free_name
 from screwgauge.truth import cache
 
 PAGE = Path(__file__).with_name("page.html")
-#: Nothing is asked of anybody; vega makes functions of the head of a table, so pages with charts evaluate.
+#: No request is allowed; vega compiles functions from the head of a table, so pages with charts may evaluate.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
-WIDE = 8  # columns from which a table is set tighter
-#: Letters side by side on a phone, of a column of text that reads well, and of a table that has room twice on paper.
+WIDE = 8  # number of columns from which a table is set more tightly
+#: Letters per line on a phone, in a legible column of text, and in a table that fits twice on a line of paper.
 PHONE, LEGIBLE, SLIM = 50, 30, 40
-SENTENCE = 80  # letters of a cell that is no name and no number
-UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are no links
+SENTENCE = 80  # letters from which a cell is a sentence, not a name or number
+UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are not linked
 STAGE = Path(__file__).with_name("stage") / "stage.js"
-#: three.js within trimesh's viewer: from the head of its licence to the end of the function that defines it.
+#: Pattern of three.js in trimesh's viewer: from the head of its licence to the end of the function that defines it.
 THREE = re.compile(
     r"/\*\*\s*\* @license\s*\* Copyright \S+ Three\.js Authors.*?\}\)\s*\)\s*;?(?=\n|</script>)", re.DOTALL
 )
-#: SHA-256 of the texts that `THREE` finds in releases of trimesh which were read: 5.2.0.
+#: SHA-256 of the texts that `THREE` finds in reviewed releases of trimesh: 5.2.0.
 KNOWN = frozenset({"1baf8525cd80caceabd6eb50da7961aa47f191ac7a68adb454c3a761b29244e2"})
-#: What a page runs in their place.
+#: Script that a page runs in place of unknown ones.
 UNDRAWN = """window.screwgaugeStage = (element) => {
   const note = document.createElement("figcaption");
   note.textContent = REASON;
   element.parentElement.append(note);
   throw new Error(note.textContent);
 };"""
-#: three.js names its licence only; this is the text that has to go with every copy.
+#: three.js only names its licence; every copy has to include this text.
 LICENCE = """/*! three.js. The MIT License. Copyright © 2010-2022 three.js authors
 
 Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
@@ -82,7 +82,7 @@ def _scripts(pictures: Sequence[b.Picture]) -> str:
     for picture in pictures:
         kind = "stage" if picture.stage else "chart" if picture.chart else ""
         needed |= {kind: None} if kind else {}
-        data = (picture.stage or picture.chart).replace("<", r"\u003c")  # which JSON has in texts only
+        data = (picture.stage or picture.chart).replace("<", r"\u003c")  # in JSON it occurs only in texts
         lines.append(f'<script type="application/json" data-kind="{kind}">{data}</script>')
     for kind in needed:
         source = re.sub("</(?=script)|<!--", lambda m: m[0].replace("<", r"\x3c"), MOVING[kind](), flags=re.IGNORECASE)
@@ -131,7 +131,7 @@ def _link_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> st
 
 
 def fragment(blocks: Iterable[Block]) -> str:
-    """Render the blocks without page, to be embedded."""
+    """Render blocks without a page, for embedding."""
     return "\n".join(_block(b.or_reason(block)) for block in blocks)
 
 
@@ -206,9 +206,9 @@ def _text(text: str) -> str:
     return "".join(f"<{tag}>{piece}</{tag}>" if tag else piece for tag, piece in pieces)
 
 
-#: Where names in cells may break: behind these signs.
+#: Characters after which names in cells may break.
 _BREAKS = re.compile(r"(?<=\w{4})[_/](?=\w{3})|(?<=[a-z0-9])[.](?=[a-z]{2})")
-_UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # which stay with their numbers
+_UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # units that stay with their numbers
 
 
 def _numbers(text: str) -> str:
@@ -223,7 +223,7 @@ def _cell(text: str) -> str:
 
 
 def _longest(texts: Iterable[str]) -> int:
-    """Length of the longest unbreakable piece."""
+    """Return the length of the longest unbreakable piece."""
     pieces = (piece for text in texts for piece in re.split(rf"[\s-]+|{_BREAKS.pattern}", plain(text)))
     return max(map(len, pieces), default=0)
 
@@ -254,10 +254,10 @@ def _table(block: b.Table) -> str:
 
 
 def chart_script() -> str:
-    """Bundle vega, vega-lite and vega-embed, cached in the user's cache folder because that takes seconds."""
+    """Bundle vega, vega-lite and vega-embed, cached in the user's cache folder, as that takes seconds."""
     release = version("vl-convert-python")
     key = cache.digest("vega", release)
-    kept, _ = cache.read(key, release)  # whole and ours, or computed anew
+    kept, _ = cache.read(key, release)  # complete and trusted, or computed again
     if kept is not None:
         return kept["script"].tobytes().decode()
     script = str(RENDERER.ask("javascript_bundle"))
@@ -268,7 +268,7 @@ def chart_script() -> str:
 def stage_script() -> str:
     """Bundle three.js with its licence and the code that draws a mechanism.
 
-    Where the installed trimesh carries no three.js that is in `KNOWN`, the script says so below the still picture.
+    If the installed trimesh contains no three.js of `KNOWN`, the script states this below the still picture.
     """
     three = three_js()
     if hashlib.sha256(three.encode()).hexdigest() in KNOWN:
@@ -289,9 +289,9 @@ def three_js() -> str:
 
 
 def viewer_archive() -> Path:
-    """Path of the viewer page in the installed trimesh, an archive."""
+    """Return the path of the viewer page in the installed trimesh, an archive."""
     return Path(str(distribution("trimesh").locate_file("trimesh/resources/templates/viewer.zip")))
 
 
-#: Part of a picture -> what draws it.
+#: Part of a picture -> function that draws it.
 MOVING = {"chart": chart_script, "stage": stage_script}

@@ -48,7 +48,7 @@ def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A kind of report.
+    """Kind of report.
 
     Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
@@ -58,16 +58,16 @@ class Report:
     filled in. ``{# Title}`` stands for the text of the section of that title.
 
     Attributes:
-        text: Name of the file in ``texts/``, or the path of another one, without its ``.md``.
+        text: Name of the file in ``texts/``, or path of another file, without ``.md``.
         banner: Verdict in a sentence, then warnings.
-        data: File name -> what it holds. The record of the machine is added: that of the results, else of now.
+        data: File name -> content. The record of the machine is added: that of the results, else the current one.
         values: Name -> value; computed when a text asks for it. Other names are attributes of the results (``a.b``:
             of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
             ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
             ``picture remarks`` (on the first picture).
         draw: Pictures.
-        lead: Chooses the pictures of the first screen; the last one gets its remarks.
-        plots: Shows all other pictures.
+        lead: Function that chooses the pictures of the first screen; the last one gets its remarks.
+        plots: Function that shows all other pictures.
         figures: Significant figures of numbers in CSV; every bit by default.
     """
 
@@ -87,7 +87,7 @@ class Report:
 
     @property
     def NAME(self) -> str:
-        """File of the table, or of the first one."""
+        """File of the first table."""
         return next(iter(self.data))
 
     def write(
@@ -105,13 +105,13 @@ class Report:
         Args:
             more: Further files.
             safe: Called when the data are on disk, before anything is drawn.
-            force: Files in the way are replaced, whoever wrote them.
+            force: Replace existing files, whatever their origin.
 
         Raises:
-            ReportError: The data are there; pages or some pictures are not.
+            ReportError: The data are written, but pages or some pictures are not.
         """
         with suppress(OSError):
-            RENDERER.start()  # it takes a moment, in which the data are written
+            RENDERER.start()  # starting takes a moment, during which the data are written
         record = getattr(results, "environment", None) or environment()
         data = {**{name: make(results) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
@@ -128,7 +128,7 @@ class Report:
     def blocks(
         self, results: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
     ) -> list[Block]:
-        """Blocks of ``report.md`` and ``report.html``."""
+        """Return the blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
         lead = self.lead(results, drawn)
         first, others = lead[-1] if lead else None, [each for each in drawn if each not in lead]
@@ -143,7 +143,7 @@ class Report:
         return changed([*blocks, Appendix(tuple(last))], or_reason)
 
     def terminal(self, results: Any) -> list[Block]:
-        """Blocks of the section "On a terminal"."""
+        """Return the blocks of the section "On a terminal"."""
         filled, (_, sections, _) = _Filled(self, results, {}, None, ()), _parts(self.text)
         return [block for title, text in sections if title == TERMINAL for block in filled.section("", text)]
 
@@ -206,7 +206,7 @@ class _Filled(Mapping[str, Any]):
         return reduce(lambda value, part: None if value is None else getattr(value, part), path, self.results)
 
     def section(self, title: str, text: str) -> list[Block]:
-        """Heading and blocks of a section; empty for optional sections without content."""
+        """Return heading and blocks of a section; empty for optional sections without content."""
         shown, places, filled = list[Block](), 0, 0
         text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
         for part in filter(None, re.split(r"\n{2,}", text.strip())):
@@ -256,12 +256,12 @@ def prose(text: str) -> list[Block]:
 
 
 def _used(text: str) -> tuple[tuple[str, str], ...]:
-    """Words of the glossary in a text."""
+    """Return the words of the glossary in a text."""
     return tuple((w, m) for w, m in _glossary().items() if re.search(rf"\b{re.escape(w)}\b", text, re.IGNORECASE))
 
 
 @cache
 def _glossary() -> dict[str, str]:
-    """Word -> its meaning, from ``texts/glossary.md``."""
+    """Read word -> meaning from ``texts/glossary.md``."""
     lines = " ".join((TEXTS / "glossary.md").read_text(encoding="utf-8").split()).split(" - **")[1:]
     return {word: Marked(meaning) for word, _, meaning in (line.partition("**: ") for line in lines)}

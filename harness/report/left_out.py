@@ -1,4 +1,4 @@
-"""Sentences on forces in files that no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
+"""Sentences about forces in files that no engine includes: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FIGURES = 3
 
 
 def more(results: Comparison) -> str:
-    """Name each file's additions to the rigid machine: ``the file has more: armature of joint m1, ...``."""
+    """List each file's additions to the rigid machine: ``the file has more: armature of joint m1, ...``."""
     by_file: dict[str, list[str]] = {}
     for term in results.left_out.terms:
         by_file.setdefault(term.file or "the file", []).append(phrase(term))
@@ -40,7 +40,7 @@ def phrase(term: LeftOutTerm) -> str:
 
 
 def owners(names: Sequence[str]) -> str:
-    """Name owners: ``joint m1``, or ``2 joints and 1 tendon``."""
+    """List owners: ``joint m1``, or ``2 joints and 1 tendon``."""
     if len(names) == 1:
         return names[0]
     nouns = Counter(name.partition(" ")[0] for name in names)
@@ -49,13 +49,13 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained(results: Comparison) -> Iterator[str]:
-    """Describe tables and engines whose numbers include the additions."""
+    """Describe tables and engines whose values include the additions."""
     for name, kinds in results.left_out.contained.items():
         yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:
-    """Rows with columns what, whose, size, of, unit, worst_at, file."""
+    """Return rows with columns what, whose, size, of, unit, worst_at, file."""
     return [
         {
             "what": term.kind,

@@ -26,20 +26,20 @@ from screwgauge.study.formatting import Row, number, rows, span, vector
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}
-NOTHING = 1e-12  # share of the largest force, or moment, below which one is rounding
+NOTHING = 1e-12  # share of the largest force, or moment, below which a value is rounding
 EXPORTED = ("joint_position", "actuator_force", "reaction", "observable")
-#: What is computed only where somebody names it: then it is wanted in the table, too.
+#: Quantities that are computed only if named: then they are wanted in the table, too.
 NAMED = tuple(name for name, quantity in QUANTITIES.items() if quantity.named)
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
 def timings(results: Comparison) -> list[Timing]:
-    """Timed stages of all engines."""
+    """Return the timed stages of all engines."""
     return [timing for solution in results.solutions.values() for timing in solution.timings]
 
 
 def samples_table(results: Comparison) -> pd.DataFrame:
-    """Table of every sample: column t and one column ``engine/quantity/component`` for each value."""
+    """Build a table of every sample: column t and one column ``engine/quantity/component`` for each value."""
     values = {
         f"{engine}/{quantity}/{name}": column
         for engine, solution in results.solutions.items()
@@ -55,7 +55,7 @@ def values_table(
     quantities: Collection[str] | None = None,
     not_unique: Mapping[str, Collection[str]] | None = None,
 ) -> pd.DataFrame:
-    """Samples solved by an engine in the format of a user's table, of `EXPORTED` and `NAMED` by default.
+    """Build a table of an engine's samples in the format of a user's table, of `EXPORTED` and `NAMED` by default.
 
     Args:
         not_unique: Quantity -> components that have no unique value; their headers say so.
@@ -72,10 +72,10 @@ def values_table(
 
 
 def forces(results: Comparison) -> list[Row]:
-    """Smallest and largest force over the motion with their times: actuators, then joint reactions.
+    """Return the smallest and largest force over the motion with their times: actuators, then joint reactions.
 
-    Of a reaction it is the magnitude of the force, and of the moment, from those components that have a unique value.
-    Rows of, what, unit, min, t_min, max, t_max, components, engine.
+    For a reaction, these are magnitudes of force and of moment, computed from the components with a unique value.
+    Rows have columns of, what, unit, min, t_min, max, t_max, components, engine.
     """
     sized, not_unique = list[Row](), results.not_unique
     for quantity, lead in (("actuator_force", "actuator"), ("reaction", "reaction")):
@@ -102,7 +102,7 @@ def forces(results: Comparison) -> list[Row]:
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
-    """The truth if it has all samples, else the first engine with the quantity."""
+    """Return the truth if it has all samples, else the first engine with the quantity."""
     known = [solution for solution in results.solutions.values() if quantity in solution.values]
     certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
     return next(certain, known[0] if known else None)
@@ -120,7 +120,7 @@ def _without_rounding(sized: list[Row]) -> list[Row]:
 
 
 def summary(results: Comparison) -> dict[str, Any]:
-    """Content of ``summary.json`` as plain Python values: no NaN, no numpy."""
+    """Build the content of ``summary.json`` as plain Python values: no NaN, no numpy."""
     cover = results.coverage
     content = {
         "scene": results.scene.name,
@@ -166,7 +166,7 @@ def _quantity(row: Row) -> Row:
 
 
 def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Files of scene, description and models, and the date."""
+    """Return files of scene, description and models, and the date."""
     files = {
         "scene file": {"file": provenance.get("scene_file"), "sha256": provenance.get("scene_sha256")},
         "description": provenance.get("description", {}),
@@ -187,7 +187,7 @@ def short(judged: Mapping[str, str]) -> dict[str, str]:
 
 
 def samples(t: Array) -> str:
-    """``101 samples, t = 0 to 1 s``."""
+    """Format a grid of times: ``101 samples, t = 0 to 1 s``."""
     return f"{len(t)} sample{'s' * (len(t) != 1)}, t = {span(number(t[0]), number(t[-1]))} s"
 
 

@@ -22,7 +22,7 @@ from screwgauge.study.comparison import Comparison
 
 
 class Results(Shown, Comparison):
-    """A comparison with its report, which a notebook shows."""
+    """Comparison with its report, which a notebook shows."""
 
     __slots__ = ()
 
@@ -30,14 +30,14 @@ class Results(Shown, Comparison):
         """Write tables and summary into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
-            out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
-            samples: Also every sample of every engine, as Parquet.
-            pdf: Also the page as PDF, printed by a Chromium.
-            force: Files in the way are replaced, whoever wrote them.
+            out: Folder, created if needed; if the data cannot be written, it is unchanged.
+            samples: Also write every sample of every engine, as Parquet.
+            pdf: Also print the page as PDF, with a Chromium.
+            force: Replace existing files, whatever their origin.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
-            ReportError: The numbers are there, the report could not be made.
+            ReportError: The data are written, but the report could not be made.
         """
         return self._write(out, samples=samples, pdf=pdf, force=force)
 
@@ -53,18 +53,18 @@ class Results(Shown, Comparison):
 
         Args:
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
-            engine: Whose values; by default those of the first for a file, of all for a folder.
+            engine: Engine whose values are written; by default the first for a file, all for a folder.
             quantities: Names; by default positions, actuator forces, reactions, observables and what is computed on
                 request only, such as ``resistance``. Headers end with
-                ``not unique`` where redundant constraints leave a component open: the numbers are one choice of many.
-            force: Files in the way are replaced, whoever wrote them.
+                ``not unique`` if redundant constraints leave a component undetermined: values are one of many choices.
+            force: Replace existing files, whatever their origin.
 
         Returns:
-            The files.
+            The written files.
 
         Raises:
-            OutputError: A file is there and was changed or not written here, or it cannot be written.
-            UnknownNameError: There is no such engine or quantity.
+            OutputError: An existing file was changed or not written here, or a file cannot be written.
+            UnknownNameError: The engine or a quantity is unknown.
         """
         known = {name for solution in self.solutions.values() for name in solution.values}
         names = check_choice("engine", [engine] if engine else [*self.solutions], self.solutions)
@@ -78,14 +78,14 @@ class Results(Shown, Comparison):
         return [*files.values()]
 
     def plot(self) -> Figures:
-        """The figures of the report."""
+        """Return the figures of the report."""
         return Figures(as_kind(Figure, picture) for picture in run_page.pictures(self))
 
     def frame(self, quantity: str) -> pd.DataFrame:
-        """Table of a quantity over time by all engines: index t [s], columns engine and component.
+        """Build a table of a quantity over time from all engines: index t [s], columns engine and component.
 
         Raises:
-            UnknownNameError: No engine has it; it lists those that there are.
+            UnknownNameError: No engine has the quantity; the error lists the available ones.
         """
         if not (having := self._having(quantity)):
             raise UnknownNameError("quantity", quantity, {*chain(*(s.values for s in self.solutions.values()))})
@@ -98,13 +98,13 @@ class Results(Shown, Comparison):
         )
 
     def figure(self, name: str) -> Figures:
-        """Figures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
+        """Return figures that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
         ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes the curves alone for a paper, as PDF,
         SVG or PNG (``dpi=600``), see `Figure.save`.
 
         Raises:
-            UnknownNameError: None has; it lists the names there are.
+            UnknownNameError: No figure matches; the error lists the available names.
         """
         every = self.plot()
         pictures = [picture for picture in every if name in (picture.of, picture.name, picture.name.partition("-")[2])]
@@ -123,12 +123,12 @@ class Results(Shown, Comparison):
 
 
 def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
-    """Engine -> its file of values: the named one, or one in a folder of that name."""
+    """Return engine -> its file of values: the named file, or one in a folder of that name."""
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
 class Figures(list[Figure]):
-    """A list of `Figure`, shown by notebooks; a list of one is saved like its item."""
+    """List of `Figure`, which notebooks show; a list of one is saved like its item."""
 
     def __repr__(self) -> str:
         return "\n".join(picture.title for picture in self)
@@ -137,7 +137,7 @@ class Figures(list[Figure]):
         return fragment(self)
 
     def save(self, path: str | Path, **style: Any) -> Path:
-        """Write the figure, if it is the only one; `style` holds the further arguments of `Figure.save`.
+        """Write the only figure; `style` holds the further arguments of `Figure.save`.
 
         Raises:
             DescriptionError: There are several.

@@ -14,9 +14,9 @@ from screwgauge.study.formatting import Row, digits_text, listed, missing, numbe
 from screwgauge.study.review import ReviewedColumn, TableReview
 from screwgauge.study.transformations import Fault
 
-NAMED, FIGURES = 4, 4  # columns in a sentence, the others being counted; figures of a size
+NAMED, FIGURES = 4, 4  # columns named in a sentence, the others being counted; figures of a size
 COLUMNS = "column = name | unit | finding | digits = error:as_digits | put right = after"
-#: Kind of a fault -> what columns do that have it.
+#: Kind of a fault -> words for columns that have it.
 WORDS = {
     "sign": "{be} negated",
     "unit": "{be} in {unit}",
@@ -52,7 +52,7 @@ class ReviewReport(TableReview):
 
 
 def blocks(review: TableReview) -> list[Block]:
-    """Verdict, and a line for each column."""
+    """Return the verdict, and a table with a line for each column."""
     return [banner(review), columns(review)]
 
 
@@ -71,7 +71,7 @@ def banner(review: TableReview) -> Banner:
 
 
 def sentences(review: TableReview) -> list[str]:
-    """Sentences on faults, on agreement after their correction, and on unexplained columns."""
+    """Return sentences on faults, on agreement after their correction, and on unexplained columns."""
     whole = [column for column in review.columns if column.faults is not None]
     lost = [column for column in review.columns if column.faults is None]
     if not review.columns:
@@ -92,7 +92,7 @@ def sentences(review: TableReview) -> list[str]:
 
 
 def _loose(review: TableReview) -> Iterator[str]:
-    """Columns that agree to their printed digits, but not to the tolerance of a run."""
+    """Yield a sentence on columns that agree to their printed digits, but not to the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
         yield f"That is what they print: state error.{quantity} = {number(place, 2)}, and a run agrees."
@@ -142,7 +142,7 @@ def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 
 def rows(review: TableReview) -> list[Row]:
-    """Columns as rows of a table."""
+    """Return columns as rows of a table."""
     return [
         {
             **asdict(column),

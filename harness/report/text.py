@@ -13,8 +13,8 @@ from screwgauge.report import blocks as b
 from screwgauge.report.blocks import Block, plain, spans
 
 COLUMNS = 100
-LINES = 24  # of one screen
-NARROW = 12  # a column of text is made no narrower, nor than its longest word
+LINES = 24  # lines of one screen
+NARROW = 12  # smallest width of a column of text, unless its longest word is wider
 MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
 
@@ -61,12 +61,12 @@ def _table(lines: list[list[str]], block: b.Table) -> list[str]:
 
 
 def _excess(widths: Mapping[int, int]) -> int:
-    """Number of characters beyond the line width."""
+    """Return the number of characters beyond the line width."""
     return sum(widths.values()) + 2 * (len(widths) - 1) - COLUMNS
 
 
 def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, int]:
-    """Widths of columns; the widest text columns shrink until the line fits."""
+    """Return the widths of columns; the widest text columns shrink until the line fits."""
     widths = {i: max(map(len, cells)) for i, cells in columns.items()}
     for i in sorted({*columns} - block.right, key=widths.__getitem__, reverse=True):
         least = max(NARROW, *(len(word) for cell in columns[i] for word in cell.split()))

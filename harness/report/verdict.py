@@ -15,7 +15,7 @@ from screwgauge.study.formatting import Row, digits_text, listed, missing, numbe
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 
-#: What a reader has to know about quantities that nobody asks for; their digits never stand for those of a run.
+#: Remarks on quantities that no user requests; their digits never represent those of a run.
 OPEN_TREE = {
     "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
     "tree_force_soft": (
@@ -26,12 +26,12 @@ OPEN_TREE = {
 
 
 def compared(results: Comparison) -> list[Row]:
-    """Rows of pairs whose engines both ran, with the name of the pair."""
+    """Return rows of pairs whose engines both ran, with the name of the pair."""
     return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in rows(results.compared)]
 
 
 def first_difference(results: Comparison) -> Row | None:
-    """First row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
+    """Return the first row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
     keys = {"quantity": "quantity", "component": "worst_component", "a": "a", "b": "b", "size": "max_scaled"}
     bad = (row for row in compared(results) if not row["ok"])
     return next(({key: row[column] for key, column in keys.items()} for row in bad), None)
@@ -44,7 +44,7 @@ def verdict(results: Comparison) -> Banner:
 
 
 def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
-    """Headline of a run in one sentence, worst news first, and further remarks."""
+    """Return the headline of a run in one sentence, worst news first, and further remarks."""
     sentences, word, status = _conclusion(results)
     return Banner(sentences[0], word, status), sentences[1:]
 
@@ -65,7 +65,7 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     return agreement, word, "agree"
 
 
-#: Word of each outcome of a run.
+#: Outcome of a run -> word.
 WORDS: dict[Outcome, str] = {
     "agree": "✓ AGREE",
     "judged": "✓ WITHIN TOLERANCE",
@@ -88,7 +88,7 @@ def _failed(results: Comparison) -> list[str]:
 
 
 def _partly(results: Comparison) -> list[str]:
-    """List what was asked but not compared, naming equal cases once."""
+    """List what was requested but not compared, naming equal cases once."""
     engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
@@ -122,7 +122,7 @@ def _difference(results: Comparison) -> list[str]:
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
     if missing(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
-        if not row["b"]:  # an engine that stopped, with no other engine
+        if not row["b"]:  # an engine stopped, and there is no other
             return [f"{reason}.", *more]
         where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
@@ -160,7 +160,7 @@ def _unlike(results: Comparison) -> list[str]:
 
 
 def _leave(keys: Iterable[str]) -> str:
-    """Tell how a scene allows something."""
+    """Describe how a scene can allow a difference."""
     entries = ", ".join(f'"{key}"' for key in keys)
     return f"Where that is meant, the scene allows it: allow = [{entries}]."
 
@@ -175,7 +175,7 @@ def _fault(results: Comparison) -> list[str]:
     )
 
 
-#: What is said of each outcome.
+#: Outcome -> function that returns its sentences.
 _SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
     "failed": _failed,
     "differ": _difference,
@@ -197,7 +197,7 @@ def _because(row: Row) -> str:
 
 
 def _report_alone(results: Comparison) -> Iterator[str]:
-    """Report what only one engine gives."""
+    """Report quantities that only one engine gives."""
     for engine, names in results.alone:
         yield f"Compared with no other engine: {listed(names)} of {engine}."
 
@@ -255,7 +255,7 @@ def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def has_excuse(row: Row, simulated: bool) -> bool:
-    """True if few digits are excused, such as for numbers that are zero within rounding."""
+    """Return True if few digits are excused, such as for numbers that are zero within rounding."""
     return bool(row["ok"] and row["reason"] and not simulated and not row["reason"].startswith(NARROW))
 
 

@@ -23,7 +23,7 @@ from screwgauge.study.lifeline import tied
 
 PDF = "report.pdf"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
-LONGEST = 120.0  # [s]
+LONGEST = 120.0  # time limit of printing [s]
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer")
 
 
@@ -40,24 +40,24 @@ def write_report(
     """Write data files, then ``report.md``, ``report.html`` and the plots.
 
     Args:
-        out: Folder, made if need be. Files of the report before are replaced or removed; all others stay.
-        tell: Makes the blocks of the report.
+        out: Folder, created if needed. Files of an earlier report are replaced or removed; all others stay.
+        tell: Function that builds the blocks of the report.
         data: File name -> table for CSV and Parquet, anything else for JSON.
         figures: Significant figures of the numbers in CSV; every bit by default.
-        pdf: Whether the page is printed to ``report.pdf``, too.
-        safe: Called when the data are safe.
-        force: Files in the way are replaced, whoever wrote them.
+        pdf: Also print the page to ``report.pdf``.
+        safe: Called when the data are on disk.
+        force: Replace existing files, whatever their origin.
 
     Raises:
-        OutputError: The data cannot be written; the folder is then as it was before.
-        ReportError: The data are there, the report is not.
+        OutputError: The data cannot be written; the folder is then unchanged.
+        ReportError: The data are written, but the report is not.
     """
     printed = [PDF] if pdf else []
     check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
     write_files(out, numbers, before)
-    for name in before - {*numbers}:  # of an earlier run; beside the new report they would mislead
+    for name in before - {*numbers}:  # pictures of an earlier run, which would mislead beside the new report
         (out / name).unlink(missing_ok=True)
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}
@@ -70,11 +70,11 @@ def write_report(
         if pdf:
             print_page(out / PAGES[1], out / PDF)
             write_files(out, {}, {*drawn, *pages, *data, *printed})
-    except OutputError:  # says itself what is missing
+    except OutputError:  # its message states what is missing
         raise
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the numbers are in {out}, the report on them is not") from None
-    except Exception as error:  # the numbers took long and are worth more than any page
+    except Exception as error:  # the numbers took long, and are worth more than any page
         what = f"the report could not be made ({type(error).__name__}: {error})"
         raise ReportError(what, str(out), "its numbers are there; --debug shows where it broke") from error
     return out
@@ -93,14 +93,14 @@ def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
 
 
 def _text(value: Any, figures: int | None) -> str:
-    if not hasattr(value, "to_csv"):  # no table; pandas itself takes long to load
+    if not hasattr(value, "to_csv"):  # not a table; loading pandas takes long
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
     return str(value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form))
 
 
 class Shown:
-    """A result with a page, which terminals and notebooks show in a screenful."""
+    """Result with a page, of which terminals and notebooks show a screenful."""
 
     __slots__ = ()
 
@@ -111,16 +111,16 @@ class Shown:
 
     @abstractmethod
     def _report(self) -> Any:
-        """Kind of the result's report."""
+        """Return the kind of the result's report."""
 
     def _page(self) -> Iterable[Block]:
-        """Blocks of the whole page."""
+        """Return the blocks of the whole page."""
         report = self._report()
         blocks: list[Block] = report.blocks(self, report.draw(self))
         return blocks
 
     def _screen(self) -> Iterable[Block]:
-        """Blocks that fit a screen."""
+        """Return the blocks that fit a screen."""
         blocks: list[Block] = self._report().terminal(self)
         return blocks
 
@@ -128,12 +128,12 @@ class Shown:
         """Write data into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
-            out: Folder, made if need be; if the data cannot be written, it is as it was before.
-            force: Files in the way are replaced, whoever wrote them.
+            out: Folder, created if needed; if the data cannot be written, it is unchanged.
+            force: Replace existing files, whatever their origin.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names.
-            ReportError: The data are there, the report could not be made.
+            ReportError: The data are written, but the report could not be made.
         """
         return self._write(out, force=force)
 
@@ -148,14 +148,14 @@ class Shown:
         """Render the report as one page that opens offline.
 
         Args:
-            path: File that it is written to; without one nothing is written.
-            force: A file in the way is replaced, whoever wrote it.
+            path: File to write; None to write nothing.
+            force: Replace an existing file, whatever its origin.
 
         Returns:
-            The path, or the text of the page without one.
+            The path, or the text of the page if there is no path.
 
         Raises:
-            OutputError: The file cannot be written, or is there and was changed or not written here.
+            OutputError: The file cannot be written, or exists and was changed or not written here.
         """
         if path is not None:
             check_free(Path(path), force=force)
@@ -170,10 +170,10 @@ class Shown:
 
 
 def browser() -> str:
-    """Path of a browser that can print.
+    """Return the path of a browser that can print.
 
     Raises:
-        OutputError: There is none.
+        OutputError: There is no such browser.
     """
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
@@ -185,7 +185,7 @@ def print_page(html: Path, pdf: Path) -> None:
     """Print a page to PDF, completely or not at all.
 
     Raises:
-        OutputError: No browser, or it fails or takes too long.
+        OutputError: There is no browser, or it fails or takes too long.
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / PDF

@@ -20,13 +20,13 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.renderer import RENDERER, DrawingError
 
 Spec = dict[str, Any]
-Curve = tuple[Spec, Array, Array]  # what it is, by field; times [s] and values, shapes (n,)
+Curve = tuple[Spec, Array, Array]  # description by field; times [s] and values, shapes (n,)
 SPECS = Path(__file__).with_name("specs")
 UNSEEN = 1.0 / 400.0  # of the height of a panel
-WIDTH, GAP, LETTER = 560, 24, 5.6  # of panels in a line together, between two, of a letter on average [pixels]
-#: The wheel alone scrolls the page.
+WIDTH, GAP, LETTER = 560, 24, 5.6  # total width of panels in a line, gap between them, mean width of a letter [pixels]
+#: Zoom with Ctrl and the wheel; the wheel alone scrolls the page.
 _ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}
-#: How a logarithmic axis reads: 0.01, 500, 1e4.
+#: Format of a logarithmic axis: 0.01, 500, 1e4.
 POWER = (
     "datum.value >= 0.01 && datum.value <= 1000 ? format(datum.value, '~g') : "
     "replace(format(datum.value, '.0e'), '+', '')"
@@ -41,7 +41,7 @@ def _text(name: str) -> str:
 
 
 def filled(name: str, /, **values: Any) -> Spec:
-    """Fill every ``"$key"`` of a specification, however deep; a facet of one panel becomes that panel."""
+    """Replace every ``"$key"`` of a specification, at any depth; a facet of one panel becomes that panel."""
     spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
     if spec.get("columns") == 1:
         panel = spec.pop("spec")
@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
+    """Build the template values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
@@ -71,10 +71,10 @@ def ways(field: str, looks: Mapping[str, Look]) -> Spec:
 
 
 def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Spec:
-    """Values ``data`` and ``lookup``: each curve described once, with points that are numbers or gaps.
+    """Build template values ``data`` and ``lookup``: each curve described once, with points that are numbers or gaps.
 
     Args:
-        linear: Whether they share a linear axis: then a still picture needs no points that are on lines between others.
+        linear: True if they share a linear axis: a still picture then omits points on lines between others.
     """
     rows, described, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
@@ -95,7 +95,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, and at parts of few decades.
+    """Build template values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, and within few decades.
 
     Args:
         values: Values to draw; only positive ones can be drawn.
@@ -116,7 +116,7 @@ def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int 
 
 
 def columns(panels: int) -> Spec:
-    """Values ``columns`` and ``width`` of panels."""
+    """Build the template values ``columns`` and ``width`` of panels."""
     n = 3 if panels % 3 == 0 else min(panels, 2)
     return {"columns": n, "width": (WIDTH - (n - 1) * GAP) // n}
 
@@ -143,7 +143,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
 
 def still_parts(node: Any) -> Any:
-    """Parts of a chart without interaction, such as invisible points."""
+    """Remove interactive parts from a chart, such as invisible points."""
     if isinstance(node, list):
         return [
             still_parts(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))
@@ -190,9 +190,9 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 
 
 def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
-    """Choose samples whose connecting lines miss no other by more than `off`; gaps remain. Shapes (n,).
+    """Choose samples whose connecting lines miss no other sample by more than `off`; gaps remain. Shapes (n,).
 
-    Every other one is looked at, four times: what is left out early is off by less.
+    Every second sample is tested, in four passes: samples dropped early deviate less.
     """
     at = np.arange(len(t))
     for _ in range(4):
@@ -212,7 +212,7 @@ STAR = "M0,-1L.24,-.31L.95,-.31L.36,.12L.59,.81L0,.38L-.59,.81L-.36,.12L-.95,-.3
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left")
 GREY, INK = "#767676", "#1b1f24"
 
-#: Beginnings of a family's name and their colour; the first that fits.
+#: Prefix of a family's name -> colour; the first match counts.
 CAMPS = (
     (("closed-form", "newton", "screw"), COLOURS[0]),
     (("mjx", "mjwarp"), COLOURS[5]),
@@ -233,20 +233,20 @@ class Look:
 
 
 def numbered(i: int) -> Look:
-    """Style number i for things without a camp."""
+    """Return style number i, for things without a camp."""
     return Look(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)], SHAPES[i % len(SHAPES)])
 
 
 def camp(name: str) -> str:
-    """Colour of an engine, family or setting, by the prefix of its name."""
+    """Return the colour of an engine, family or setting from the prefix of its name."""
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
 def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
-    """Styles of engines, families or settings: the camp's colour with an unused shape and dash.
+    """Return styles of engines, families or settings: the camp's colour with an unused shape and dash.
 
     Args:
-        before: Names that have their looks already.
+        before: Names that already have a style.
     """
     looks, camps = dict[str, Look](), [camp(name) for name in dict.fromkeys(before)]
     for name in dict.fromkeys(names):

@@ -16,14 +16,14 @@ from screwgauge.report.figures.chart import Spec
 from screwgauge.scene.grid import GridMotion
 from screwgauge.study.formatting import number, unit_text
 
-LEVELS = 8  # about so many lines
-SEAM = 0.04  # of a cell, by which it reaches under the next one: no seams are seen
-#: Share of the cells at either end that colours leave out, if the others take less than this part of the range.
+LEVELS = 8  # approximate number of lines
+SEAM = 0.04  # overlap of adjacent cells, over their size, which hides seams
+#: Share of cells at either end that the colours omit, if the others span less than this part of the range.
 TAIL, PART = 0.02, 0.25
 
 
 def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str, str], values: Array) -> Picture:
-    """A component over the two coordinates of a grid; cells without numbers are grey.
+    """Draw a component over the two coordinates of a grid; cells without results are grey.
 
     Args:
         name: Name of the picture.
@@ -77,13 +77,13 @@ def _reason(grid: GridMotion, at: NDArray[np.intp]) -> str:
 
 
 def _edges(axis: Array) -> Array:
-    """Cell edges around axis values. Shape (n,) -> (n + 1,)."""
+    """Return cell edges around axis values. Shape (n,) -> (n + 1,)."""
     middle = 0.5 * (axis[1:] + axis[:-1])
     return np.concatenate([[2 * axis[0] - middle[0]], middle, [2 * axis[-1] - middle[-1]]])
 
 
 def _ends(table: Array) -> tuple[list[float], bool]:
-    """Range of the colours, and True if it leaves out values."""
+    """Return the range of the colours, and True if it omits values."""
     known = table[np.isfinite(table)]
     if not len(known):
         return [0.0, 1.0], False
@@ -95,7 +95,7 @@ def _ends(table: Array) -> tuple[list[float], bool]:
 
 
 def _levels(low: float, high: float) -> Array:
-    """Round values between two numbers."""
+    """Return round values between two numbers."""
     rough = (high - low) / LEVELS
     size = 10.0 ** np.floor(np.log10(rough))
     step = size * next(k for k in (1.0, 2.0, 5.0, 10.0) if k * size >= rough)
@@ -103,12 +103,12 @@ def _levels(low: float, high: float) -> Array:
 
 
 def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[float, float, float, float]]:
-    """Straight segments of the level lines of a function that is linear along cell sides.
+    """Yield straight segments of the level lines of a function that is linear along cell sides.
 
     Args:
         x, y: Grid on which the function is known. Shapes (n,), (m,).
-        table: Its values; no line passes a square with NaN at a corner. Shape (n, m).
-        levels: These values.
+        table: Values of the function; squares with NaN at a corner get no line. Shape (n, m).
+        levels: Values of the level lines.
     """
     for i, j in product(range(len(x) - 1), range(len(y) - 1)):
         corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
@@ -123,6 +123,6 @@ def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[flo
                     ends = (axis[one[k]] + share * (axis[other[k]] - axis[one[k]]) for k, axis in enumerate((x, y)))
                     points.append((float(next(ends)), float(next(ends))))
             if len(points) == 4 and (v.mean() < level) != (v[0] < level):
-                points = points[1:] + points[:1]  # across a saddle, the corners next to each other that are alike
+                points = points[1:] + points[:1]  # across a saddle, connect adjacent corners on the same side
             for (a, b), (c, d) in zip(points[::2], points[1::2], strict=True):
                 yield a, b, c, d

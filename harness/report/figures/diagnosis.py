@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis, ToldCause
 
 MOST = 20  # joints and causes of a picture
-LEAST, FEWEST = 1e-3, 4  # share below which a cause has no bar, unless there are so few
-FLOOR = 1e-17  # what is zero is drawn so small
+LEAST, FEWEST = 1e-3, 4  # share below which a cause has no bar, unless there are this few causes
+FLOOR = 1e-17  # size at which zero is drawn
 
 
 def share_text(cause: ToldCause) -> str:
-    """Share of the torque difference; empty for causes without torque effect or numeric change."""
+    """Format the share of the torque difference; empty for causes without torque effect or numeric change."""
     return percent(cause.share) if has_share(cause) else ""
 
 
 def has_share(cause: ToldCause) -> bool:
-    """True if a share is meaningful."""
+    """Return True if a cause has a meaningful share."""
     return cause.kind in ("cause", "small") and not math.isnan(cause.share)
 
 
 def make_plots(diagnosis: Diagnosis) -> list[Picture]:
-    """Draw the machines where they differ, and torques if these differ."""
+    """Draw the machines if they differ, and torques if these differ."""
     pictures = [machines(diagnosis)] if diagnosis.differences else []
     shown = sorted(filter(has_share, diagnosis.causes), key=lambda cause: -abs(cause.share))[:MOST]
     if not shown:

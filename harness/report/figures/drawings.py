@@ -1,4 +1,4 @@
-"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones apart."""
+"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones are separate."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import file_name, unit_text, words
 
-MAX_PANELS = 6  # more side by side cannot be read; they then share one
+MAX_PANELS = 6  # more adjacent panels are illegible; components then share one panel
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A picture's components, either all unique or none.
+    """Components of a picture, either all unique or none.
 
     Attributes:
         panels: Labels and names of components.
-        unique: Whether each component has a unique value; else it has no tolerance.
-        others: Number of the figure's components left out, as they are of the other sort.
-        contour: Whether its one component is drawn over a grid.
+        unique: True if each component has a unique value; else there is no tolerance.
+        others: Number of omitted components of the figure, which are of the other sort.
+        contour: True if a single component is drawn over a grid.
     """
 
     title: str
@@ -40,7 +40,7 @@ class Drawing:
 
     @property
     def note(self) -> str:
-        """Explain values that are not unique; empty if all are."""
+        """Remark on values that are not unique; empty if all are."""
         n = len(self.names) + self.others
         if not self.unique:
             return (
@@ -53,7 +53,7 @@ class Drawing:
 
 
 def named(comparison: Comparison) -> dict[str, Drawing]:
-    """Name of a picture -> its drawing."""
+    """Return name of a picture -> its drawing."""
     drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
     return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
 
@@ -82,13 +82,13 @@ def drawings(
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
-    """Names of the components of a unit that match a pattern."""
+    """Return names of the components of a unit that match a pattern."""
     names = zip(values.components, values.units, strict=True)
     return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]:
-    """The contour plot of a figure of a component that an engine gives."""
+    """Yield the contour plot of a figure, if an engine gives its component."""
     known = values.get(figure.quantity)
     if known is not None and figure.contour in known.components:
         unit = known.units[known.components.index(figure.contour)]
@@ -98,7 +98,7 @@ def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]
 def drawable(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
 ) -> tuple[Figure, ...]:
-    """Figures of curves with the panels that an engine has values for; defaults if none remain."""
+    """Restrict figures of curves to panels with values from an engine; return defaults if none remain."""
     values, kept = _first_values(solutions), []
     for figure in (figure for figure in figures if figure.quantity in values):
         has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
@@ -107,7 +107,7 @@ def drawable(
 
 
 def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
-    """Warn about figures of quantities that nobody gives, and patterns that match no component."""
+    """Warn about figures of quantities that no engine gives, and patterns that match no component."""
     values = _first_values(solutions)
     missing = [figure for figure in figures if figure.quantity not in values]
     strange = [figure for figure in figures if figure.contour and not [*_contours(figure, values)]]
@@ -128,7 +128,7 @@ def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> li
 
 
 def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
-    """Default figures: one per quantity and unit, with a panel per named part of the mechanism."""
+    """Return default figures: one per quantity and unit, with a panel per named part of the mechanism."""
     figures = []
     for quantity, values in _first_values(solutions).items():
         units = dict.fromkeys(values.units)
@@ -139,7 +139,7 @@ def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
 
 
 def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
-    """Quantity -> values of the first engine that has it."""
+    """Return quantity -> values of the first engine that has it."""
     values: dict[str, Values] = {}
     for solution in solutions.values():
         values |= {quantity: v for quantity, v in solution.values.items() if quantity not in values}

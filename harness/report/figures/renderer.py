@@ -1,4 +1,4 @@
-"""Drawing in a separate process: V8, the chart engine, kills its process when memory is short."""
+"""Drawing in a separate process: V8, the chart engine, kills its process when memory runs out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.processes import python, safe_path
 from screwgauge.reference.errors import ReportError
 from screwgauge.study.lifeline import lifeline
 
-LONGEST = 60.0  # s that one drawing may take
+LONGEST = 60.0  # time limit of one drawing [s]
 
 
 class DrawingError(ReportError):
@@ -26,15 +26,15 @@ class DrawingError(ReportError):
 
 
 class Renderer:
-    """The drawing process, started on demand, and again after a crash over a drawing.
+    """The drawing process, started on demand, and restarted after a crash.
 
     Attributes:
-        lost: Why drawings could not be made.
+        lost: Reasons of failed drawings.
     """
 
     def __init__(self) -> None:
         self.process: subprocess.Popen[bytes] | None = None
-        self.able = False  # whether the process has ever answered
+        self.able = False  # True once the process has answered
         self.lost: list[str] = []
         self.lock = Lock()
 
@@ -55,17 +55,17 @@ class Renderer:
         self.able = False
 
     def ask(self, call: str, *arguments: Any, **named: Any) -> Any:
-        """Call a function of vl_convert: returns a text, bytes, or plain data.
+        """Call a function of vl_convert; return a text, bytes, or plain data.
 
         Raises:
-            DrawingError: It cannot; the message has the reason.
+            DrawingError: The call failed; the message has the reason.
         """
         with self.lock:
             try:
                 answer = self._exchange({"call": call, "arguments": arguments, "named": named})
             except BaseException as error:
                 if not isinstance(error, DrawingError):
-                    self.end()  # an answer that nobody has read would be taken for the next
+                    self.end()  # an unread answer would be taken for the next one
                 else:
                     self.lost.append(error.what)
                 raise
@@ -84,7 +84,7 @@ class Renderer:
             process.stdin.write(json.dumps(question).encode() + b"\n")
             process.stdin.flush()
             line = process.stdout.readline()
-        except OSError:  # it has gone already
+        except OSError:  # it has already ended
             line = b""
         finally:
             timer.cancel()

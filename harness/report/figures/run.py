@@ -1,4 +1,4 @@
-"""Pictures of a run: the engines' values of components, with their differences below."""
+"""Pictures of a run: values of components from all engines, with their differences below."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import missing, number, unit_text, words
 
 MAX_CURVES = 12  # in a panel; more cannot be distinguished
-FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
-SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # of engines; the first is drawn as lines
+FLOOR = 1e-18  # value at which a difference of exactly zero is drawn if there is no other
+SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # marks of engines; the first engine is drawn as lines
 HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]
-WIDE = 30.0  # ratio of largest to smallest condition number from which their axis is logarithmic
+WIDE = 30.0  # ratio of largest to smallest condition number above which the axis is logarithmic
 CURVE, PEAKS = {False: 120, True: 200}, {False: 120, True: 400}  # stretches drawn: still, and moving
 MARKS = {False: 7, True: 12}  # marks of an engine on a curve
 
 Pair = tuple[str, str]
-Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and the components they are of
+Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and their components
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Subject:
-    """A quantity of every engine.
+    """Values of a quantity from every engine.
 
     Attributes:
         t: Time [s]. Shape (n,).
-        values: Engine -> component -> values, NaN where it has none. Shape (n,).
-        solved: Engine -> whether it solved a sample. Shape (n,).
+        values: Engine -> component -> values, NaN if missing. Shape (n,).
+        solved: Engine -> True for samples that it solved. Shape (n,).
         panels: Titles and components.
     """
 
@@ -53,7 +53,7 @@ class _Subject:
         return [name for _, some in self.panels for name in some]
 
     def given(self, *engines: str) -> list[str]:
-        """Components with numbers from some engine; a table may lack others."""
+        """Return the components with values from at least one engine; tables may lack some."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
         return [name for name in self.names if all(name in each for each in known)] or self.names
 
@@ -135,7 +135,7 @@ def _curves(
 
 
 def _flat(series: Iterable[Curve]) -> Spec:
-    """Scale of a curve that is constant up to rounding, whose ticks would all read the same."""
+    """Build the scale of a curve that is constant up to rounding, whose ticks would all read the same."""
     known = np.concatenate([v[np.isfinite(v)] for _, _, v in series] or [np.zeros(0)])
     largest = float(np.abs(known).max(initial=0.0))
     if not known.size or float(np.ptp(known)) > 1e-5 * largest:
@@ -177,9 +177,9 @@ def _lower(
     moving: bool,
     **more: object,
 ) -> Spec:
-    """Values of a panel with a logarithmic axis that a parameter makes linear.
+    """Build the template values of a panel whose axis a parameter switches between logarithmic and linear.
 
-    A scale of Vega-Lite cannot change its type: logarithms are taken before, and written as powers of ten.
+    Since a scale of Vega-Lite cannot change its type, it shows logarithms, which are labelled as powers of ten.
 
     Args:
         ends: Ends of the logarithmic axis, and the upper end of the linear axis, from 0.
@@ -191,7 +191,7 @@ def _lower(
 
 
 def _condition(name: str, comparison: Comparison) -> Picture:
-    """Draw the condition number of each engine's closure along the path, the maximum of each stretch."""
+    """Draw the condition number of each engine's closure along the path, as the maximum of each stretch."""
     t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
@@ -202,7 +202,7 @@ def _condition(name: str, comparison: Comparison) -> Picture:
         series = list[Curve]()
         for i, (engine, values) in enumerate(lines.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
-            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks keep apart lines that coincide
+            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks distinguish lines that coincide
             fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.filled(
@@ -225,13 +225,13 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
 
 
 def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
-    """Component -> label of the drawn ones; of too many, those that move most."""
+    """Return component -> label of the drawn ones; if there are too many, of those that move most."""
     moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
     return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
 def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
-    """Largest difference over the components, NaN if either side is NaN. Shapes (n,)."""
+    """Return the largest difference over the components, NaN if either side is NaN. Shapes (n,)."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
@@ -248,7 +248,7 @@ def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
 
 
 def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Pairs of engines with the drawn quantity, and the tolerance if all share it."""
+    """Return pairs of engines with the drawn quantity, and the tolerance if all share it."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
@@ -260,7 +260,7 @@ def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair
 def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[str]:
     """Warn about components that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
-    if others:  # joint forces of an open tree, for one, differ from cut to cut
+    if others:  # for example, joint forces of an open tree differ from cut to cut
         yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."
     names = subject.names
     if drawn < len(names):

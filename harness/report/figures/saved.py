@@ -1,4 +1,4 @@
-"""Figures for a paper: bare curves in the width, font and size of its text."""
+"""Figures for a paper: plain curves in the width, font and size of its text."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from screwgauge.report.figures.renderer import RENDERER
 
 POINTS = {"pt": 1.0, "in": 72.0, "cm": 72.0 / 2.54, "mm": 7.2 / 2.54}
 ENDINGS = (".pdf", ".png", ".svg")
-DRAFTS = 4  # of a chart; each tells what axes and legends take of the width
-NARROW = 110.0  # a panel is made no narrower [pt]
+DRAFTS = 4  # drafts of a chart; each one measures the width of axes and legends
+NARROW = 110.0  # smallest width of a panel [pt]
 KEPT = ("$schema", "data", "transform", "params", "facet", "spec", "encoding", "layer", "width")  # of a chart
-#: Font -> those that take its place, with letters as wide, where it is not installed.
+#: Font -> substitutes of the same letter width, if it is not installed.
 ALIKE = {
     "Times": "Times, Times New Roman, Nimbus Roman, TeX Gyre Termes, Liberation Serif, serif",
     "Helvetica": "Helvetica, Arial, Nimbus Sans, Liberation Sans, sans-serif",
@@ -27,7 +27,7 @@ ALIKE = {
 
 
 class Figure(Picture):
-    """A picture that can be saved for a paper, made by `Results.figure` and `Results.plot`."""
+    """Picture that can be saved for a paper, made by `Results.figure` and `Results.plot`."""
 
     __slots__ = ()
 
@@ -47,15 +47,15 @@ class Figure(Picture):
         """Write the figure for a paper: only the curves of a chart, without title, differences, tolerance and marks.
 
         Args:
-            path: Ends with ``.pdf``, ``.png`` or ``.svg``.
-            width: In cm, mm, in or pt.
-            font: Times, Helvetica, or one that is installed. A mechanism is drawn with letters of its own.
+            path: Path that ends with ``.pdf``, ``.png`` or ``.svg``.
+            width: Width in cm, mm, in or pt.
+            font: Times, Helvetica, or an installed font. Drawings of mechanisms have a fixed font.
             size: Size of the letters [pt].
             dpi: Dots per inch of a PNG.
-            force: A file in the way is replaced, whoever wrote it.
+            force: Replace an existing file, whatever its origin.
 
         Raises:
-            ScrewgaugeError: It cannot be drawn like this, or the file cannot be written.
+            ScrewgaugeError: The figure cannot be drawn in this style, or the file cannot be written.
         """
         check_ending(path := Path(path))
         check_free(path, force=force)
@@ -88,7 +88,7 @@ def in_points(width: str) -> float:
     """Convert a width such as ``8.5cm`` to points.
 
     Raises:
-        DescriptionError: It is none, or none of a page.
+        DescriptionError: The text is not a width, or does not fit a page.
     """
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
@@ -98,7 +98,7 @@ def in_points(width: str) -> float:
 
 
 def sized(svg: str, wide: float, unit: str = "") -> str:
-    """Scale an SVG to a width; PDF and PNG read a width without unit as points."""
+    """Scale an SVG to a width; without a unit, converters to PDF and PNG read the width as points."""
     head, end, tail = svg.partition(">")
     w, h = (float(re.findall(rf'\b{name}="([\d.]+)"', head)[0]) for name in ("width", "height"))
     box = "" if "viewBox" in head else f' viewBox="0 0 {w:g} {h:g}"'
@@ -127,7 +127,7 @@ def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
     panel, svg = view.get("spec", view), ""
     axis = panel.get("encoding", view.get("encoding"))["y"]
     axis["title"] = wrap(axis["title"], 20)
-    least = 0.5 * size * max(map(len, axis["title"]))  # so that titles of panels do not meet
+    least = 0.5 * size * max(map(len, axis["title"]))  # so that titles of panels do not overlap
     for _ in range(DRAFTS):
         panel["height"] = max(0.6 * panel["width"], least)
         svg = RENDERER.ask("vegalite_to_svg", json.dumps(still_parts(view)))
@@ -145,7 +145,7 @@ def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}
     config["line"]["strokeWidth"] = 1.0
     panel = view.get("spec", view)
-    if panel["layer"][0]["mark"]["type"] == "rect":  # a contour plot is its cells and lines
+    if panel["layer"][0]["mark"]["type"] == "rect":  # a contour plot keeps its cells and lines
         panel["layer"][0]["encoding"]["color"]["legend"]["gradientLength"] = 0.35 * wide
         kept = {key: view[key] for key in KEPT if key in view}
         return {**kept, "columns": 1, "width": 0.8 * wide, "config": {**config, "font": font, "padding": 1}}

@@ -20,9 +20,9 @@ from screwgauge.study.lifeline import hold
 def main() -> None:
     """Answer lines ``{"call", "arguments", "named"}`` with ``{"text"}``, ``{"bytes"}`` or ``{"error"}``."""
     hold(Connection(int(sys.argv[1]), writable=False))
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and then ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles the interrupt, and then ends this process
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what a library prints is no answer
+    os.dup2(2, 1)  # output of libraries is not an answer
     import vl_convert
 
     for name in ("vl_convert", "swc_ecma_transforms_optimization"):  # one warns of what has no number, notes tell of
@@ -34,7 +34,7 @@ def main() -> None:
 def _answer(library: Any, question: dict[str, Any]) -> dict[str, Any]:
     try:
         result = getattr(library, question["call"])(*question["arguments"], **question["named"])
-    except Exception as error:  # of any kind: it is shown in place of the picture
+    except Exception as error:  # of any kind: its message replaces the picture
         return {"error": f"{type(error).__name__}: {error}"[:1000]}
     return {"bytes": base64.b64encode(result).decode()} if isinstance(result, bytes) else {"text": result}
 

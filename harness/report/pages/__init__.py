@@ -1,1 +1,1 @@
-"""The pages: functions that turn results of a study into blocks."""
+"""Pages: functions that turn results of a study into blocks."""

@@ -1,4 +1,4 @@
-"""The report of a bench: the cheapest method for each accuracy, how it was timed, all rows, and the pictures."""
+"""The report of a bench: the fastest method for each accuracy, the timing protocol, all rows, and the pictures."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ DIGITS = {"3": "Three", "6": "Six", "9": "Nine", "12": "Twelve"}
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
 ERROR = "largest scaled error [1]"
-ZERO = 1e-17  # where an error of exactly zero is drawn
-SENSELESS = 10.0  # scaled error from which on a motion is in the table only
+ZERO = 1e-17  # value at which an error of exactly zero is drawn
+SENSELESS = 10.0  # scaled error from which a motion is only in the table
 MEASURES = {"observable": "largest error of an observable [m or rad]", "energy": "energy not accounted for [J]"}
 NOTES = (
     "Lower left is better. Each point is one setting; errors are against {}. T: duration of the motion.",
@@ -70,7 +70,7 @@ OTHERS = "published by others"
 
 
 def _banners(bench: Bench) -> list[Banner]:
-    """Return banners on rows that were cut short, and on what is cheapest, with a cross where a slope is off."""
+    """Return banners about rows cut short, and about the fastest methods, with a cross if a slope is wrong."""
     sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
     measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
     lost = [row["rows"] for row in _cut_short(bench)]
@@ -80,7 +80,7 @@ def _banners(bench: Bench) -> list[Banner]:
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """Return the quickest family for each error, with its lead: of those that close the loops, then of the others."""
+    """Return the fastest family for each error, with its lead: among those that close loops, then among the others."""
     lines, table = list[Row](), [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity]
     for (given, level), (best, *others) in grouped(table, "given", "error").items():
         cost = best["seconds_per_sample"]
@@ -93,7 +93,7 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 
 def headline(bench: Bench) -> str:
-    """Name the cheapest methods at nine digits: one that closes the loops, and one that is given the motion."""
+    """Name the fastest methods at nine digits: one that closes the loops, and one with prescribed joint motion."""
     for quantity in SHOWN:
         cheapest = [row for row in _cheapest(bench, quantity) if row["error"] == NINE]
         if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
@@ -113,7 +113,7 @@ def _remarks(bench: Bench) -> list[str]:
 
 
 def _nine_digits(bench: Bench) -> list[Row]:
-    """Return times to nine digits of each family, in the quantities that a terminal shows."""
+    """Return times to nine digits of each family, for the quantities shown on a terminal."""
     return [
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
         for row in rows(reach(bench.rows))
@@ -122,7 +122,7 @@ def _nine_digits(bench: Bench) -> list[Row]:
 
 
 def _narrow(bench: Bench) -> list[Row]:
-    """Return digits of contestants in float32, those that rounding may leave, and run times."""
+    """Return digits of contestants in float32, the digits that rounding may leave, and run times."""
     return [
         {
             **{name: getattr(row.contestant, name) for name in ("setting", "family")},
@@ -138,7 +138,7 @@ def _narrow(bench: Bench) -> list[Row]:
 
 
 def _failures(bench: Bench) -> list[Row]:
-    """Return a row for each contestant that failed and reason, with all settings and quantities."""
+    """Return a row for each failed contestant and reason, with all settings and quantities."""
     failed = [row for row in rows(bench_table(bench.rows)) if row["status"] == FAILED]
     lines = list[Row]()
     for group in grouped(failed, "contestant", "reason").values():
@@ -149,7 +149,7 @@ def _failures(bench: Bench) -> list[Row]:
 
 
 def _cut_short(bench: Bench) -> list[Row]:
-    """Return a row for each family with rows that were cut short, and one for leaving out."""
+    """Return a row for each family with rows that were cut short, and one row for omissions."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
     cut = [row for row in [*rows(bench_table(bench.rows)), *left_out] if row["status"] == CUT]
     families = ((name, [row["contestant"] for row in group]) for (name,), group in grouped(cut, "family").items())
@@ -157,7 +157,7 @@ def _cut_short(bench: Bench) -> list[Row]:
 
 
 def _reach(bench: Bench) -> list[Block]:
-    """Return a table for each quantity: families by the time to the smallest error that they reach."""
+    """Return a table for each quantity: families ordered by the time to their smallest error."""
     blocks: list[Block] = []
     head = ("family", *(f"to {level:.0e}" for level in LEVELS), "setting that reaches the smallest")
     for (quantity,), reached in reversed(grouped(rows(reach(bench.rows)), "quantity").items()):
@@ -173,7 +173,7 @@ def _reach(bench: Bench) -> list[Block]:
 
 
 def _savings(bench: Bench) -> list[Block]:
-    """Return tables of what each engine saves, with the numbers that remain."""
+    """Return tables of the savings of each engine, with the remaining numbers."""
 
     def line(row: Row) -> Row:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
@@ -187,7 +187,7 @@ def _savings(bench: Bench) -> list[Block]:
 
 
 def _simulated_headline(bench: Bench) -> str:
-    """Name the first to reach six digits, or as many as anybody does, its lead, and what failed."""
+    """Name the first family to reach six digits, or the most digits reached, its lead, and the failures."""
     t, rows = bench.scene.t, [row for row, _ in pairs(bench.rows)]
     parts, cheapest = list[str](), {row["digits"]: row for row in _cheapest(bench, "observable")}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
@@ -280,7 +280,7 @@ def _error_and_time(
     notes: Sequence[str],
     others: Sequence[tuple[float, float, str]] = (),
 ) -> Picture:
-    """Draw points of families, lines through them, and published values: a line where only one number is known.
+    """Draw points of families, connecting lines, and published values: a line if only one number is known.
 
     Args:
         axes: Title and names of both axes.
@@ -293,7 +293,7 @@ def _error_and_time(
     ]
     shown |= {OTHERS: Look(INK, shape=STAR)} if drawn else {}
     rows = [[p | {"i": i} for i, p in enumerate(line)] for line in lines.values()]
-    # the ends of a line say most, and the first labels find a place
+    # the ends of a line are most informative, and the first labels find room
     drawn += [*(p for line in rows for p in (*line[:1], *line[1:][-1:])), *(p for line in rows for p in line[1:-1])]
     drawn = [p | {"colour": shown[p["family"]].colour, "dash": shown[p["family"]].dash} for p in drawn]
     errors = [p["y"] for p in points]

@@ -30,7 +30,7 @@ from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.outcome import Outcome
 from screwgauge.study.runner import Executor
 
-#: Variable with the name of the file to which GitHub wants the summary of a job to be added.
+#: Environment variable with the name of the file to which GitHub expects the summary of a job to be appended.
 SUMMARY = "GITHUB_STEP_SUMMARY"
 WORDS: dict[Outcome, str] = {
     "agree": "✓ ok",
@@ -50,7 +50,7 @@ WORDS: dict[Outcome, str] = {
 
 
 def _banners(check: Check) -> list[Banner]:
-    """Build banners of the verdict and of content that no machine has."""
+    """Build banners of the verdict and of content that no real machine can have."""
     odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
     odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
     odd += [(row.scene, f"{sentence}.") for row in check.rows for sentence in row.remarks]
@@ -61,7 +61,7 @@ def _banner(check: Check) -> Banner:
     sentences = [f"{sum(row.ok for row in check.rows)} of {len(check.rows)} pass."]
     agree = [row for row in check.rows if row.status == "agree"]
     alone = [row.scene for row in check.rows if row.status == "judged"]
-    judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # of a pair of models nobody is
+    judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # a pair of models has no judge
     if check.ok and judged == {True}:
         each = "In each of them" if not alone else "In the others" if len(agree) > 1 else f"In {agree[0].scene}"
         sentences.append(f"{each} all engines agree within tolerance, and the equations of mechanics hold.")
@@ -88,7 +88,7 @@ def _admitted(check: Check) -> list[str]:
 
 
 def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
-    """Rows for tables: status and worst error."""
+    """Return rows for tables, with status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
     for row in rows:
@@ -100,7 +100,7 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
 
 
 def _rows(check: Check) -> list[dict[str, Any]]:
-    """Failed rows first, then by closeness to the tolerance."""
+    """Return failed rows first, then the others by closeness to the tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
         return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
@@ -109,7 +109,7 @@ def _rows(check: Check) -> list[dict[str, Any]]:
 
 
 def _pictures(check: Check) -> list[Picture]:
-    """Draw failed pairs with both engines' values."""
+    """Draw failed pairs with the values of both engines."""
     bad, drawn = [(row, row.worst) for row in check.rows if row.worst and row.curve], list[Picture]()
     for i, (row, worst) in enumerate(bad[:SHOWN], 1):
         title = f"{row.scene}: {worst.quantity} at {worst.component}"
@@ -118,7 +118,7 @@ def _pictures(check: Check) -> list[Picture]:
 
 
 def _about(check: Check) -> dict[str, Any]:
-    """Facts of the first screen: size of the check, engines, files and date."""
+    """Return the facts of the first screen: size of the check, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
@@ -132,7 +132,7 @@ def _about(check: Check) -> dict[str, Any]:
 
 
 def _files(check: Check) -> dict[str, str]:
-    """Owner of each file -> its hash."""
+    """Return owner of each file -> its hash."""
     return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in check.rows for of, digest in row.files.items()}
 
 
@@ -151,7 +151,7 @@ class CheckReport(Shown, Check):
     __slots__ = ()
 
     def markdown(self) -> str:
-        """Summary of a CI job."""
+        """Render the summary of a CI job."""
         return markdown([Heading("Screwgauge"), *self._screen()])
 
     def __repr__(self) -> str:
@@ -176,7 +176,7 @@ class _Page(Report):
     ) -> Path:
         """Write ``check.json``, the report and ``environment.json``; JUnit and baseline on request.
 
-        The summary of a job is added to the file that `SUMMARY` names.
+        The summary of a job is appended to the file that `SUMMARY` names.
         """
         if junit is not None:
             save_file(junit, results.junit(), force=force)
@@ -212,7 +212,7 @@ PAGE = _Page(
 
 
 def sentence_of(results: Comparison) -> str:
-    """Verdict of a comparison."""
+    """Return the verdict of a comparison as a sentence."""
     banner = verdict(results)
     return f"{banner.word}: {banner.text}"
 

@@ -18,7 +18,7 @@ from screwgauge.study.formatting import Row, size
 
 
 def _banners(diagnosis: Diagnosis) -> list[Banner]:
-    """Build banners of the verdict and of content that no machine has."""
+    """Build banners of the verdict and of content that no real machine can have."""
     return [_banner(diagnosis), *(Banner(sentence, "Warning") for sentence in diagnosis.doubts)]
 
 
@@ -31,7 +31,7 @@ def _banner(diagnosis: Diagnosis) -> Banner:
 
 
 def _differences(diagnosis: Diagnosis) -> list[Row]:
-    """Rows of differences by the number of their cause; empty if the causes are the differences."""
+    """Return rows of differences with the number of their cause; empty if the causes are the differences."""
     if all(len(cause.differences) == 1 for cause in diagnosis.causes):
         return []
     numbers = {i: k for k, cause in enumerate(diagnosis.causes, 1) for i in cause.differences}
@@ -43,7 +43,7 @@ def _differences(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _causes(diagnosis: Diagnosis) -> list[Row]:
-    """A row for each cause."""
+    """Return a row for each cause."""
     return [
         {
             "number": k,
@@ -58,7 +58,7 @@ def _causes(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _scale(diagnosis: Diagnosis) -> str:
-    """Reference of the shares."""
+    """Return the reference value of the shares."""
     if not any(map(has_share, diagnosis.causes)):
         return ""
     return (
@@ -68,7 +68,7 @@ def _scale(diagnosis: Diagnosis) -> str:
 
 
 def _agreement(diagnosis: Diagnosis) -> list[Row]:
-    """Torque differences where nothing else differs."""
+    """Return torque differences if nothing else differs."""
     found = diagnosis.found
     both = found.together.row if found.together is not None else None
     pairs = (("torques of the readings", found.agreement), ("torques of the libraries as loaded", both))
@@ -76,7 +76,7 @@ def _agreement(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _torques(diagnosis: Diagnosis) -> list[Row]:
-    """Torque effects of the differences, the largest first."""
+    """Return torque effects of the differences, the largest first."""
     rows = [{"component": name, "change": change} for name, change in diagnosis.found.by_joint if change > 0.0]
     return sorted(rows, key=lambda row: -row["change"])
 
@@ -102,7 +102,7 @@ def _permutation(diagnosis: Diagnosis) -> str:
 
 
 def _ignored(diagnosis: Diagnosis) -> list[str]:
-    """Content that libraries ignore and the list of skipped things lacks."""
+    """List content that libraries ignore and that the list of skipped items lacks."""
     whats = [(side, what) for side, model in _sides(diagnosis) for what in model.reading.ignored]
     return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in diagnosis.not_compared]
 
@@ -125,7 +125,7 @@ def _file(model: Model) -> str:
 
 
 def every_difference(diagnosis: Diagnosis) -> str:
-    """Print the report and every difference."""
+    """Format the report and every difference as text."""
     ranked = sorted(diagnosis.differences, key=lambda each: -each.size)
     items = Items(tuple(each.sentence for each in ranked))
     more: list[Block] = [Heading("All differences"), items] if diagnosis.differences else []

@@ -1,4 +1,4 @@
-"""The report of an identification: what is told, what no motion tells, and how well measured forces are predicted."""
+"""The report of an identification: identified numbers, unidentifiable ones, and the prediction of measured forces."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from screwgauge.study.formatting import Row, listed, number
 from screwgauge.study.identify.directions import LIST, MASS
 from screwgauge.study.identify.run import FASTER, Identification
 
-#: Numbers on the first screen, and entries of a direction that a line has.
+#: Number of rows on the first screen, and of entries of a direction per line.
 SHOWN, ENTRIES = 12, 6
 
 
 def headline(found: Identification) -> str:
-    """What the data tell, and what any motion and this one can."""
+    """State what the data determine, and what any motion and this motion can determine."""
     parts, fit, any_motion = list[str](), found.fit, found.structure
     if fit is not None and not fit.explains:
         parts.append(
@@ -52,7 +52,7 @@ def _banner(found: Identification) -> Banner:
 
 
 def _unseen(found: Identification) -> Iterator[str]:
-    """Sentences on what passes through joints, a kind of a joint each, and on numbers that no motion shows alone."""
+    """Yield sentences on shifts through joints, by kind of joint, and on numbers that no motion shows separately."""
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
         axes = [one.axis for one in some]
@@ -66,7 +66,7 @@ def _unseen(found: Identification) -> Iterator[str]:
 
 
 def _lists(found: Identification) -> Iterator[Row]:
-    """Numbers that change together, those that count most first."""
+    """Yield numbers that only change together, those with the largest effect first."""
     for one in found.structure.directions:
         some = [f"{number(value, 3)} {name}" for name, value in one.entries.items()]
         if one.kind == LIST and len(some) > 1:
@@ -75,7 +75,7 @@ def _lists(found: Identification) -> Iterator[Row]:
 
 
 def _rows(found: Identification) -> list[Row]:
-    """A line for each number: what the scene says, how well it was known, is told, and what it is."""
+    """Return a row for each number: value in the scene, prior, identifiability, and estimate."""
     values = [""] * len(found.names) if found.fit is None else [number(x, 5) for x in found.fit.values]
     columns = found.names, found.nominal, found.prior, found.after, found.known, values
     return [
@@ -92,7 +92,7 @@ def _rows(found: Identification) -> list[Row]:
 
 
 def _seen(found: Identification) -> list[Row]:
-    """Those that are told best."""
+    """Return the numbers that are best determined."""
     shares = np.where(found.known, found.after / np.where(found.prior > 0.0, found.prior, 1.0), np.inf)
     order = np.argsort(shares, kind="stable")
     rows = _rows(found)
@@ -100,7 +100,7 @@ def _seen(found: Identification) -> list[Row]:
 
 
 def numbers_table(found: Identification) -> pd.DataFrame:
-    """All numbers with every bit."""
+    """Build the table of all numbers, with every bit."""
     columns: dict[str, Any] = {"number": found.names, "nominal": found.nominal, "prior": found.prior}
     columns |= {"expected": found.expected}
     if found.fit is not None:
@@ -109,7 +109,7 @@ def numbers_table(found: Identification) -> pd.DataFrame:
 
 
 def directions_table(found: Identification) -> pd.DataFrame:
-    """All that no motion tells, an entry a row."""
+    """Build the table of all unidentifiable directions, one row per entry."""
     rows = [
         [i, one.kind, one.joint, one.axis, name, value]
         for i, one in enumerate(found.structure.directions, 1)
@@ -137,5 +137,5 @@ DATA, terminal = PAGE.DATA, PAGE.terminal
 
 
 def write(found: Identification, out: Path, **writing: Any) -> Path:
-    """Writes the report, see `Report.write`."""
+    """Write the report, see `Report.write`."""
     return PAGE.write(found, out, **writing)

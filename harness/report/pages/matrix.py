@@ -1,4 +1,4 @@
-"""The report of ``screwgauge matrix``: versions that agree."""
+"""The report of ``screwgauge matrix``: the versions that agree."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 def _pairs(some: Iterable[Row]) -> str:
-    """Version pairs, grouped by Pinocchio for one MuJoCo."""
+    """List version pairs, grouped by Pinocchio for each MuJoCo."""
     grouped: dict[str, list[str]] = {}
     for row in some:
         grouped.setdefault(row["mujoco"], []).append(row["pin"])
@@ -30,7 +30,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """Reasons of failures: number of scenes by differing quantities; pairs with one reason share it."""
+    """List reasons of failures: number of scenes by differing quantities; pairs with the same reason share a line."""
     amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:

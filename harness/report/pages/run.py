@@ -53,7 +53,7 @@ def _banners(results: Comparison) -> list[Banner]:
 
 
 def _shown(errors: Iterable[Row]) -> list[Row]:
-    """Rows for tables: where they are worst, and signs for those out of tolerance."""
+    """Return rows for tables, with the place of the worst error and marks for those out of tolerance."""
     shown = []
     for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
@@ -67,7 +67,7 @@ def _shown(errors: Iterable[Row]) -> list[Row]:
 
 
 def _worst_three(results: Comparison) -> list[Row]:
-    """Rows nearest to their tolerance, or farthest beyond it."""
+    """Return the rows nearest to their tolerance, or farthest beyond it."""
     pairs = [row for row in compared(results) if not has_excuse(row, results.scene.simulated)]
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in pairs]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
@@ -80,7 +80,7 @@ def _worst_three(results: Comparison) -> list[Row]:
 
 
 def _is_open_tree(row: Row) -> bool:
-    """True for an open-tree force within tolerance: it never leads, as it does not act in the machine."""
+    """Return True for an open-tree force within tolerance: it never leads, as it does not act in the machine."""
     return bool(row["ok"]) and row["what"].removeprefix("judge: ").startswith("tree force")
 
 
@@ -96,7 +96,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 
 def _overview(results: Comparison) -> list[Row]:
-    """Digits of agreement of each pair beside those of the tolerance, differences first."""
+    """Return the digits of agreement of each pair beside those of the tolerance, differences first."""
     lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
@@ -123,7 +123,7 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 
 def _pairs(results: Comparison) -> dict[str, list[Row]]:
-    """Name of a picture -> rows of its pairs, unique components only."""
+    """Return name of a picture -> rows of its pairs, unique components only."""
     rows = grouped(compared(results), "quantity", "unit")
     return {name: rows.get((one.quantity, one.unit), []) for name, one in named(results).items() if one.unique}
 
@@ -138,7 +138,7 @@ def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
 
 
 def _parameters(results: Comparison) -> list[Row]:
-    """Smallest visible error of each parameter."""
+    """Return the smallest visible error of each parameter."""
     parameters, hidden = sorted(results.coverage.parameters, key=lambda row: -row["smallest"]), results.coverage.hidden
     untested = {row["parameter"]: "by no motion" if row["parameter"] in hidden else "not tested" for row in parameters}
     return [
@@ -148,7 +148,7 @@ def _parameters(results: Comparison) -> list[Row]:
 
 
 def estimates(results: Comparison) -> list[Row]:
-    """Estimated error of each quantity of each engine."""
+    """Return the estimated error of each quantity of each engine."""
 
     def cell(row: Guarded) -> str:
         mark = "" if row.ok else f" ✗ ({row.flagged} of {row.n_sample}, t = {number(row.worst_t)} s)"
@@ -162,7 +162,7 @@ def _estimate(row: Guarded) -> str:
 
 
 def _conditioning(results: Comparison) -> list[Block]:
-    """Summarise the conditioning: no sample flagged, or the worst of them."""
+    """Summarise the conditioning: no sample flagged, or the worst flagged samples."""
     if not results.guard:
         return []
     bad = [row for row in results.guard if not row.ok]
@@ -179,7 +179,7 @@ def _conditioning(results: Comparison) -> list[Block]:
 
 
 def _engines(results: Comparison) -> Iterator[Row]:
-    """Engines, and the time each reached."""
+    """Yield the engines, with the time that each reached."""
     for name, solution in results.solutions.items():
         n, status = solution.n_solved, "given" if solution.engine == REFERENCE else "ran"
         if solution.stopped:
@@ -190,12 +190,12 @@ def _engines(results: Comparison) -> Iterator[Row]:
 
 
 def _times(results: Comparison) -> list[Row]:
-    """Timed stages, with what the clock covers."""
+    """Return the timed stages, with the scope of the clock."""
     return [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
 
 
 def published(results: Comparison) -> list[Row]:
-    """Errors and times of this run beside published ones."""
+    """Return errors and times of this run beside published ones."""
     theirs_, ours = [*map(published_row, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
@@ -212,7 +212,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def published_row(item: Published) -> Row:
-    """A published result, its error beside what it measures."""
+    """Build the row of a published result, with its error beside the measure."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s
@@ -220,12 +220,12 @@ def published_row(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Worst error of each key and unit: out of tolerance first, then the largest; NaN is worst."""
+    """Return the worst error of each key and unit: out of tolerance first, then the largest; NaN is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:
-    """Row with the fewest digits, out of tolerance first, as in the verdict."""
+    """Return the row with the fewest digits, out of tolerance first, as in the verdict."""
     return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
 
 
@@ -264,7 +264,7 @@ VALUES: dict[str, Value] = {
 
 
 def errors_table(results: Comparison) -> pd.DataFrame:
-    """Content of ``errors.csv``: empty cells if there is nothing to judge, ``nan`` for NaN."""
+    """Build the content of ``errors.csv``: empty cells if there is nothing to judge, ``nan`` for NaN."""
     table = results.errors[[*ERROR_COLUMNS]].astype({"tolerance": object, "ok": object})
     table.loc[table["ok"].isna(), ["tolerance", "ok"]] = ""
     return table

@@ -1,4 +1,4 @@
-"""The report of stress: the rungs at which engines break, with or without a warning, then every ladder."""
+"""The report of a stress run: the rungs at which engines break, with or without a warning, then every ladder."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NOTES = (
     "Full: ok. Hollow: degraded, and says so. Cross below the axis: refused. Square in a red frame: silently wrong.",
 )
 WORST = ("Of each case the worst that an engine did, in any setting, quantity and rung.",)
-NO_NUMBER, APART = -0.9, 0.55  # where crosses begin, a line of them for each camp
+NO_NUMBER, APART = -0.9, 0.55  # position of the first line of crosses, with one line for each camp
 
 
 def _rows(stress: Stress) -> list[Row]:
@@ -49,7 +49,7 @@ def _worst(stress: Stress) -> Iterator[Row]:
 
 
 def _banner(stress: Stress) -> Banner:
-    """Return an orange banner where anything is silently wrong, a red one where our own solver is."""
+    """Return an orange banner if anything is silently wrong, a red one if our own solver is."""
     if not stress.ok:
         return Banner(headline(stress), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
     silent = any(row.verdict == SILENT for row in stress.rows)
@@ -57,7 +57,7 @@ def _banner(stress: Stress) -> Banner:
 
 
 def headline(stress: Stress) -> str:
-    """Name engines that give wrong numbers without a word and from where on, what our own solver does, and counts."""
+    """Name engines that are silently wrong and from which severity, the result of our own solver, and counts."""
     known, parts = {case.name: case for case in stress.cases}, list[str]()
     by_engine, own = grouped(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
     for (engine,), group in grouped(_silent_rows(stress), "who").items():
@@ -81,7 +81,7 @@ def _first(case: StressCase, group: Sequence[Row]) -> str:
 
 
 def _engines(stress: Stress) -> Iterator[Row]:
-    """Yield the digits of each case and engine; for each verdict but ok the number of rows and the first rung."""
+    """Yield digits for each case and engine; for each verdict except ok, the number of rows and the first rung."""
     known = {case.name: case for case in stress.cases}
     for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
@@ -93,7 +93,7 @@ def _engines(stress: Stress) -> Iterator[Row]:
 
 
 def _silent(stress: Stress) -> Iterator[Row]:
-    """Yield each engine of a case once for every cause."""
+    """Yield each engine of a case once per cause."""
     for group in grouped(_silent_rows(stress), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
         largest = size(np.max([row["error"] for row in group]))
@@ -106,7 +106,7 @@ def _range(group: Sequence[Row]) -> str:
 
 
 def _cases(stress: Stress) -> Iterator[Block]:
-    """Yield heading, words, and a table for each quantity: a line for each severity, a column for each engine."""
+    """Yield heading, text, and a table for each quantity: a line for each severity, a column for each engine."""
     by_case = grouped(_rows(stress), "case")
     for case in stress.cases:
         rows = by_case.get((case.name,), [])
@@ -149,10 +149,10 @@ def make_plots(stress: Stress) -> list[Picture]:
 
 
 def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
-    """Return looks of engines, plot by plot: engines without settings look the same in all plots.
+    """Return styles of engines, plot by plot: engines without settings look the same in all plots.
 
     Args:
-        plots: Names of the engines in each plot; a setting may follow a blank.
+        plots: Names of the engines in each plot; a setting may follow after a space.
     """
     common = by_camp(name for names in plots for name in names if " " not in name)
     own = [by_camp([n for n in names if n not in common], [n for n in names if n in common]) for names in plots]
@@ -162,7 +162,7 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
 def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
     """Draw the panel of one case; `rows` are those of the quantity drawn."""
     severities = sorted({row.severity for row in rows})
-    zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # where severity 0 stands
+    zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # position of severity 0
     camps, points = list(dict.fromkeys(look.colour for look in looks.values())), list[Spec]()
     for row in sorted(rows, key=lambda row: row.severity):
         kept, look = digits(row.error), looks[row.engine]

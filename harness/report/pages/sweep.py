@@ -1,4 +1,4 @@
-"""The report of a sweep: the costliest number, the spread of variants, and variants checked by engines."""
+"""The report of a sweep: the most influential number, the spread of variants, and variants checked by engines."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from screwgauge.report.layout import Report
 from screwgauge.study.formatting import Row, listed, number
 from screwgauge.study.sweep.run import Effect, Sweep
 
-#: Numbers of a tornado, of the first screen, and of the farthest variant.
+#: Number of bars of a tornado chart, of rows on the first screen, and of names for the farthest variant.
 BARS, FIRST, NAMED = 15, 8, 3
 TABLE = "variants.csv"
 NOTES = ("Both ways by one standard deviation, to first order; the longest bar is the number that costs most.",)
 
 
 def headline(sweep: Sweep) -> str:
-    """State the costliest number, the number of variants, and the engines' agreement."""
+    """State the most influential number, the number of variants, and the engines' agreement."""
     count, lost = len(sweep.why), int(np.sum(sweep.why != ""))
     parts = []
     if sweep.effects:
@@ -53,7 +53,7 @@ def _size(effect: Effect) -> str:
 
 
 def _effects(sweep: Sweep) -> list[Row]:
-    """A line for each number, the costliest first."""
+    """Return a row for each number, the most influential first."""
     return [
         {
             "name": effect.name,
@@ -67,7 +67,7 @@ def _effects(sweep: Sweep) -> list[Row]:
 
 
 def _columns(sweep: Sweep) -> list[Row]:
-    """A line for each statistic: value of the scene, and range over variants."""
+    """Return a row for each statistic: value of the scene, and range over variants."""
     lines = list[Row]()
     for k, column in enumerate(sweep.columns):
         row, line = sweep.worst(k), {"name": column.name, "nominal": number(sweep.nominal[k], 4)}
@@ -82,7 +82,7 @@ def _columns(sweep: Sweep) -> list[Row]:
 
 
 def _farthest(sweep: Sweep, row: int, column: int) -> str:
-    """Most influential numbers of a variant for a statistic."""
+    """List the most influential numbers of a variant for a statistic."""
     order = sorted(sweep.effects, key=lambda effect: -abs(float(effect.changes[column])))
     values = sweep.numbers.iloc[row]
     some = [effect.name for effect in order if effect.name in values.index] or [*values.index]
@@ -113,7 +113,7 @@ def _indices(sweep: Sweep) -> list[Row]:
 
 
 def make_plots(sweep: Sweep) -> list[Picture]:
-    """Draw a tornado of the statistic that changes most."""
+    """Draw a tornado chart of the statistic that changes most."""
     if not sweep.effects:
         return []
     column = sweep.ranked[0][1]
@@ -127,7 +127,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
 
 
 def effects_table(sweep: Sweep) -> pd.DataFrame:
-    """Effect of one standard deviation of each number."""
+    """Build the table of effects of one standard deviation of each number."""
     rows = [effect.changes for effect, _ in sweep.ranked]
     head = pd.DataFrame(
         [[effect.name, effect.kind, effect.deviation] for effect, _ in sweep.ranked],
@@ -159,7 +159,7 @@ PAGE = Report(
     draw=make_plots,
     plots=_plots,
 )
-#: Of both forms of the table.
+#: Data files, with the table in either format.
 DATA, terminal = (*PAGE.DATA, TABLE), PAGE.terminal
 
 

@@ -1,4 +1,4 @@
-"""SVG drawing of a mechanism at home by parallel projection."""
+"""SVG drawing of a mechanism in the home pose by parallel projection."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
+WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # largest size of the drawing; its margin; size of letters [pixels]
 LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]
-MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
-#: Kind of joint -> its name, and its mark.
+MOST_NAMES = 45  # above this number, only driven or independent joints are named
+#: Kind of joint -> name and mark.
 MARKS = {
     "R": ("revolute", '<circle r="5.5"/>'),
     "P": ("prismatic", '<rect x="-8" y="-5" width="16" height="10"/>'),
@@ -38,16 +38,16 @@ MARKS = {
     "fixed": ("fixed", '<path d="M-6,-6L6,6M-6,6L6,-6"/>'),
     "E": ("planar", '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>'),
 }
-WORLD = ("#C62828", "#2E7D32", "#1565C0")  # of its axes
+WORLD = ("#C62828", "#2E7D32", "#1565C0")  # colours of the world axes
 TOWARDS, AWAY = '<circle r="1.6" fill="#222"/>', '<path d="M-3,-3L3,3M-3,3L3,-3" stroke="#222"/>'
-#: A revolute joint is driven round, others along.
+#: Mark of a driven revolute joint; other marks are along the axis.
 ROUND = '<path class="drive" d="M-8,8A11.5,11.5 0 1 1 8,8M8,8l1,-6M8,8l-6,-.5"/>'
 ALONG = '<path class="drive" d="M12,0H23M23,0l-5,-4M23,0l-5,4M-12,0H-23M-23,0l5,-4M-23,0l5,4"/>'
 CAGE, FOOT = '<circle class="cut" r="12"/>', '<path class="thin" d="M-12,8H12M-9,8l-5,6M-2,8l-5,6M5,8l-5,6M12,8l-5,6"/>'
 ODD = f'<circle r="15" fill="none" stroke="{DOUBT}" stroke-width="1.5"/><text x="13" y="-10" fill="{DOUBT}">!</text>'
-#: What a mark covers, with hatching or a cage around it.
+#: Points covered by a mark, including hatching or a cage around it.
 RIM = [(r * np.cos(a), r * np.sin(a)) for r in (2.0, 7.0, 12.0) for a in np.radians(range(0, 360, 45))]
-#: Where names may stand about what they name: distance, shape (n, 1), and direction, shape (n, 2).
+#: Candidate positions of labels around their targets: distance, shape (n, 1), and direction, shape (n, 2).
 _AROUND = np.array([(r, a) for r in (15, 20, 28, 38, 50, 66, 84) for a in np.radians(range(0, 360, 30))])
 SPOTS = _AROUND[:, :1], np.stack([np.cos(_AROUND[:, 1]), np.sin(_AROUND[:, 1])], axis=1)
 LOOK = f"""
@@ -67,14 +67,14 @@ LOOK = f"""
 
 
 def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
-    """Points that a picture must contain, in its plane. Shape (n, 2)."""
+    """Return points that a picture must contain, in its plane. Shape (n, 2)."""
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
     points = [*(end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)]
     return np.array(points) @ _view(mechanism).T
 
 
 def _view(mechanism: Mechanism) -> Array:
-    """Directions to the right and down the page. Shape (2, 3)."""
+    """Return directions to the right and down the page. Shape (2, 3)."""
     return across(viewed_from(mechanism)) * [[1.0], [-1.0]]
 
 
@@ -84,7 +84,7 @@ def drawing(
     coils: Sequence[Shape] = (),
     idle: Collection[str] = (),
 ) -> str:
-    """Draw a mechanism at home: bodies as lines, joints as marks by kind, hatching on ground, names and a legend.
+    """Draw a mechanism in the home pose: bodies as lines, marks for joint kinds, hatching on ground, names, a legend.
 
     Args:
         others: Points of another mechanism, in the world.
@@ -135,7 +135,7 @@ def drawing(
 
 
 def corner(view: Array, pixels: float, tall: float) -> str:
-    """World axes, and a scale bar of a round length, at the lower left.
+    """Draw world axes, and a scale bar of a round length, at the lower left.
 
     Args:
         view: Right, and down the page. Shape (2, 3).
@@ -164,13 +164,13 @@ def corner(view: Array, pixels: float, tall: float) -> str:
 
 
 def round_length(most: float) -> float:
-    """Largest number of the form 1, 2 or 5 times a power of ten, up to a limit."""
+    """Return the largest number of the form 1, 2 or 5 times a power of ten, up to a limit."""
     power = 10.0 ** np.floor(np.log10(most))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-9)))
 
 
 def metres(long: float) -> str:
-    """``0.2 m``, ``50 mm``."""
+    """Format a length: ``0.2 m``, ``50 mm``."""
     return f"{1e3 * long:.6g} mm" if long < 0.1 else f"{long:.6g} m"
 
 
@@ -186,7 +186,7 @@ def _line(look: str, a: Array, b: Array, *, arrow: bool = False) -> str:
 
 
 def _coil(a: Array, b: Array) -> str:
-    """A zigzag between straight ends."""
+    """Draw a zigzag between straight ends."""
     e = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
     turns = max(4, int(np.hypot(*(b - a)) / 7.0))
     n, points = np.array([-e[1], e[0]]), [a + (b - a) * k for k in np.linspace(0.1, 0.9, turns)]
@@ -199,7 +199,7 @@ def _spiral(a: Array) -> str:
 
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
-    """Mark of a joint and its last axis: an arrow, or a sign in the mark if it points at or from the viewer."""
+    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark if it is along the view."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
     turns = joint.angles == 1 and not joint.fixed
@@ -210,7 +210,7 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
 
 
-#: What there may be besides joints -> its mark.
+#: Kind of further element -> mark.
 FURTHER = {
     "spring": '<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>',
     "the other": '<path class="other" d="M-12,0H12"/>',
@@ -219,10 +219,10 @@ FURTHER = {
 
 
 def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]:
-    """Marks with their meaning, and the height of the legend.
+    """Draw marks with their meaning; return them with the height of the legend.
 
     Args:
-        more: Entry of `FURTHER` -> whether there is any.
+        more: Entry of `FURTHER` -> True if there is any.
     """
     there = {joint.kind for joint in mechanism.joints}
     turning = any(joint.angles == 1 and not joint.fixed for joint in mechanism.joints)
@@ -247,13 +247,13 @@ def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]
 def labels(
     wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float, left: float = 0.0
 ) -> list[str]:
-    """Place texts where they cover least, with a leader line from afar; no two overlap.
+    """Place texts where they cover least, with a leader line if distant; no two overlap.
 
-    One for which there is no room is left out.
+    Texts without room are omitted.
 
     Args:
-        wanted: Texts with their colours and what they label.
-        busy: Points that are better left free. Shape (n, 2).
+        wanted: Texts with their colours and targets.
+        busy: Points to leave uncovered if possible. Shape (n, 2).
         left, wide, tall: Bounds of the labels.
     """
     lows, highs, out, (reach, d) = np.zeros((0, 2)), np.zeros((0, 2)), list[str](), SPOTS
@@ -281,7 +281,7 @@ def _wanted_labels(
     joints: Sequence[tuple[Joint, Array]],
     idle: Collection[str],
 ) -> list[tuple[str, str, Array]]:
-    """Labels with their colours and targets; joints at one place share a label."""
+    """Return labels with their colours and targets; joints at one place share a label."""
     texts = dict[tuple[float, ...], list[str]]()
     label = {name: f"{text}{' (idle)' * (text in idle)}" for text, name in mechanism.independent.items()}
     for joint, place in joints:

@@ -1,4 +1,4 @@
-"""Both machines of a diagnosis side by side, at home, with marked differences."""
+"""Both machines of a diagnosis side by side, in the home pose, with marked differences."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis
     from screwgauge.diagnosis.model import Model
 
-#: Of one machine, and of the line above it [pixels]; names that are written, those of the first causes.
+#: Size of one machine, and of the line above it [pixels]; number of names written, those of the first causes.
 SIDE, HEAD, NAMED = 290.0, 26.0, 8
-#: From where both are seen, unless they are flat.
+#: View direction of both machines, unless they are planar.
 SEEN = np.array([0.62, -0.62, 0.48])
 LOOK = (
     f".two text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
@@ -45,20 +45,20 @@ class DrawnMachine:
     differs: tuple[str, ...]
 
     def point(self, at: Array) -> Array:
-        """Position of a point in A's world. Shape (3,)."""
+        """Return the position of a point in A's world. Shape (3,)."""
         return np.asarray(self.placement[:3, :3] @ at + self.placement[:3, 3])
 
     def joints(self) -> dict[str, Array]:
-        """Position of each joint."""
+        """Return the position of each joint."""
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
     def closures(self) -> Iterator[tuple[str, Array]]:
-        """Bodies joined by closures, each with its point of attachment."""
+        """Yield bodies joined by closures, each with its point of attachment."""
         for name, frame in (end for closure in self.reading.closures for end in self.reading.ends(closure)):
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Lines of bodies: from the joint that moves each to its further joints and closures, or to its mass."""
+        """Yield lines of bodies: from the joint that moves each to its further joints and closures, or to its mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
@@ -74,7 +74,7 @@ class DrawnMachine:
                 yield name, start, end
 
     def masses(self) -> dict[str, tuple[Array, float]]:
-        """Position of each body's centre of mass, and its mass [kg]."""
+        """Return the position of each body's centre of mass, and its mass [kg]."""
         bodies = self.reading.bodies.items()
         return {name: (self.point(body.centre), body.mass) for name, body in bodies if body.mass > 0.0}
 
@@ -86,7 +86,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
-    pair = diagnosis.found.pair  # B as the whole is undone
+    pair = diagnosis.found.pair  # B after undoing the difference of B as a whole
     one, two = _in_one_pose(diagnosis)
     placement = pair.alignment.placed.get(GROUND, np.eye(4))
     sides = (
@@ -107,7 +107,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         out.append(f'<g class="{("first", "second")[k]}">{drawn}</g>')
     out.append(f'<g class="foot">{corner(view, scale, tall)}{_legend(2 * SIDE - 300.0, tall - 16.0)}</g>')
     size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
-    size_text += f' style="--below:{tall - CORNER:.0f}"'  # how far page.css moves B down on a phone
+    size_text += f' style="--below:{tall - CORNER:.0f}"'  # distance by which page.css moves B down on a phone
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
@@ -116,7 +116,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
-    """Both readings at the home of A, or of B if only its file locates the closures."""
+    """Return both readings in the home pose of A, or of B if only its file locates the closures."""
     pair = diagnosis.found.pair
     a, b = pair.a.reading, pair.b.reading
     single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}
@@ -132,7 +132,7 @@ def _title(side: str, model: Model) -> str:
 
 
 def _further_points(side: DrawnMachine) -> Iterator[Array]:
-    """Points besides joints that a picture must contain: closures, and centres of mass."""
+    """Yield points besides joints that a picture must contain: closures, and centres of mass."""
     yield from (point for _, point in side.closures())
     yield from (point for point, _ in side.masses().values())
 
@@ -149,7 +149,7 @@ def _legend(x: float, y: float) -> str:
 
 
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
-    """Direction to the viewer: face-on if both machines are planar."""
+    """Return the direction to the viewer: face-on if both machines are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
     planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar

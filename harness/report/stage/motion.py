@@ -21,7 +21,7 @@ from screwgauge.reference.rotations import Array, times
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values
 
-FRAMES = 120  # pictures of a motion, at most
+FRAMES = 120  # largest number of pictures of a motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class DrawnMotion:
         t: Time [s]. Shape (n,).
         values: Forces that an engine has computed at these samples, quantity -> values.
         loads: Loads of the scene, at these samples.
-        source: The engine that the poses are from, or ``home pose``.
+        source: Engine that the poses come from, or ``home pose``.
     """
 
     lay: Layout
@@ -67,12 +67,12 @@ class Arrow:
 
 
 def home_pose(mechanism: Mechanism) -> DrawnMotion:
-    """The home pose."""
+    """Return the home pose as a motion."""
     return DrawnMotion(layout(mechanism), mechanism.home[None], np.zeros(1), "home pose")
 
 
 def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
-    """Motion of a scene from the first engine with all joints, else from a given motion with closed loops."""
+    """Return the motion of a scene from the first engine with all joints, else from its given motion, loops closed."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
         q = assembly_of(scene.mechanism, solution)
@@ -86,7 +86,7 @@ def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion
         rows = spread(len(scene.t), FRAMES)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
-        except ScrewgaugeError:  # the report names what no engine could follow
+        except ScrewgaugeError:  # the report names motions that no engine could follow
             return home_pose(scene.mechanism)
         return DrawnMotion(lay, q, scene.t[rows], "screw", loads=_loads(scene, rows))
     return home_pose(scene.mechanism)
@@ -103,7 +103,7 @@ def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
 
 
 def arrows(motion: DrawnMotion) -> list[Arrow]:
-    """Arrows of loads, actuator forces and joint reactions."""
+    """Return arrows of loads, actuator forces and joint reactions."""
     mechanism, drawn = motion.lay.mechanism, list[Arrow]()
     index = mechanism.body_index
     for load in motion.loads:
@@ -128,7 +128,7 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
                 own = [(columns[f"{joint.name}.{label}"], i) for i, (label, has) in enumerate(labels) if has == unit]
                 part = slice(3, 6) if turns else slice(3)
                 vectors = [size[:, None] * W[:, i, part] for size, i in own]
-                if joint.fixed and turns:  # what holds its hinge
+                if joint.fixed and turns:  # constraint that holds its hinge
                     vectors.append(columns[f"{joint.name}.mz"][:, None] * motion.at.joint(joint).last)
                 drawn += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
     return [one for one in drawn if np.isfinite(one.vectors).all() and one.vectors.any()]

@@ -1,4 +1,4 @@
-"""The picture of a mechanism, projected and as data for ``stage.js``, with its constraints in words."""
+"""Picture of a mechanism, projected and as data for ``stage.js``, with its constraints in words."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.formatting import listed
 
-SPRINGS = 8  # that are named in a sentence
-HELD = 30  # samples at which it is determined how a platform is held, at most
-LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
+SPRINGS = 8  # springs named in a sentence
+HELD = 30  # largest number of samples at which the constraints of a platform are computed
+LONGEST = 0.3  # longest arrow of a group, in lengths of the mechanism
 TONES = {
     "loads": "#D62728",
     "actuators": DRIVEN,
@@ -53,7 +53,7 @@ TONES = {
     "doubts": DOUBT,
 }
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-#: Names of elements by their `_kind`, words before a line and a direction, and what all six together are called.
+#: Names of elements by their `_kind`, words before a line and a direction, and the name of all six together.
 WRENCHES = ("force", "couple", "wrench", "along", "about", "every force and couple")
 TWISTS = ("rotation", "translation", "screw", "about", "along", "all six freedoms")
 
@@ -64,7 +64,7 @@ def stage(
     other: Mechanism | None = None,
     unsigned: Collection[str] = (),
 ) -> Picture:
-    """Draw a mechanism at home, and in motion on pages with scripts.
+    """Draw a mechanism in the home pose, and in motion on pages with scripts.
 
     Args:
         solutions: Solutions of the scene, whose poses and forces are shown.
@@ -82,7 +82,7 @@ def stage(
 
 
 def remarks(picture: Picture) -> list[Block]:
-    """Remarks on a picture: differences of another mechanism, constraints, and suspicious entries."""
+    """Return remarks on a picture: differences of another mechanism, constraints, and suspicious entries."""
     shown = json.loads(picture.stage)
     odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
     there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
@@ -94,7 +94,7 @@ def remarks(picture: Picture) -> list[Block]:
 
 
 def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
-    """Input of ``stage.js``, with remarks; lengths are relative to the mechanism's, from its middle.
+    """Build the input of ``stage.js``, with remarks; lengths are relative to the mechanism's, from its middle.
 
     Args:
         more: Springs, and shapes of another mechanism.
@@ -135,7 +135,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
 
 
 def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, str]]:
-    """Colours of the occurring joint kinds with their meaning."""
+    """Return the colours of the occurring joint kinds with their meaning."""
     kinds = {one.kind for one in solids if one.group == "joints"}
     driven = "driven joint (turns in the ring)" if "ring" in kinds else "driven joint (slides along its arrows)"
     if {"ring", "arrow"} <= kinds:
@@ -149,7 +149,7 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
 
 
 def _loads(shown: Sequence[Arrow]) -> list[str]:
-    """Loads on bodies with their sizes; weights have no arrows."""
+    """Describe loads on bodies with their sizes; weights have no arrows."""
     loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
@@ -164,7 +164,7 @@ def _springs(more: Sequence[Shape]) -> list[str]:
 
 
 def _range(one: Arrow) -> str:
-    """Range of a force over the motion."""
+    """Format the range of a force over the motion."""
     sizes = np.linalg.norm(one.vectors, axis=1)
     low, high, unit = f"{sizes.min():.4g}", f"{sizes.max():.4g}", f"N{' m' * one.turns}"
     return f"{high} {unit} throughout" if low == high else f"{low} to {high} {unit}"
@@ -175,7 +175,7 @@ def _rounded(array: Array, digits: int = 4) -> list[Any]:
 
 
 def _poses(R: Array, p: Array) -> list[list[float]]:
-    """Positions and quaternions (w, x, y, z) of each body, concatenated, at each sample."""
+    """Return positions and quaternions (w, x, y, z) of each body, concatenated, at each sample."""
     return _rounded(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
 
 
@@ -192,7 +192,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
 
 
 def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
-    """Leg wrenches and remaining twists at some samples: point, direction and `kind` of each element, flattened."""
+    """Return leg wrenches and remaining twists at some samples: point, direction and `kind` of each, flattened."""
 
     def row(system: Sequence[ScrewElement], k: int) -> list[float]:
         if k >= len(system):
@@ -209,7 +209,7 @@ def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str
 
 
 def _kind(one: ScrewElement) -> int:
-    """Kind of pitch: 0 for zero, 1 for infinite, 2 for any other."""
+    """Return the kind of pitch: 0 for zero, 1 for infinite, 2 for any other."""
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
 
@@ -217,8 +217,8 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     """Describe the legs' constraints, remaining freedoms, actuator redundancy, and their changes during the motion.
 
     Args:
-        holding: At some samples; the first, which is that of the motion, is described.
-        t: Their times [s].
+        holding: Constraints at some samples; the first sample, the start of the motion, is described.
+        t: Times of these samples [s].
     """
     lay, at, first, mechanism = motion.lay, motion.at, holding[0], motion.lay.mechanism
     joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
@@ -257,7 +257,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
 def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None) -> str:
     """Describe each leg's constraint forces and couples on a body; equal ones share a clause.
 
-    Of a planar mechanism (`normal` of its plane) only forces and couples that act in the plane are listed.
+    For planar mechanisms (`normal` of the plane), only forces and couples that act in the plane are listed.
     """
     if not first.legs:
         return f"Nothing constrains {first.body}."
@@ -276,13 +276,13 @@ def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None)
 
 
 def _has_legs(first: Held) -> bool:
-    """True for a platform on named legs, as opposed to a link with ways to ground."""
+    """Return True for a platform on named legs, as opposed to a link with paths to ground."""
     names = {joint.name for leg in first.legs for joint in leg.joints}
     return len(first.legs) > 1 and any(leg.name not in names and " to " not in leg.name for leg in first.legs)
 
 
 def _acts_in_plane(one: ScrewElement, normal: Array) -> bool:
-    """True for a force in the plane, or a couple about its normal."""
+    """Return True for a force in the plane, or a couple about its normal."""
     along = abs(float(one.direction @ normal))
     return along > 0.5 if _kind(one) == 1 else along < 0.5
 
@@ -321,6 +321,6 @@ def _vector(v: Array) -> str:
 
 
 def _place(one: ScrewElement, places: Mapping[str, Array]) -> str:
-    """Name of a joint at the point, else the point."""
+    """Return the name of a joint at the point, else the coordinates of the point."""
     near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
     return near[0] if near else f"{_vector(one.point)} m"
