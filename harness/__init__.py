@@ -90,7 +90,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _version() -> str:
-    """Find the version of the distribution, which takes as long as all else of the start of a process."""
+    """Return the version of the distribution; looking it up takes as long as the rest of the start of a process."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

@@ -34,19 +34,19 @@ def run(
     warn: Callable[[str], None] = lambda sentence: None,
     limits: Limits | None = None,
 ) -> Results:
-    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
+    """Compare engines on a scene: each reads its own model file; all pairs are compared, and each answer is judged.
 
     Args:
         engines: Names, with a number type as in ``screw@float32``; those of the scene by default.
         quantities: Names; those of the scene by default. Nothing else is computed.
-        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
-        warn: Called with a sentence on what may take long or go wrong, before it begins.
-        limits: What each engine may take in a process of its own, as on the command line: one that crashes or hangs is
-            a row, too. By default engines run in this process, where a small scene takes less time than to start others
-            and a debugger sees all; those of other packages never do.
+        progress: Called as work goes on, with the name of a step and its completed share, 0 to 1.
+        warn: Called with a warning before a step that may take long or fail.
+        limits: Limits of each engine in its own process, as on the command line: an engine that crashes or hangs is
+            a row, too. By default engines run in this process, which is faster for small scenes than starting others,
+            and visible to a debugger; engines of other packages never run in it.
 
     Raises:
-        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+        ScrewgaugeError: Bad input. An engine that fails is a row of the results, not an error.
     """
     from screwgauge.report.results import Results
     from screwgauge.study.run import run as compared
@@ -66,21 +66,21 @@ def check(
     meshes: bool = False,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> CheckReport:
-    """Compares engines on scenes, or pairs of model files, with tolerances.
+    """Compare engines on scenes, or compare pairs of model files, against tolerances.
 
     Args:
-        what: Built-in scenes, files, folders of TOML, at least one; two model files are a pair.
-        smoke: A few samples of an exciting motion in place of a scene's own.
-        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
+        what: Built-in scenes, files or folders of TOML, at least one; two model files form a pair.
+        smoke: Use a few samples of an exciting motion instead of the scene's own motion.
+        tolerances: Quantity -> admitted scaled error, or a TOML file with them; tolerances in a scene take precedence.
         baseline: File of a known state, whose errors must not have grown.
-        jobs: Processes at a time, if there are limits.
-        limits: What each scene may take in a process of its own; by default all are checked in this process, except by
+        jobs: Number of parallel processes, if there are limits.
+        limits: Limits of each scene in its own process; by default all scenes are checked in this process, except by
             engines of other packages.
-        meshes: MuJoCo computes mass and inertia of the bodies of MJCFs from meshes in their folders.
-        progress: Called as work goes on, with what is under way and the share of all that is done.
+        meshes: Let MuJoCo compute mass and inertia of the bodies of MJCFs from meshes in their folders.
+        progress: Called during the work with the current step and the completed share of all work.
 
     Raises:
-        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
+        ScrewgaugeError: Bad input. A fault of a single scene is a row, not an error.
     """
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages.check import check_with
@@ -104,27 +104,27 @@ def diagnose(
     load: Read | None = None,
     only: str = "",
 ) -> DiagnosisReport:
-    """Compares two models of a machine, says why they differ, and proves it.
+    """Compare two models of a machine, explain their differences, and prove the explanation.
 
     Both are compared as machines: links, joints and loops, however a file cuts them. Joints are paired by name, else by
-    geometry. Where all of B stands elsewhere, is turned, mirrored or in other units, that is one cause. Each cause has
+    geometry. If B as a whole is displaced, rotated, mirrored or in other units, that is one cause. Each cause has
     its share of the torque difference at random states: the torques of A with the values of B. As a proof, B's file is
     corrected and read again.
 
     Args:
         a, b: URDF, MJCF, SDF, USD or description (name or path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
             ``yourdfpy`` reads it.
-        map: Joints and bodies of A with those of B where names and geometry do not decide, or a TOML file of them.
-        seed: Of the random states.
-        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
-            one file for both, or one for each side, None for what lies beside it.
-        limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
-        load: Reads a file; by default in this process, where a library that crashes takes it along.
-        only: ``rigid`` compares geometry, masses and inertias alone; by default all is compared.
+        map: Joints and bodies of A -> those of B, where names and geometry do not decide; or a TOML file with them.
+        seed: Seed of the random states.
+        loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not beside the URDF:
+            one file for both, or one for each side (None for the file beside the URDF).
+        limit: Time after which no further step begins, 3600 by default [s]; `left_out` names the omitted steps.
+        load: Function that reads a file; by default in this process, which a crashing library takes down with it.
+        only: ``rigid`` compares only geometry, masses and inertias; by default everything is compared.
 
     Returns:
         The diagnosis, true if the two are the same. `verdict` is a sentence or two, `differences` and `causes` have a
-        `sentence` each, and `write_fix` writes B as it would have to be.
+        `sentence` each, and `write_fix` writes a corrected B.
 
     Raises:
         ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
@@ -145,16 +145,16 @@ def import_model(
     independent: Iterable[str] | None = None,
     actuated: Iterable[str] | None = None,
 ) -> Scene:
-    """Makes a scene of a Pinocchio model that was built in Python, with the constraints that close its loops.
+    """Make a scene of a Pinocchio model that was built in Python, with the constraints that close its loops.
 
     Args:
         model: A ``pinocchio.Model``.
         constraints: Constraint models of points (3D) or frames (6D) that coincide.
         q: A configuration near which the loops close; by default the neutral one. Shape (nq,).
-        independent, actuated: Joints; by default chosen as those of a model file are.
+        independent, actuated: Joints; by default chosen as for a model file.
 
     Raises:
-        ScrewgaugeError: It is no model, loops do not close, or a choice does not fit.
+        ScrewgaugeError: The model is not a Pinocchio model, loops do not close, or a choice does not fit.
     """
     from screwgauge.models.importing.model import Options
     from screwgauge.scene.default import write_model
@@ -168,15 +168,15 @@ def import_model(
 def review(
     numbers: str | Path | Recorded, scene: Scene | str | Path, quantities: Iterable[str] | None = None
 ) -> ReviewReport:
-    """Says what is wrong with a table of numbers, column by column, and proves it by putting it right.
+    """Find the faults of a table of numbers, column by column, and prove them by correcting the table.
 
     Args:
         numbers: A CSV or Parquet file, or arrays.
-        scene: What they are of; its times need not be those of the table.
-        quantities: Names of what the table gives; all by default.
+        scene: The scene that the numbers describe; its times may differ from those of the table.
+        quantities: Names of the quantities to review; all by default.
 
     Returns:
-        The review, true if all columns agree to the digits that they print. `verdict` is a sentence or two, `columns`
+        The review, true if all columns agree to their printed digits. `verdict` is a sentence or two, `columns`
         have `faults` each.
 
     Raises:
@@ -219,13 +219,13 @@ def compile(
     threads: int = 1,
     parameters: Sequence[str] | None = None,
 ) -> Solver | Variants:
-    """A fast function for the inverse dynamics of a scene.
+    """Compile a fast function for the inverse dynamics of a scene.
 
     Args:
         quantities: Names; those of the scene by default. Nothing else is computed.
         backend: ``llvm`` (extra ``fast``) or ``numpy``.
-        threads: How many run at once; with parameters one.
-        parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become inputs, too.
+        threads: Number of parallel threads; one with parameters.
+        parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become further inputs.
 
     Returns:
         With parameters a function ``variants(y, yd, ydd, parameters={name: values})`` of shape (V, n, k), see

@@ -24,7 +24,7 @@ GROUPS = {
     "study": ("bench", "stress", "sweep", "identify", "matrix"),
     "export": ("models", "list"),
 }
-#: An example of each, after its name.
+#: Command -> arguments of an example.
 EXAMPLES = {
     "run": "slider-crank --quantities actuator_force,reaction",
     "review": "torques.csv slider-crank",
@@ -54,7 +54,7 @@ DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command.
+    """Run one command.
 
     Returns:
         The exit status.
@@ -87,7 +87,7 @@ def _command(arguments: Sequence[str] | None) -> int:
 
 
 def _parse(given: Sequence[str]) -> argparse.Namespace:
-    """Parse a command; names what an unknown command or option resembles.
+    """Parse a command line; for an unknown command or option, suggest the most similar one.
 
     Raises:
         UnknownNameError: There is no such command, or it has no such option.
@@ -114,7 +114,7 @@ def _whole_number(least: int) -> Callable[[str], int]:
 
 
 def _nonempty(text: str) -> str:
-    """Reject an empty path, which an unset variable of a shell leaves: it would be the current folder."""
+    """Reject an empty path, as left by an unset shell variable: it would mean the current folder."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
     return text
@@ -125,19 +125,19 @@ def _path(text: str) -> Path:
 
 
 def _sides(text: str) -> str | list[str]:
-    """``FILE``, or ``A,B``, of which one may be empty."""
+    """Parse ``FILE``, or ``A,B``, of which one may be empty."""
     return text.split(",") if "," in text and not Path(text).exists() else _nonempty(text)
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser that complains in one line, whatever it was given."""
+    """Parser that reports errors in one line, whatever the input."""
 
     def error(self, message: str) -> NoReturn:
         super().error(log_text(" ".join(message.split())))
 
 
 class _Version(argparse.Action):
-    """Prints the version, which is looked up when it is wanted."""
+    """Action that prints the version, which is looked up only on request."""
 
     def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
         from screwgauge import __version__
@@ -155,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
     known: dict[str, str] = {}
 
     def command(run: Callable[[argparse.Namespace], int], help: str, out: str = "", epilog: str = "") -> Any:
-        """Adds a command; returns what adds an argument to it."""
+        """Add a command; return the function that adds its arguments."""
         name = run.__name__.removesuffix("_")
         known[name] = help
         description = f"{help[0].upper()}{help[1:]}.\n\nexample: screwgauge {name} {EXAMPLES[name]}"
@@ -346,7 +346,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _overview(known: Mapping[str, str]) -> str:
-    """The commands in their groups, a line each."""
+    """List the commands in their groups, one line each."""
     lines = [PURPOSE]
     for group, names in GROUPS.items():
         lines += ["", f"{group}:", *(f"  {name:<10}{known[name]}" for name in names)]

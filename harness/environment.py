@@ -1,4 +1,4 @@
-"""On what a run was made: machine, versions, threads. No path, user or host name; no engine is imported."""
+"""Record of the environment of a run: machine, versions, threads. No path, user or host name; no engine is imported."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PACKAGES = ("screwgauge", "numpy", "pandas", "pin", "mujoco", "python-flint")
 
 
 def environment() -> dict[str, Any]:
-    """The record that goes into ``environment.json`` and the report."""
+    """Return the record that goes into ``environment.json`` and the report."""
     record: dict[str, Any] = {
         "platform": platform.platform(),
         "cpu": _cpu(),
@@ -38,7 +38,7 @@ def environment() -> dict[str, Any]:
 
 
 def plain(value: Any, text: Callable[[str], str] = str) -> Any:
-    """The value as JSON knows it; what is not a finite number becomes null, and of texts what is made of them."""
+    """Convert a value to JSON types; non-finite numbers become null, and texts are passed through `text`."""
     if isinstance(value, Mapping):
         return {str(key): plain(item, text) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -51,7 +51,7 @@ def plain(value: Any, text: Callable[[str], str] = str) -> Any:
 
 
 def json_text(value: Any, *, escaped: bool = False) -> str:
-    """Indented JSON that every reader takes; `escaped`: every stream and log, too."""
+    """Format indented JSON that every reader accepts; `escaped`: in ASCII, for any stream or log."""
     text = json.dumps(plain(value), indent=2, ensure_ascii=escaped, allow_nan=False) + "\n"
     return text.replace("##", "#\\u0023") if escaped else text  # two are a command to a CI service
 
@@ -74,7 +74,7 @@ def _cpu() -> str:
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -88,7 +88,7 @@ def _blas() -> str:
 
 @cache
 def _commit() -> str | None:
-    """Commit of the checkout that this package runs from, marked if its code was changed; None elsewhere."""
+    """Return the commit of the checkout that this package runs from, marked if its code was changed; None elsewhere."""
     root = Path(__file__).resolve().parents[1]
     if not (root / ".git").exists() or not (root / "pyproject.toml").is_file():
         return None

@@ -26,7 +26,7 @@ def fix_threads() -> bool:
     """Limit BLAS and OpenMP to one thread.
 
     Returns:
-        Whether it takes effect: False if numpy is there already, with whatever it was started with.
+        True if the limit takes effect: False if numpy is already imported, with the settings that it was started with.
     """
     if "numpy" in sys.modules:
         return one_thread()
@@ -35,15 +35,15 @@ def fix_threads() -> bool:
 
 
 def one_thread() -> bool:
-    """True if every variable is set to one thread."""
+    """Return True if every variable is set to one thread."""
     return ONE.items() <= os.environ.items()
 
 
 def save_time() -> None:
-    """Spend memory for time: look for garbage in cycles rarely, and not at the end; keep what arrays have freed.
+    """Trade memory for time: collect garbage rarely, and never at exit; keep memory that arrays have freed.
 
-    Imports and traces of equations make many objects and no garbage. Memory that was given back is cleared by the
-    kernel when it is needed again, which takes as long as many a computation.
+    Imports and traces of equations make many objects and no garbage. Memory returned to the system is cleared by the
+    kernel when it is requested again, which takes as long as many computations.
     """
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
@@ -61,7 +61,7 @@ def python(*arguments: str) -> list[str]:
 def safe_path() -> list[str]:
     """Return `sys.path` as absolute paths, without the folder that Python put first because it is the current one."""
     places = sys.path
-    with suppress(OSError):  # there is no such folder
+    with suppress(OSError):  # the current folder no longer exists
         if not sys.flags.safe_path and os.path.samefile(places[0], "."):
             places = places[1:]
     return [os.path.abspath(place) for place in places if place]
@@ -69,10 +69,10 @@ def safe_path() -> list[str]:
 
 @contextmanager
 def inherit_safely(variables: Mapping[str, str] = SAFE) -> Iterator[None]:
-    """Lets a library start processes, which inherit the environment and `sys.path` that this one has meanwhile.
+    """Let a library start processes, which inherit this process's environment and `sys.path` within the context.
 
     Args:
-        variables: Of the environment; `SAFE` among them.
+        variables: Environment variables; they must include `SAFE`.
     """
     with _LOCK:
         path, before = sys.path[:], {name: os.environ.get(name) for name in variables}

@@ -1,4 +1,4 @@
-"""Plugin of pytest: the fixture ``screwgauge``, and scenes as tests. Nothing heavy is imported before one is used."""
+"""Plugin of pytest: the fixture ``screwgauge``, and scenes as tests. Nothing heavy is imported before it is used."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SCENES = pytest.StashKey[list[Path]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--screwgauge DIR`` and ``--engine NAME``, any number of times."""
+    """Add the options ``--screwgauge DIR`` and ``--engine NAME``, each of which may be repeated."""
     text = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
     group = parser.getgroup("screwgauge")
     group.addoption("--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=text)
@@ -23,7 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Finds the scenes, before anything is tested. Workers may stand in another folder."""
+    """Find the scenes before anything is tested: workers may run in another folder."""
     names = config.option.screwgauge_folders
     config.option.screwgauge_folders = folders = [Path(name).absolute() for name in names]
     config.stash[_SCENES] = [path for folder in folders for path in _scenes(folder)]
@@ -32,10 +32,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def contract_engines(config: pytest.Config) -> list[str]:
-    """Names of the engines that the contract tests.
+    """Return the names of the engines that the contract tests.
 
     Raises:
-        pytest.UsageError: None is named, or one of them is not known.
+        pytest.UsageError: No engine is named, or one of them is unknown.
     """
     from screwgauge.engines.registry import check_engines
     from screwgauge.reference.errors import ScrewgaugeError
@@ -62,7 +62,7 @@ def _scenes(folder: Path) -> list[Path]:
 
 @pytest.hookimpl(tryfirst=True)  # so that they can be deselected
 def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """Adds the scenes, whether or not their folder is one that pytest would look into."""
+    """Add the scenes, whether or not pytest would search their folder."""
     for path in session.config.stash[_SCENES]:
         items += SceneFile.from_parent(session, path=path).collect()
 
@@ -75,7 +75,7 @@ class SceneFile(pytest.File):
 
 
 class SceneItem(pytest.Item):
-    """A scene, which the gate has to pass."""
+    """Test item of a scene, which has to pass the gate."""
 
     def runtest(self) -> None:
         from screwgauge.api import check
@@ -98,7 +98,7 @@ class SceneItem(pytest.Item):
 
 @pytest.fixture
 def screwgauge(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The package. In a test with this fixture, relative paths start from the folder of the test's file."""
+    """Return the package. In a test with this fixture, relative paths start from the folder of the test's file."""
     import screwgauge
 
     monkeypatch.chdir(request.path.parent)

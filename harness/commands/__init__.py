@@ -1,4 +1,4 @@
-"""The commands of the command line: each returns its exit status, and imports what it needs when it is called."""
+"""The commands of the command line: each returns its exit status, and imports its dependencies when it is called."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OUT = Path("screwgauge-out")
 
 
 def list_(options: argparse.Namespace) -> int:
-    """Prints what can be chosen: mechanisms, scenes, engines, quantities."""
+    """Print the available mechanisms, scenes, engines and quantities."""
     from screwgauge.report.listing import listing
 
     say(listing(options.what))
@@ -31,7 +31,7 @@ def list_(options: argparse.Namespace) -> int:
 
 
 def models(options: argparse.Namespace) -> int:
-    """Writes the model files of a mechanism, and with --check compares what the libraries read."""
+    """Write the model files of a mechanism; with --check, compare the readings of the libraries."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import keep_models
     from screwgauge.models.home import check_home
@@ -62,7 +62,7 @@ def models(options: argparse.Namespace) -> int:
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
+    """Convert a URDF or MJCF, or a description without a home pose, to a description and a scene; print notes."""
     from screwgauge.diagnosis.shares import warn_of_order
     from screwgauge.models.files.parts import files_allowed
     from screwgauge.models.importing.model import Options, notes
@@ -100,11 +100,11 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
 
 
 def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False) -> None:
-    """Imports a model file that is named in place of a mechanism or scene, and prints notes on it.
+    """Import a model file that is named in place of a mechanism or scene, and print notes on it.
 
     Args:
         allow: See `models.importing.model.Options`.
-        meshes: Mass and inertia are computed from meshes.
+        meshes: Compute mass and inertia from meshes.
     """
     if is_model(name):
         from screwgauge.models.importing.model import Options, keep, notes
@@ -121,7 +121,7 @@ def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drives the engines with a scene and writes the report."""
+    """Run the engines on a scene and write the report."""
     from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
@@ -164,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def review(options: argparse.Namespace) -> int:
-    """Says what is wrong with a table of numbers."""
+    """Report the faults of a table of numbers."""
     from screwgauge.api import review
     from screwgauge.environment import json_text
     from screwgauge.report.reviewed import blocks, summary
@@ -177,13 +177,13 @@ def review(options: argparse.Namespace) -> int:
 
 
 def _files(scene: Scene) -> list[Path]:
-    """The files that a scene is made of."""
+    """Return the files that a scene consists of."""
     tables = (table.file for table in scene.tables.values())
     return [file for file in (scene.file, scene.mechanism_file, *scene.models.values(), *tables) if file]
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Error against run time of a scene."""
+    """Measure errors against run times on a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench.run import bench, plan_of
@@ -201,7 +201,7 @@ def bench(options: argparse.Namespace) -> int:
 
 
 def stress(options: argparse.Namespace) -> int:
-    """Climbs the ladders of severity."""
+    """Run the stress cases with increasing severity."""
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages.stress import PAGE as page
     from screwgauge.study.bench.stress import stress
@@ -219,7 +219,7 @@ def stress(options: argparse.Namespace) -> int:
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Answers many variants of a scene, and says which number costs most."""
+    """Solve many variants of a scene, and rank its numbers by their effect."""
     from screwgauge.report.pages import sweep as page
     from screwgauge.study.sweep.plan import read_plan
     from screwgauge.study.sweep.run import sweep
@@ -242,7 +242,7 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def identify(options: argparse.Namespace) -> int:
-    """Says which numbers of a machine its forces tell, and with data what these are."""
+    """Report which numbers of a machine its forces determine, and estimate them from data."""
     from screwgauge.report.pages.identify import PAGE
     from screwgauge.scene.read import load_scene
     from screwgauge.study.identify.fix import check_fix, write_fix
@@ -271,7 +271,7 @@ def identify(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, and explains and proves their differences."""
+    """Compare two models, and explain and prove their differences."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.findings import summary
     from screwgauge.environment import json_text
@@ -299,14 +299,14 @@ def diagnose(options: argparse.Namespace) -> int:
 
 
 def _models(options: argparse.Namespace) -> list[Path]:
-    """The files that a diagnosis reads."""
+    """Return the files that a diagnosis reads."""
     loops = options.loops if isinstance(options.loops, list) else [options.loops]
     named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, *loops]
     return [Path(name) for name in named if name]
 
 
 def casebook(options: argparse.Namespace) -> int:
-    """Tells about a named discrepancy, or lists them."""
+    """Describe a named discrepancy, or list all of them."""
     from screwgauge.casebook.book import find_case
     from screwgauge.report.listing import blocks, listing
     from screwgauge.report.text import terminal
@@ -316,7 +316,7 @@ def casebook(options: argparse.Namespace) -> int:
 
 
 def limits(options: argparse.Namespace) -> Limits:
-    """Limits of time and memory of a process, from the options."""
+    """Return the time and memory limits of a process from the options."""
     from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}
@@ -324,7 +324,7 @@ def limits(options: argparse.Namespace) -> Limits:
 
 
 def executor(options: argparse.Namespace, limits: Limits | None = None) -> Executor:
-    """Choose the executor of tasks by options."""
+    """Choose the executor of tasks from the options."""
     from screwgauge.study.cluster import executor
 
     return executor(options.jobs, options.cluster, limits)
@@ -335,7 +335,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
+    """Check scenes and pairs of models; leave the files for CI services where these look for them."""
     from screwgauge.commands.gate_files import check_files, check_inputs, check_outputs
     from screwgauge.report.pages.check import PAGE, check_with
 
@@ -364,7 +364,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def matrix(options: argparse.Namespace) -> int:
-    """The check with several versions of the engines; pairs whose rows are there are not checked again."""
+    """Repeat the check with several versions of the engines; pairs that already have rows are skipped."""
     from importlib.metadata import version
     from itertools import product
 

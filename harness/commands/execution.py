@@ -1,4 +1,4 @@
-"""Execution of a command: refusal of retired names, work with progress, numbers onto the disk, then pages."""
+"""Execution of a command: rejection of retired names, work with progress, data written to disk, then pages."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def carry_out(
     force: bool = False,
     **writing: Any,
 ) -> Any:
-    """Works with progress, then writes the report and prints a summary; refuses first what cannot be written.
+    """Run work with progress, then write the report and print a summary; first reject outputs that cannot be written.
 
     Args:
-        work: Takes the progress.
-        tell: Text to print for the results; by default the page's text for a terminal.
-        again: The same command goes on from the rows that are there.
+        work: Function of the progress that returns the results.
+        tell: Function that returns the text to print for the results; by default the page's text for a terminal.
+        again: True if the same command resumes from existing rows.
         files: Files that the command reads, and writes beside its report; none is overwritten, no two are the same.
-        force: Existing files are replaced, whatever their origin.
-        writing: What else the page is written with.
+        force: Replace existing files, whatever their origin.
+        writing: Further arguments for writing the page.
 
     Returns:
         The results.
@@ -70,7 +70,7 @@ def _write(
     tell: Callable[[Any], str] | None,
     writing: dict[str, Any],
 ) -> None:
-    """Writes a report, and prints the results as soon as their numbers are on disk, or cannot be."""
+    """Write a report, and print the results as soon as their data are on disk, or cannot be written."""
     from screwgauge.report.folder import PAGES
     from screwgauge.report.text import terminal
 
@@ -84,14 +84,14 @@ def _write(
         try:
             say(tell(results) if tell else terminal(page.terminal(results)))
             printed.append(True)
-        except ScrewgaugeError as error:  # standard output takes nothing, which is no reason to draw nothing
+        except ScrewgaugeError as error:  # a closed standard output is no reason to skip the drawings
             lost.append(error)
         progress.show("report", 0.5)
 
     progress.show("report", 0.0)
     try:
         page.write(results, out, safe=show, **writing)
-    except ScrewgaugeError as error:  # results are printed all the same
+    except ScrewgaugeError as error:  # results are printed anyway
         lost.append(error)
     show()
     progress.wipe()
@@ -106,7 +106,7 @@ _KEPT = "keep check.json of each check, and compare with a known state by check 
 _TLS = "leave it out, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "has another name"
-#: Command, or command and option -> what became of it, and what to type in its place.
+#: Retired command, or command and option -> what became of it, and its replacement.
 ENDED = {
     "bench --budget": (_RENAMED, "write bench --limit SECONDS"),
     "bench --random": (_ENDED, _CAMPAIGN.format("random")),
@@ -125,10 +125,10 @@ ENDED = {
 
 
 def check_current(arguments: Sequence[str]) -> None:
-    """Refuses what ended or has another name, before it is called unknown.
+    """Reject retired or renamed commands and options with a hint, before they count as unknown.
 
     Raises:
-        DescriptionError: It is in `ENDED`.
+        DescriptionError: The command or option is in `ENDED`.
     """
     command, *rest = arguments or [""]
     options = [argument.partition("=")[0] for argument in rest]

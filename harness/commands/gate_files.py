@@ -1,4 +1,4 @@
-"""Files of the gate beside its report: which it reads and writes, and whether it can."""
+"""Files of the gate beside its report: inputs and outputs, and a check that they can be written."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from screwgauge.study.gate.run import files_in
 
 
 def check_files(options: Namespace) -> None:
-    """Finds out before long work whether single files can be written.
+    """Check before long work that single files can be written.
 
     Raises:
-        OutputError: One of them cannot.
+        OutputError: One of the files cannot be written.
     """
     if options.junit is not None:
         check_free(options.junit, force=options.force)
@@ -27,14 +27,14 @@ def check_files(options: Namespace) -> None:
 
 
 def check_outputs(options: Namespace) -> dict[str, Path]:
-    """Option or variable -> file that the command writes beside its report."""
+    """Return option or variable -> file that the command writes beside its report."""
     known = options.baseline if options.update else None
     named = {"--junit": options.junit, "--baseline": known, SUMMARY: os.environ.get(SUMMARY)}
     return {name: Path(file) for name, file in named.items() if file}
 
 
 def check_inputs(options: Namespace) -> Iterator[Path]:
-    """Every file that the command reads."""
+    """Yield every file that the command reads."""
     yield from map(Path, filter(None, (options.tolerances, None if options.update else options.baseline)))
     for item in items(options.what):
         yield from map(Path, item.files)

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from screwgauge.solution import Solution
 
 PICTURES = ("png", "svg", "pdf")
-WIDTH, DPI = "17cm", 200  # of a picture: as wide as a page's text
+WIDTH, DPI = "17cm", 200  # size of a picture: as wide as a page's text
 
 
 def view(options: argparse.Namespace) -> int:
-    """Shows a mechanism, or two side by side."""
+    """Show a mechanism, or two side by side."""
     from screwgauge.models.shapes import differences
     from screwgauge.reference.lint import suspicious
     from screwgauge.report.figures.saved import check_ending, picture_file
@@ -57,7 +57,7 @@ def view(options: argparse.Namespace) -> int:
 
 
 def _load(name: str) -> Scene | Mechanism:
-    """A scene, or what a description or model file gets as one; a mechanism at rest where none can be made."""
+    """Load a scene, or the default scene of a description or model file; a mechanism at rest if none can be made."""
     from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
     from screwgauge.models.importing import is_model
     from screwgauge.reference.files import A_PATH, is_path
@@ -84,7 +84,7 @@ def _load(name: str) -> Scene | Mechanism:
 
 
 def _unnamed_joints(name: str, mechanism: Mechanism) -> set[str]:
-    """Joints that a model file does not name: they stand for points at which loops close, axes without a sense."""
+    """Return joints without names in a model file: they stand for closure points, and their axes have no sense."""
     from screwgauge.models.importing import is_model
 
     if not is_model(name):
@@ -100,7 +100,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
     from screwgauge.scene.scene import Scene
 
     mechanism = what.mechanism if isinstance(what, Scene) else what
-    moving = isinstance(what, Scene) and other is None  # two are compared at home
+    moving = isinstance(what, Scene) and other is None  # two mechanisms are compared in the home pose
     if isinstance(what, Scene) and moving:
         picture = stage(*_solve(what))
     else:
@@ -110,7 +110,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
 
 
 def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
-    """A few samples of a scene and their solution; none where the solver fails, with a warning."""
+    """Solve a few samples of a scene; return no solution if the solver fails, with a warning."""
     from screwgauge.problem import spread
     from screwgauge.report.stage.motion import FRAMES
     from screwgauge.study.run import run
@@ -127,7 +127,7 @@ def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
 
 
 def _serve(text: bytes, port: int) -> int:
-    """Serves one page to this machine alone until it is interrupted."""
+    """Serve one page on localhost until interrupted."""
     from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
     class Handler(BaseHTTPRequestHandler):
@@ -140,7 +140,7 @@ def _serve(text: bytes, port: int) -> int:
             self.wfile.write(text if ours else b"")
 
         def log_message(self, *arguments: object) -> None:
-            """Silence."""
+            """Log nothing."""
 
     class Server(ThreadingHTTPServer):
         def service_actions(self) -> None:
@@ -148,7 +148,7 @@ def _serve(text: bytes, port: int) -> int:
                 raise KeyboardInterrupt
 
         def handle_error(self, *request: object) -> None:
-            """Silence: a browser may go away at any time."""
+            """Report nothing: a browser may close the connection at any time."""
 
     try:
         server = Server(("127.0.0.1", port), Handler)
