@@ -15,60 +15,59 @@ takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engi
 it, ``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
 ``NAME@float32``; its answers are arrays of float64 in any case.
 
-**Question.** A `Problem` has a task, what acts, names of wanted quantities, the rule for redundant actuators and
-each named `Point`.
-Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`) and `States` (an open
-tree as it is). `Applied` holds gravity (`GRAVITY` where none is given), each `Load`, springs (`JointSpring`,
-`PointSpring`) and each `Motor`. A `Load` may follow a `Course` or `Samples` over time, see its `at`, and turn with its
-body (`axes`). `GIVEN` names the quantities that are asked of a given motion by default, `OF_MOTION`
-all that can be.
+**Question.** A `Problem` has a task, the acting forces, names of wanted quantities, the rule for redundant actuators
+and each named `Point`. Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`)
+and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` where none is given), each `Load`,
+springs (`JointSpring`, `PointSpring`) and each `Motor`. A `Load` may follow a `Course` or `Samples` over time, see
+its `at`, and turn with its body (`axes`). `GIVEN` names the default quantities of a given motion, `OF_MOTION` all
+that are available.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings
 (`Coupling`, a `PolynomialSum`; `Fixing` holds a fixed joint). `GROUND` is the name of the ground. `resistances` lists
 rotors, dampers and dry friction as `Resistance`.
 
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` gives components and
-units of each quantity in order; `Names` is their type. `stages` says how far wanted quantities need a computation to
-go: ``q``, ``v``, ``a`` or ``f``. A `Clock` takes the time of each stage. `answer` packs what a function makes of each
-part of a motion (`Answered`).
+units of each quantity in order; `Names` is their type. `stages` returns the last stage of the computation that wanted
+quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
+solution from a function that solves each part of a motion (`Answered`).
 
-**Bodies and joints.** `body_poses` puts the bodies where joint coordinates say, such as those of home;
-`absolute_poses` does it for positions and quaternions. `read_joints` reads joint coordinates from poses,
+**Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of home;
+`absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,
 `follow_joints` counts turns along a motion; a `JointReading` has their rates and accelerations from twists and
-accelerations of bodies. `com_accelerations` and `shifted` move accelerations to other points. `length` is that of a
-mechanism, by which lengths become numbers.
+accelerations of bodies. `com_accelerations` and `shifted` move accelerations to other points. `length` is the
+characteristic length of a mechanism, which makes lengths dimensionless.
 
 **What acts.** `acting` gives loads, springs, motors, dampers and friction as wrenches on bodies and forces along
-joint coordinates, `along_joints` the latter alone; `load_point` is where a load acts; `resistance` is the quantity of
-that name. `required_wrenches` is what a motion needs of each body (Newton, Euler) from its `Matter`, which
-`matter_of` reads from a description; `summed_inwards` adds them up along a tree.
+joint coordinates, `along_joints` only the latter; `load_point` is the point at which a load acts; `resistance` is the
+quantity of that name. `required_wrenches` computes the wrench that a motion requires on each body (Newton, Euler)
+from its `Matter`, which `matter_of` reads from a description; `summed_inwards` adds them up along a tree.
 
-**Closed loops.** An engine that states bodies and constraints in coordinates of its own is a `Constrained`:
-`solve_constrained` answers a problem by it, in all quantities but those of an open tree, and estimates their errors;
-one with an integrator is a `Stepped`, for `solve_stepwise`. `temporary` changes settings of a library for a while.
-Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a `ClosedMotion`
-has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the rules of
-redundant actuators, `axial_line` the line of the second; `idle_accelerations` are those of coordinates that no actuator
-drives, which a `GivenMotion` names; `unit_wrenches` and `joint_wrenches` are what joints exert
-by their multipliers, `reactions` makes components of wrenches at joints; `motion_values`, `force_values` and
-`inertia_values` are the quantities, `per_actuator` makes `jacobian`. An engine whose unknowns are all joint
-coordinates follows the `Branch` of poses that begins at home, which estimates its errors; of conditions that it finds
-for the same quantity (`ACCELERATED` are those that rest on accelerations) `worst_of` takes the larger.
+**Closed loops.** An engine that formulates bodies and constraints in its own coordinates is a `Constrained`:
+`solve_constrained` solves a problem with it, for all quantities except those of an open tree, and estimates their
+errors; one with an integrator is a `Stepped`, for `solve_stepwise`. `temporary` changes settings of a library within
+a context. Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a
+`ClosedMotion` has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the
+rules of redundant actuators, `axial_line` the line of the second; `idle_accelerations` are those of coordinates that
+no actuator drives, which a `GivenMotion` names; `unit_wrenches` and `joint_wrenches` are the wrenches that joints
+exert, from their multipliers; `reactions` returns components of wrenches at joints; `motion_values`, `force_values`
+and `inertia_values` return the quantities, `per_actuator` computes `jacobian`. An engine whose unknowns are all joint
+coordinates follows the `Branch` of poses that begins at home, which estimates its errors; `worst_of` merges condition
+numbers of quantities by their maximum (`ACCELERATED` names the quantities that depend on accelerations).
 
-**Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
-what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
-`SingularPoseError`. `check_fits` refuses a problem that is not that of a description.
+**Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks what
+the engine needs, or has what it does not support), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do
+not close), `SingularPoseError`. `check_fits` rejects a problem that does not belong to a description.
 
 **Open trees.** An engine whose library has a tree and no loops implements `OpenTree` (and `Mover`, `TreeDynamics` for
 simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and `loops_file` (a
-`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints are hinges, which couplings hold. A port of MuJoCo may
+`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints become hinges that couplings hold. A port of MuJoCo may
 derive its tree from `MujocoTree`, which reads an MJCF with its closures and couplings; its `open_model` is the file
 without equality constraints.
 
-**Tracer.** `Trace` records arithmetic on `Node` numbers; `program` makes a `Program` of it, `Lanes` runs that over
-samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names for
-inputs and outputs. Derivatives are recorded in the same trace: `tangents` by forward mode, `adjoints` by reverse
-mode; `substitute` puts other numbers in the place of some.
+**Tracer.** `Trace` records arithmetic on `Node` numbers; `program` compiles it to a `Program`, which `Lanes` runs
+over samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names
+for inputs and outputs. Derivatives are recorded in the same trace: `tangents` by forward mode, `adjoints` by reverse
+mode; `substitute` replaces some numbers with others.
 """
 
 from __future__ import annotations
