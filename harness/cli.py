@@ -77,12 +77,12 @@ def _command(arguments: Sequence[str] | None) -> int:
         say("", end="")  # a command that cannot print is not begun
     fix_threads()
     save_time()
-    os.environ["MUJOCO_GL"] = "disable"  # nothing is rendered, for which MuJoCo would load libGL
+    os.environ["MUJOCO_GL"] = "disable"  # no rendering, for which MuJoCo would load libGL
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report shows what is not a number
         try:
             return int(options.command(options))
-        except SystemExit as error:  # a library's, which would pass for ours
+        except SystemExit as error:  # raised by a library; it would pass for that of the command
             raise RuntimeError(f"a library ended the program, status {error.code}") from error
 
 
@@ -90,7 +90,7 @@ def _parse(given: Sequence[str]) -> argparse.Namespace:
     """Parse a command line; for an unknown command or option, suggest the most similar one.
 
     Raises:
-        UnknownNameError: There is no such command, or it has no such option.
+        UnknownNameError: The command is unknown, or lacks the option.
     """
     commands = [name for names in GROUPS.values() for name in names]
     named = not given[0].startswith("-")

@@ -97,7 +97,7 @@ def _commit() -> str | None:
         command = ["git", "-C", str(root), *words]
         return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
-    try:  # reports are no code: one that is made anew is none of its own commit
+    try:  # reports are not code: a rewritten report does not change the commit
         return git("rev-parse", "HEAD") + "-dirty" * bool(git("status", "--porcelain", "--", *CODE))
     except (OSError, subprocess.SubprocessError):  # no git, or not a checkout that it trusts
         return None

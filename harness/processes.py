@@ -47,7 +47,7 @@ def save_time() -> None:
     """
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
-    with suppress(OSError, AttributeError):  # another library than that of GNU
+    with suppress(OSError, AttributeError):  # not the GNU C library
         mallopt = ctypes.CDLL(None).mallopt
         for parameter, size in MALLOC.items():
             mallopt(parameter, size)

@@ -73,7 +73,7 @@ def say(text: str, end: str = "\n") -> None:
     """Print lines, and hide commands to a CI service in them.
 
     Raises:
-        OutputError: Standard output is closed, or there is no room.
+        OutputError: Standard output is closed, or the disk is full.
     """
     _print(log_text(text), end)
 
@@ -82,7 +82,7 @@ def mark(command: str) -> None:
     """Print a line that is a command to a CI service.
 
     Raises:
-        OutputError: Standard output is closed, or there is no room.
+        OutputError: Standard output is closed, or the disk is full.
     """
     _print(printable(command), "\n")
 

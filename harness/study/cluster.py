@@ -237,7 +237,7 @@ _versions = cache(versions)
 
 
 def _with_files(work: Callable[[Progress], Any], home: str, files: Mapping[str, str], progress: Progress) -> Any:
-    """Run a task in a folder like that of the client, with the client's files.
+    """Run a task in the client's current folder, if this machine has the same files.
 
     Args:
         files: Absolute path -> digest.

@@ -2,7 +2,7 @@
 
 Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by
 a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero if mu = 0. Its accelerations
-are those of a chain of rods in a plane, from formulas that no engine has.
+are those of a planar chain of rods, from formulas that no engine uses.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 LIMIT = 3600.0
 
 
-#: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; scenes that pass, of so many; the fewest
+#: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; passing scenes, of the total; the fewest
 #: digits of two engines that agree, with scene and quantity; quantities out of tolerance, with numbers of scenes; the
 #: sentence on the first scene that does not pass, or the reason why there is none.
 RESULT: dict[str, Any] = {

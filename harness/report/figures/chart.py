@@ -126,7 +126,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
     Args:
         build: Specification without a title; ``True``: with more points than can be seen at once.
-        notes: Reading aid, and what the picture does not show.
+        notes: Reading aid, and remarks on omissions.
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
@@ -174,7 +174,7 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
         bins: Stretches.
 
     Returns:
-        Indices, ascending; all n if they are no more than the stretches.
+        Indices, ascending; all n if there are no more samples than stretches.
     """
     n = len(values)
     if n <= bins:

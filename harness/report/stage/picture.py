@@ -68,7 +68,7 @@ def stage(
 
     Args:
         solutions: Solutions of the scene, whose poses and forces are shown.
-        other: Mechanism to compare with; its differences at home are drawn, too.
+        other: Mechanism to compare with; its differences in the home pose are drawn, too.
         unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)

@@ -167,7 +167,7 @@ def check_given(scene: Scene) -> None:
     """Reject scenes on which a bench cannot measure methods.
 
     Raises:
-        DescriptionError: The scene has model files or numbers of the user's own, springs, motors or loads that vary.
+        DescriptionError: The scene has model files or tables of the user, springs, motors, or loads that vary.
     """
     for entry, names in (("models", scene.models), ("tables", scene.tables)):
         if names:

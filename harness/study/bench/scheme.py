@@ -1,7 +1,7 @@
 """The paper's own scheme as a further method: velocities of each chain from eq. (26), joint angles from time steps.
 
 The twist of the platform drives every chain separately, and nothing corrects the closure (eqs. 15-27). The
-twist is that of eq. (60) as printed or the right one, the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
+twist is that of eq. (60), as printed or corrected; the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
 Steps follow each other, so one step is kept cheap: all chains side by side as one stack of small matrices.
 """
 

@@ -68,7 +68,7 @@ def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: b
     """Write these rows as the known state.
 
     Raises:
-        OutputError: One of them has no numbers, or the file cannot be written or is no baseline; it is then as it was.
+        OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it is then unchanged.
     """
     check_baseline(file, force=force)
     if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:

@@ -16,7 +16,7 @@ def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
     """Reject, before any work, a file that numbers cannot be written to.
 
     Raises:
-        DescriptionError: There are no data, or no model file of this ending.
+        DescriptionError: There are no data, or the scene has no model file with this ending.
     """
     if data is None:
         raise DescriptionError("nothing was measured", "identify, --fix", "name a file of forces by --data")
