@@ -238,8 +238,8 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
 def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     """Count freedoms at the most general of a few poses (joint coordinates): symmetry makes forces look unique.
 
-    Since rounding decides on ranks next to singular poses, only poses of the highest rank count, including home if no
-    other pose has a higher one.
+    Since rounding decides on ranks next to singular poses, only the given poses of the highest rank count; if there are
+    none, only home counts.
     """
     *sampled, home = (mobility(lay, q[None]) for q in [*poses, lay.mechanism.home])
 

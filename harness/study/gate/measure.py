@@ -239,7 +239,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
 
 
 def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) -> int:
-    """Return the first line of a model file that a difference names; 1 if there is none."""
+    """Return the line of a model file that names the first differing item; 1 if there is none."""
     names = [each.item_b for each in differences if each.item_b]
     text = read_file(file) if names else ""
     match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None
