@@ -1,4 +1,4 @@
-"""Data of the applied forces besides actuators: gravity, loads, springs and dampers, motors."""
+"""Data classes of applied forces other than actuator forces: gravity, loads, springs and dampers, motors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from screwgauge.reference.rotations import Array
 GRAVITY = (0.0, 0.0, -9.81)
 
 
-#: Axes that the components of a load are given in: of the world, or of its body, with which it turns.
+#: Axes in which the components of a load are given: world axes, or axes that rotate with its body.
 AXES = ("world", "body")
 
 
@@ -27,11 +27,11 @@ class Load:
 
     Attributes:
         body: Body that the load acts on (signs of an opposite reading are already applied).
-        point: Point of action in the body frame [m], or None for its centre of mass. Shape (3,).
-        force, torque: [N], [N m]. Shape (3,), or (n, 3) where they are those of n samples; no numbers where they follow
+        point: Point of application in the body frame [m], or None for its centre of mass. Shape (3,).
+        force, torque: [N], [N m]. Shape (3,), or (n, 3) for n samples; not numeric where they follow
             from `courses`, see `at`.
-        axes: Whose axes these are in, one of `AXES`.
-        courses: Fx, Fy, Fz, Mx, My, Mz over time; empty where nothing changes.
+        axes: Axes of force and torque, one of `AXES`.
+        courses: Fx, Fy, Fz, Mx, My, Mz as functions of time; empty for a constant load.
     """
 
     body: str
@@ -49,7 +49,7 @@ class Load:
         return load.at(0.0) if all(one.constant for one in courses) else load
 
     def at(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Load:
-        """Evaluate the load's force and torque at times [s], which may be numbers of any kind. Shape (...)."""
+        """Evaluate the load's force and torque at times [s], which may be of any scalar type. Shape (...)."""
         if not self.courses:
             return self
         each = np.broadcast_arrays(*(course(t, cos, sin) for course in self.courses))
@@ -58,7 +58,7 @@ class Load:
 
     @property
     def sampled(self) -> bool:
-        """True if the load is known only at the times of a file."""
+        """True if the load is known only at the sample times of a file."""
         return any(isinstance(course, Samples) for course in self.courses)
 
     @property
@@ -95,7 +95,7 @@ class JointSpring:
     Attributes:
         coordinate: Name of the joint coordinate.
         stiffness: k [N/m or N m/rad], not negative.
-        rest: q0, where it exerts nothing [m or rad].
+        rest: q0, at which the spring exerts no force [m or rad].
         damping: c [N s/m or N m s/rad], not negative.
     """
 
@@ -108,13 +108,13 @@ class JointSpring:
         _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
 
     def pull(self, q: Any, rate: Any) -> Any:
-        """Force against the coordinate, for numbers of any kind."""
+        """Return the force that opposes the coordinate, for any scalar type."""
         return self.stiffness * (q - self.rest) + self.damping * rate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSpring:
-    """A spring and damper on the line between points of two bodies, tension ``k (l - l0) + c ld``.
+    """A spring and damper between points of two bodies, with tension ``k (l - l0) + c ld``.
 
     It pushes as well as it pulls.
 
@@ -142,7 +142,7 @@ class PointSpring:
             raise DescriptionError("joins a body to itself", self.where, "name two bodies")
 
     def pull(self, length: Any, rate: Any) -> Any:
-        """Tension, for numbers of any kind."""
+        """Return the tension, for any scalar type."""
         return self.stiffness * (length - self.rest) + self.damping * rate
 
     @property
@@ -151,11 +151,11 @@ class PointSpring:
 
     @property
     def ends(self) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """(body, point in its frame) at both ends."""
+        """(body, point in the body frame) of both ends."""
         return (self.first, self.first_point), (self.second, self.second_point)
 
     def no_direction(self, when: str = "") -> SingularPoseError:
-        """Build the error for a spring whose two points coincide."""
+        """Build the error for a spring whose end points coincide."""
         what = f"its points meet{when}, so that it has no direction"
         return SingularPoseError(what, self.where, "move its points or shorten the motion")
 
@@ -165,35 +165,35 @@ Spring = JointSpring | PointSpring
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motor:
-    """A force along one joint coordinate, added to whatever else acts there.
+    """A force along one joint coordinate, added to all other forces along it.
 
     Attributes:
         coordinate: Name of the joint coordinate.
-        course: The force over time [N or N m].
+        course: The force as a function of time [N or N m].
     """
 
     coordinate: str
     course: Course
 
     def force(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """Force [N or N m] at times [s], which may be numbers of any kind."""
+        """Return the force [N or N m] at times [s], which may be of any scalar type."""
         return self.course(t, cos, sin)
 
 
 def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
-    """Build motors of constant force, given by joint coordinate [N or N m]."""
+    """Build motors of constant force from a map of joint coordinate to force [N or N m]."""
     return tuple(Motor(name, Course.of(f)) for name, f in forces.items())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Applied:
-    """All applied forces besides those of actuators.
+    """All applied forces other than those of actuators.
 
     Attributes:
-        gravity: World axes [m/s^2], shape (3,); None leaves that of the model file.
-        loads: On bodies.
+        gravity: Gravity in world axes [m/s^2], shape (3,); None keeps the gravity of the model file.
+        loads: Loads on bodies.
         springs: Springs and dampers, along joints or between points of bodies.
-        motors: Forces along joint coordinates over time.
+        motors: Forces along joint coordinates as functions of time.
     """
 
     gravity: Array | None = None
@@ -203,7 +203,7 @@ class Applied:
 
     @property
     def g(self) -> Array:
-        """Gravity; the standard value where a model file would declare its own. Shape (3,)."""
+        """Gravity, or the default where the model file's own is kept. Shape (3,)."""
         return np.array(GRAVITY) if self.gravity is None else self.gravity
 
     def at(self, t: Array) -> Applied:

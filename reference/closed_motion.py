@@ -1,4 +1,4 @@
-"""Motion and forces of a closed mechanism at n samples, over float arrays, with singularity checks.
+"""Motion and forces of a closed mechanism at n samples, as float arrays, with singularity checks.
 
 The equations are those of the package `equations`; closed poses come from the package `closed`.
 """
@@ -26,14 +26,14 @@ from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
 
-#: How far a pose beside home is from it [rad or lengths of the mechanism].
+#: Distance of a pose beside home from it [rad or mechanism lengths].
 ASIDE = 0.05
 
 
 class ClosedMotion(Forward):
     """A closed mechanism at n samples of a motion, all in floats; each quantity is computed on first access.
 
-    Of a joint that closes a loop, the coordinates are those given; in gimbal lock its rates are not numbers.
+    A joint that closes a loop keeps the given coordinates; in gimbal lock its rates are NaN.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class ClosedMotion(Forward):
 
     @property
     def condition(self) -> Array:
-        """Condition number of the closed loops by the independent coordinates. Shape (n,)."""
+        """Condition number of the closed loops with respect to the independent coordinates. Shape (n,)."""
         return np.asarray(self.system.condition)
 
     @cached_property
@@ -75,7 +75,7 @@ class ClosedMotion(Forward):
     def response(self) -> Array:
         """Second derivatives of the independent coordinates under all forces. Shape (n, k).
 
-        Only motion is projected, never reactions: what redundant constraints leave open does not matter.
+        Only motion is projected, never reactions, so undetermined reactions of redundant constraints do not matter.
 
         Raises:
             SingularPoseError: See `check`.
@@ -87,7 +87,7 @@ class ClosedMotion(Forward):
         """Reject poses at which forces do not determine the accelerations.
 
         Raises:
-            SingularPoseError: The independent coordinates do not determine the motion there, some move no mass, or a
+            SingularPoseError: The independent coordinates do not determine the motion, some move no mass, or a
                 spring has no direction.
         """
         self._check_poses()
@@ -138,7 +138,7 @@ class ClosedMotion(Forward):
 def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
     """Choose independent coordinates that actuators drive at home, those of actuators first.
 
-    Where actuators drive less there than they might, the pose is one beside home if they drive more in that.
+    If actuators drive fewer coordinates at home than at a pose beside it, that pose is used.
 
     Args:
         among: Candidates; all by default.
@@ -155,7 +155,7 @@ def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
 
 
 def _rates_near_home(lay: Layout) -> Array:
-    """Rates of actuators per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
+    """Return actuator rates per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     most: Array = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
     if linear.rank(most) < min(most.shape):
@@ -184,20 +184,20 @@ def motion_at(
 
     Args:
         q: All joint coordinates of closed poses, as from `kinematics.positions` [rad or m]. Shape (n, n_q).
-        yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); where no second ones are
-            given, these are the answer to the forces.
+        yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); without second derivatives
+            they follow from the forces.
         applied: Applied forces; by default gravity alone.
-        t: Times, by which motors go [s]. Shape (n,), or one for all.
-        actuators, joints: Given forces of the actuators, and along all joint coordinates, added to what acts there
+        t: Times at which motors are evaluated [s]. Shape (n,), or a single one.
+        actuators, joints: Given actuator forces, and forces along all joint coordinates, added to the applied forces
             [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
 
     Raises:
-        DescriptionError: Forces are of another shape.
-        UnknownNameError: A spring is at a body or coordinate that does not exist.
+        DescriptionError: Forces have another shape.
+        UnknownNameError: A spring refers to a body or coordinate that does not exist.
     """
     system = home_equations(lay)
     if not (q[:, system.fixed] == lay.mechanism.home[system.fixed]).all():
-        system = loop_equations(lay)  # what never moves on the branch of home is fixed only on that branch
+        system = loop_equations(lay)  # coordinates at rest on the home branch are fixed only on that branch
     check_applied(lay.mechanism, applied or Applied())
     at = ClosedMotion(system, q, yd, ydd, applied, t)
     given = (

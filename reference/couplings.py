@@ -1,4 +1,4 @@
-"""Couplings: joint coordinates that are polynomial sums of others, as in gears, screws, belts and differentials."""
+"""Couplings: joint coordinates that are sums of polynomials of others, as in gears, screws, belts and differentials."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PolynomialSum:
 
     Attributes:
         constant: p0 [rad or m].
-        terms: Coordinate -> coefficients of its powers from the first on [rad or m, over powers of rad or m].
+        terms: Coordinate -> coefficients of its powers from the first on [rad or m per power of rad or m].
     """
 
     constant: float
@@ -32,14 +32,14 @@ class PolynomialSum:
 
     @staticmethod
     def of(polynomials: Mapping[str, Array]) -> PolynomialSum:
-        """Add polynomials, lowest coefficient first; the key "" holds a constant."""
+        """Build the sum of polynomials, lowest coefficient first; the key "" holds a constant."""
         constants = [float(p[0]) for p in polynomials.values()]
         terms = {name: np.array(p[1:], dtype=float) for name, p in polynomials.items() if name}
         return PolynomialSum(sum(constants[1:], constants[0]), terms)
 
     @property
     def polynomials(self) -> dict[str, Array]:
-        """Polynomials whose sum is the function, lowest coefficient first; the first one holds the constant."""
+        """Polynomials that sum to the function, lowest coefficient first; the first one holds the constant."""
         if not self.terms:
             return {"": np.array([self.constant])}
         constants = [self.constant, *[0.0] * (len(self.terms) - 1)]
@@ -67,7 +67,7 @@ class PolynomialSum:
 
     @property
     def trimmed(self) -> PolynomialSum:
-        """Drop trailing zero coefficients, and coordinates without any other."""
+        """The function without trailing zero coefficients and without coordinates whose coefficients are all zero."""
         powers = {name: np.trim_zeros(p, "b") for name, p in self.terms.items()}
         return PolynomialSum(self.constant, {name: p for name, p in powers.items() if len(p)})
 
@@ -88,7 +88,7 @@ class PolynomialSum:
         return PolynomialSum(self.constant - other.constant, terms)
 
     def renamed(self, names: Mapping[str, str]) -> PolynomialSum:
-        """Rename the coordinates; those that `names` lacks stay."""
+        """Rename the coordinates; names missing from `names` are kept."""
         return PolynomialSum(self.constant, {names.get(name, name): p for name, p in self.terms.items()})
 
     def at(self, values: Mapping[str, float]) -> PolynomialSum:
@@ -117,7 +117,7 @@ class PolynomialSum:
         return PolynomialSum(-self.constant, {coordinate: np.ones(1), **rest}).times(1.0 / float(self.terms[lead][0]))
 
     def beside(self, other: PolynomialSum) -> tuple[Array, Array]:
-        """Coefficients of two functions of the same coordinates, padded to equal length, see `filled`."""
+        """Return the coefficients of two functions of the same coordinates, padded to equal length, see `filled`."""
         names, both = list(self.terms), (self, other)
         size = max((len(p) for function in both for p in function.terms.values()), default=0)
         rows = ([np.pad(each.terms[name], (0, size - len(each.terms[name]))) for name in names] for each in both)
@@ -135,11 +135,11 @@ class PolynomialSum:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupling:
-    """A joint coordinate that is a sum of polynomials of others, ``q = p0 + sum_k p_k(q_k)``.
+    """A joint coordinate that is a sum of polynomials of other coordinates, ``q = p0 + sum_k p_k(q_k)``.
 
     Attributes:
-        coordinate: The joint coordinate that is coupled.
-        function: The other side; constant for a fixed coordinate.
+        coordinate: The dependent joint coordinate.
+        function: Right-hand side; constant for a fixed coordinate.
     """
 
     name: str
@@ -159,7 +159,7 @@ class Coupling:
             raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "name other coordinates")
 
     def solved(self, coordinate: str) -> Coupling:
-        """Solve the coupling for another of its coordinates; itself if it is not linear in that one."""
+        """Solve the coupling for another of its coordinates; return it unchanged if not linear in that one."""
         if not self.function.is_linear_in(coordinate):
             return self
         return Coupling(self.name, coordinate, self.function.solved(self.coordinate, coordinate), self.where)
@@ -172,17 +172,17 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fixing(Coupling):
-    """The coupling that holds the hinge of a fixed joint, by the name of the joint."""
+    """The coupling that holds the hinge of a fixed joint, referenced by the joint's name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingRows:
-    """Couplings as equations in some vector of n_q coordinates, one row each.
+    """Couplings as equations in a vector of n_q coordinates, one row each.
 
     Attributes:
-        columns: Columns of the coupled coordinates, one a row.
-        leads: Column of each coordinate that a row depends on, with its polynomial, lowest coefficient first; the
-            first has the constant, which is alone, at no column, where the coordinate is held.
+        columns: Column of the dependent coordinate of each row.
+        leads: Columns of the coordinates that each row depends on, with polynomials, lowest coefficient first; the
+            first includes the constant, which stands alone with column None for a fixed coordinate.
     """
 
     columns: list[int]
@@ -192,10 +192,10 @@ class CouplingRows:
         return len(self.columns)
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, list[tuple[int | None, Any]]]]:
-        """Column i of each coupling ``q_i = sum_k p_k(q_k)``, with each column k and a derivative of p_k there.
+        """Return column i of each coupling ``q_i = sum_k p_k(q_k)``, with each column k and a derivative of p_k at q.
 
         Args:
-            q: Coordinates, any numbers. Shape (..., n_q).
+            q: Coordinates of any scalar type. Shape (..., n_q).
         """
         return [
             (i, [(k, _derivative(p, order, None if k is None else q[..., k])) for k, p in terms])
@@ -203,7 +203,7 @@ class CouplingRows:
         ]
 
     def residuals(self, q: Array) -> Array:
-        """``q_i - sum_k p_k(q_k)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
+        """Return ``q_i - sum_k p_k(q_k)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
         out = q[:, self.columns]
         for row, (_, terms) in enumerate(self.derivatives(q, 0)):
             for _, value in terms:
@@ -211,7 +211,7 @@ class CouplingRows:
         return out
 
     def matrix(self, q: Array) -> Array:
-        """Derivative of the residuals, 1 at i and -p_k' at each k. Shape (n, n_q) -> (n, m, n_q)."""
+        """Return the derivative of the residuals, 1 at i and -p_k' at each k. Shape (n, n_q) -> (n, m, n_q)."""
         out = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype)
         for row, (i, terms) in enumerate(self.derivatives(q, 1)):
             out[:, row, i] = 1.0
@@ -221,7 +221,7 @@ class CouplingRows:
         return out
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Second derivative of the residuals at zero coordinate accelerations, ``-sum_k p_k'' v_k^2``.
+        """Return the second derivative of the residuals at zero coordinate accelerations, ``-sum_k p_k'' v_k^2``.
 
         Shape (n, n_q) twice -> (n, m).
         """
@@ -236,9 +236,9 @@ class CouplingRows:
 def _derivative(polynomial: Array, order: int, x: Any) -> Any:
     """Evaluate a derivative of a polynomial, coefficients lowest first, at x; without a coordinate it is a constant."""
     coefficients, value = polynomial, 0.0
-    for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
+    for _ in range(order):  # numpy's polyder takes five times as long, and this runs in every evaluation of a motion
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))
-    for coefficient in coefficients[::-1].tolist():  # Horner
+    for coefficient in coefficients[::-1].tolist():  # Horner's scheme
         value = coefficient if x is None else value * x + coefficient
     return value
 
@@ -251,12 +251,12 @@ def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingR
 
 
 def component_name(coupling: Coupling) -> str:
-    """Name of the component of ``reaction`` by which a coupling acts along its coordinate: of a fixed joint ``mz``."""
+    """Return the name of the ``reaction`` component of a coupling along its coordinate: ``mz`` for a fixed joint."""
     return f"{coupling.name}.{'mz' if isinstance(coupling, Fixing) else 'coupling'}"
 
 
 def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:
-    """Reject couplings of unknown coordinates, two couplings of one coordinate, and cycles.
+    """Reject couplings of unknown coordinates, repeated couplings of one coordinate, and cycles.
 
     Raises:
         UnknownNameError: There is no such coordinate.
@@ -278,10 +278,10 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
 
 
 def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Find the cycle of coupled coordinates through which one depends on itself; empty if there is none.
+    """Find the cycle of coupled coordinates through which a coordinate depends on itself; empty if there is none.
 
     Args:
-        above: Coupled coordinate -> those that it is a function of.
+        above: Coupled coordinate -> coordinates that it is a function of.
     """
     ways, passed = list[tuple[str, ...]]([(coordinate,)]), set[str]()
     while ways:

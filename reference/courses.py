@@ -1,4 +1,4 @@
-"""Functions of time: polynomials with harmonics, and file samples, for motions, motors and loads."""
+"""Functions of time (polynomials with harmonics, or samples from a file) for motions, motors and loads."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Course:
         return not (self.polynomial.any() or self.harmonics[:, 1:].any())
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """Evaluate at times [s], which may be numbers of any kind."""
+        """Evaluate at times [s], which may be of any scalar type."""
         total: Any = 0.0
         for coefficient in self.polynomial[::-1].tolist():
             total = total * t + coefficient
@@ -63,19 +63,19 @@ class Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """A number known only at certain times.
+    """A quantity known only at certain times.
 
     Attributes:
         t: Increasing times [s]. Shape (n,).
-        values: The number at these times. Shape (n,).
-        file: The file that it was read from.
+        values: Values at these times. Shape (n,).
+        file: The file from which they were read.
     """
 
     t: Array
     values: Array
     file: str
 
-    #: Time changes it, as far as anybody knows.
+    #: Treated as varying with time.
     constant = False
 
     @property
@@ -87,7 +87,7 @@ class Samples:
         """Evaluate at times of the file [s], up to rounding of their decimals. Shape (...).
 
         Raises:
-            DescriptionError: The file has no sample at one of them.
+            DescriptionError: The file has no sample at one of these times.
         """
         asked = np.atleast_1d(np.asarray(t, dtype=float))
         known, rows = same_times(asked, self.t)
@@ -111,14 +111,14 @@ Places = NDArray[np.intp]
 
 
 def same_times(t: Array, others: Array) -> tuple[Places, Places]:
-    """Match times of two lists; times that differ only by rounding of their decimals are equal.
+    """Match the times of two lists; times that differ only by rounding of their decimals are equal.
 
     Args:
-        t: In any order. Shape (n,).
-        others: Increasing. Shape (m,).
+        t: Times in any order. Shape (n,).
+        others: Increasing times. Shape (m,).
 
     Returns:
-        Indices into both, for each of `t` that is there.
+        Indices into both lists, for each time of `t` that `others` contains.
     """
     right = np.searchsorted(others, t).clip(max=len(others) - 1)
     left = (right - 1).clip(min=0)

@@ -38,20 +38,20 @@ _TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame", "held", *RESISTS}
-#: Of a fixed joint, which has neither axes nor coordinates.
+#: Marks a fixed joint, which has neither axes nor coordinates.
 _FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
 _COUPLING = ("coordinate", "of", "polynomial", "terms")
-#: Default of three axes.
+#: Default axes of a joint with three axes.
 XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
 def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
-    """Reads a mechanism.
+    """Read a mechanism.
 
     Args:
         path: TOML file.
-        find: Path of the mechanism that ``extends`` names.
+        find: Returns the path of the mechanism named by ``extends``.
 
     Raises:
         DescriptionError: The file does not describe a mechanism.
@@ -89,7 +89,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
 
 def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Read a description and merge it into those that it extends; numbers remain text."""
+    """Read a description and merge it into the descriptions that it extends; numbers remain text."""
     data = read_toml(path)
     if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
@@ -125,7 +125,7 @@ def _body(name: str, table: Any, where: str) -> Body:
 
 
 def read_joint(name: str, table: Any, where: str) -> Joint:
-    """Reads one entry of ``[joints]``, also of a loops file."""
+    """Read one entry of ``[joints]``, also in a loops file."""
     read_name(name, where)
     check_keys(table, _JOINT, where)
     kind = check_name("joint kind", str(required(table, "kind", where)), KINDS, where)
@@ -159,12 +159,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
 
 
 def _amounts(value: Any, n: int, where: str) -> Array:
-    """Read one number per coordinate; a single one needs no brackets."""
+    """Read one number per coordinate; a single number needs no brackets."""
     return vector(value if isinstance(value, list) else [value], where, n)
 
 
 def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) -> tuple[Coupling, ...]:
-    """Read an optional ``[couplings]`` table, also of a loops file, and add the couplings of fixed joints."""
+    """Read an optional ``[couplings]`` table, also in a loops file, and add the couplings of fixed joints."""
     tables = read_table(data, "couplings", where) if "couplings" in data else {}
     read = tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
     fixed, known = fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
@@ -194,7 +194,7 @@ def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, st
     """List the polynomials of a coupling table as (key, coordinate, coefficients).
 
     Raises:
-        DescriptionError: There is none, or `terms` stand beside `polynomial` or `of`.
+        DescriptionError: There is none, or `terms` is given along with `polynomial` or `of`.
     """
     if "terms" not in table:
         of, polynomial = read_text(table, "of", where, ""), required(table, "polynomial", where)
@@ -230,7 +230,7 @@ def _limits(value: Any, n: int, where: str) -> Array:
 
 
 def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, Array] | None:
-    """Read an optional ``[spherical_axial]`` table, also of a loops file."""
+    """Read an optional ``[spherical_axial]`` table, also in a loops file."""
     if table is None:
         return None
     check_keys(table, {"joint", "direction"}, where)

@@ -1,4 +1,4 @@
-"""User errors, each one sentence that says what, where and what to do; and text helpers for messages."""
+"""User errors, each a one-sentence message with fault, place and remedy; and text helpers for messages."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from difflib import get_close_matches
 from numbers import Integral
 from typing import Any
 
-#: Signs that nothing shows, though they count as letters or marks: two names that differ in them look alike.
+#: Invisible characters that count as letters or marks: names that differ only in them look alike.
 _CODES = {0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0}
 _CODES |= {*range(0x180B, 0x1810), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)}
 _UNSEEN = frozenset(map(chr, _CODES))
-#: After which a space breaks a command to a CI service.
+#: Prefixes after which a space breaks a command to a CI service.
 _OBEYED = re.compile(r"^ *:(?=:)|#(?=#(?:vso)?\[)", re.MULTILINE)
 
 
 def printable(text: str, *, lines: bool = False) -> str:
-    """Replace characters that steer a terminal or writing direction, are invisible, or are illegal in XML by a space.
+    """Replace terminal and direction controls, invisible characters and those illegal in XML with a space.
 
     Args:
-        lines: Whether line breaks stay.
+        lines: Whether to keep line breaks.
     """
     if lines and not _is_printable(text.replace("\n", "")):
         return "\n".join(map(printable, text.split("\n")))
@@ -36,21 +36,21 @@ def _is_printable(text: str) -> bool:
 def log_text(text: str) -> str:
     """Make lines printable and escape commands to a CI service that reads the log.
 
-    GitHub obeys lines that begin with ``::`` and lines with ``##[`` in them, Azure lines with ``##vso[``.
+    GitHub executes lines that begin with ``::`` or contain ``##[``, Azure lines that contain ``##vso[``.
     """
     return _OBEYED.sub(r"\g<0> ", printable(text, lines=True))
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
-    """List the first things and the number of others: ``a, b and 3 more``, clauses as ``a; b; and 3 more``."""
+    """List the first items and the number of remaining ones: ``a, b and 3 more``, clauses as ``a; b; and 3 more``."""
     named = list(things)
     rest = len(named) - most
     return between.join(named[:most]) + (f"{between.rstrip(', ')} and {rest} more" if rest > 0 else "")
 
 
-#: Most names of which a message lists all; of more it lists the nearest.
+#: Largest number of names that a message lists in full; of more names it lists the nearest.
 LISTED, NEAREST = 30, 6
-#: Most characters of a value that a message quotes.
+#: Largest number of characters of a value that a message quotes.
 QUOTED = 60
 
 
@@ -58,14 +58,14 @@ def shown(value: object) -> str:
     """Quote a user's value on one line, in at most `QUOTED` characters."""
     try:
         text = printable(repr(value))
-    except Exception:  # Python prints no whole number of thousands of digits; objects of others do as they like
+    except Exception:  # Python refuses to print huge integers; the repr of a foreign object may raise anything
         text = f"a value of type {type(value).__name__} that cannot be printed"
     start = QUOTED * 2 // 3
     return text if len(text) <= QUOTED else f"{text[:start]}...{text[start + 3 - QUOTED :]}"
 
 
 class ScrewgaugeError(Exception):
-    """Base of all errors that a user can cause or mend.
+    """Base class of all errors that a user can cause or fix.
 
     Args:
         what: The fault, with value and limit.
@@ -73,7 +73,7 @@ class ScrewgaugeError(Exception):
         remedy: The remedy.
     """
 
-    exit_status = 2  #: Exit status of a command that fails with it.
+    exit_status = 2  #: Exit status of a command that fails with this error.
 
     def __init__(self, what: str, where: str, remedy: str) -> None:
         what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)
@@ -81,7 +81,7 @@ class ScrewgaugeError(Exception):
         self.what, self.where, self.remedy = what, where, remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the error as it is: children are built from other facts."""
+        """Pickle the error unmodified: subclasses have other constructor arguments."""
         return Exception.__new__, (type(self), str(self)), vars(self)
 
 
@@ -108,12 +108,12 @@ class UnknownNameError(ScrewgaugeError):
         super().__init__(f"unknown {kind} {shown(name)}", where, hint + listed + besides)
 
 
-#: Libraries of the system that packages need and do not bring: beginning of the file -> package of Debian and Ubuntu.
+#: System libraries that packages need but do not include: start of the file name -> Debian and Ubuntu package.
 _SYSTEM = {"libGL.so": "libgl1", "libEGL.so": "libegl1", "libOSMesa.so": "libosmesa6", "libX11.so": "libx11-6"}
 
 
 def remedy_of_import(error: ImportError, package: str) -> str:
-    """Name the package to install if a module cannot be imported."""
+    """Return the remedy for a failed import: the package to install."""
     for name in (name for name in _SYSTEM if name in str(error)):
         return f"{name.partition('.')[0]} belongs to the system; on Debian and Ubuntu, apt-get install {_SYSTEM[name]}"
     return f"pip install {'' if isinstance(error, ModuleNotFoundError) else '--force-reinstall '}{package}"
@@ -123,17 +123,17 @@ def check_seed(seed: object) -> None:
     """Reject an invalid random seed.
 
     Raises:
-        DescriptionError: It is not.
+        DescriptionError: The seed is invalid.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
         raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "give a whole number from 0 on")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
-    """Return the names as a list; reject unknown names and an empty choice.
+    """Return the names as a list; reject unknown names and an empty list.
 
     Raises:
-        ScrewgaugeError: It is no list, there is none, or one is not known.
+        ScrewgaugeError: `names` is not a list, is empty, or has an unknown name.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise DescriptionError(f"{shown(names)} is not a list of names", where or f"{kind} names", "write a list")
@@ -169,10 +169,10 @@ class LoaderError(ScrewgaugeError):
 
 
 class OutputError(ScrewgaugeError):
-    """Raised for a folder or stream that cannot be written."""
+    """Raised for a directory or stream that cannot be written."""
 
 
 class ReportError(ScrewgaugeError):
-    """Raised when report pages cannot be made, though the numbers are there."""
+    """Raised when report pages cannot be made although the results are available."""
 
     exit_status = 3

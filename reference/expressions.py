@@ -1,4 +1,4 @@
-"""Numbers, vectors and rotations of a description: decimals, or expressions as text."""
+"""Numbers, vectors and rotations of a description, given as decimals or expressions."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _CONSTANTS = {"pi": math.pi, "deg": math.pi / 180}
 #: Name -> function and number of arguments.
 _FUNCTIONS = {name: (getattr(math, name), 1) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
 _FUNCTIONS["atan2"] = math.atan2, 2
-#: Decimals that Python's grammar reads as `float` does, which takes a tenth of the time.
+#: Decimals that `float` reads as Python's grammar does, in a tenth of the time.
 _DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", re.ASCII)
-#: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
+#: Largest accepted number: products of three such numbers stay finite.
 LARGEST = 1e100
 _REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
 
@@ -56,16 +56,16 @@ def _parse(text: str) -> float:
     """Parse an expression, cached because descriptions repeat the same slow numbers."""
     if _DECIMAL.fullmatch(text):
         return float(text)
-    with warnings.catch_warnings():  # the parser warns of "1if"
+    with warnings.catch_warnings():  # the parser warns about "1if"
         warnings.simplefilter("ignore")
         return _evaluate(ast.parse(text, mode="eval").body)
 
 
 def number(value: Any, where: str) -> float:
-    """Read a finite number, given as such or as text like ``"3*sqrt(3)/10"``.
+    """Read a finite number, given as a number or as text like ``"3*sqrt(3)/10"``.
 
     Raises:
-        DescriptionError: It is no number, or not finite.
+        DescriptionError: The value is not a finite number.
     """
     check_count(len(value) if isinstance(value, str) else 0, "characters", where)
     try:
@@ -84,7 +84,7 @@ def number(value: Any, where: str) -> float:
 
 
 def vector(value: Any, where: str, size: int = 3) -> Array:
-    """Reads a list of `size` numbers. Shape (size,)."""
+    """Read a list of `size` numbers. Shape (size,)."""
     if not isinstance(value, list) or len(value) != size:
         count = f"{size} number{'s' * (size > 1)}"
         remedy = f"write {count} in brackets, such as {[*range(size)]}"
@@ -93,7 +93,7 @@ def vector(value: Any, where: str, size: int = 3) -> Array:
 
 
 def unit_vector(value: Any, where: str) -> Array:
-    """Reads a unit vector; expressions such as ``"1/sqrt(2)"`` reach the accuracy required.
+    """Read a unit vector; expressions such as ``"1/sqrt(2)"`` reach the required accuracy.
 
     Raises:
         DescriptionError: Its norm differs from 1 by more than 1e-12.
@@ -119,7 +119,7 @@ def rotation_matrix(value: Any, where: str) -> Array:
         else:
             remedy = "write {axis = [0, 0, 1], angle = 'pi/2'}"
             raise DescriptionError(f"rotation {shown(step)} is not understood", where, remedy)
-    # cos("pi/2") comes out as 2e-16 here; zeros that the text means are kept as zeros.
+    # cos("pi/2") evaluates to 2e-16 here; intended zeros are kept as zeros.
     return np.where(np.abs(result) < 4e-16, 0.0, result)
 
 

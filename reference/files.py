@@ -1,4 +1,4 @@
-"""Input files: opens each one, limits its size and content, and parses no format but JSON."""
+"""Input files: opens each file, limits its size and content, and parses no format except JSON."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 
 from screwgauge.reference.errors import DescriptionError, shown
 
-#: The most that an input holds. Beyond, memory or time grow without bound: with the square of the bodies, with samples
+#: Upper limits of an input. Beyond them, memory or time grow without bound: with the square of the bodies, with samples
 #: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
 LIMITS = {
     "MB": 16,
@@ -46,11 +46,11 @@ LIMITS = {
     "nested entries": 100,
     "parts of a dotted key": 100,
 }
-#: All but line breaks and tabs; halves of a character, which no text has.
+#: Control characters except line breaks and tabs; lone surrogates, which are invalid in text.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-#: Digits of the longest whole number that is read: doubles end there, and Python refuses to print 4300 digits.
+#: Digits of the largest accepted integer: doubles end there, and Python refuses to print 4300 digits.
 _DIGITS = 300
-#: What an XML declaration says of the encoding.
+#: Encoding named in an XML declaration.
 _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
 
 
@@ -58,13 +58,13 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
     """Reject a count above its entry in `LIMITS`.
 
     Raises:
-        DescriptionError: There is more.
+        DescriptionError: The count exceeds its limit.
     """
     if count > LIMITS[what]:
         raise DescriptionError(f"{count:.6g} {what}, more than {LIMITS[what]:.6g}", where, remedy)
 
 
-#: What names a machine besides names that are built in.
+#: File endings that name a mechanism, besides the names of built-in ones.
 A_PATH = "the path of a TOML file, URDF, MJCF, SDF or USD"
 
 
@@ -74,26 +74,26 @@ def is_file(path: Path) -> bool:
 
 
 def is_path(name: str) -> bool:
-    """True if a name means a file, existing or not, and nothing built-in."""
+    """True if a name refers to a file, existing or not, rather than to a built-in."""
     return "/" in name or name.endswith(".toml")
 
 
 def named_file(folder: Path, name: str) -> Path:
-    """Resolve a file name in another file of `folder`; ``~`` is the user's home."""
+    """Resolve a file name given in a file of `folder`; ``~`` is the user's home."""
     try:
         return folder / Path(name).expanduser()
-    except RuntimeError:  # nobody is called so
+    except RuntimeError:  # no such user
         return folder / name
 
 
 def read_file(path: Path, most: str = "MB") -> str:
-    """Read an input file as text: a regular file in UTF-8, with or without byte order mark.
+    """Read an input file as text: a regular UTF-8 file, with or without byte order mark.
 
     Args:
-        most: Its size in `LIMITS`.
+        most: Key of its size limit in `LIMITS`.
 
     Raises:
-        DescriptionError: There is no such file, or it is not of that kind or larger.
+        DescriptionError: There is no such file, it is not a UTF-8 file, or it is too large.
     """
     try:
         return read_bytes(path, most).decode("utf-8-sig")
@@ -105,10 +105,10 @@ def read_xml(path: Path) -> str:
     """Read XML text, which is UTF-8 whatever its declaration claims.
 
     Raises:
-        DescriptionError: It cannot be read, see `read_file`, or means another text in the encoding that it declares.
+        DescriptionError: The file cannot be read, see `read_file`, or its declared encoding yields another text.
     """
     text = read_file(path)
-    text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # which has to come first
+    text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # a declaration must come first
     declared = _DECLARED.match(text)
     if declared and not _means_the_same(text, declared[1]):
         what = f"declares the encoding {shown(declared[1])} for what is read as UTF-8"
@@ -122,7 +122,7 @@ def _means_the_same(text: str, encoding: str) -> bool:
     try:
         same = ascii_signs.decode(encoding) == ascii_signs.decode()
         return same and (text.isascii() or codecs.lookup(encoding).name == "utf-8")
-    except (LookupError, ValueError):  # unknown, or it makes no text of these bytes
+    except (LookupError, ValueError):  # the encoding is unknown or cannot decode these bytes
         return False
 
 
@@ -130,7 +130,7 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
     """Read the bytes of an input file, see `read_file`."""
     with _open(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
-    if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
+    if len(data) > LIMITS[most] * 10**6:  # the file has grown, or does not report its size
         raise _unread(path, _too_large(most))
     return data
 
@@ -159,7 +159,7 @@ def files_read() -> Iterator[list[Path]]:
 def _open(path: Path, most: str) -> Iterator[BufferedReader]:
     """Open a regular file of limited size for reading; DescriptionError if there is none."""
     try:
-        # opening a FIFO would wait for somebody to write into it
+        # opening a FIFO would wait for a writer
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
             status = os.fstat(file.fileno())
             if not stat.S_ISREG(status.st_mode):
@@ -171,7 +171,7 @@ def _open(path: Path, most: str) -> Iterator[BufferedReader]:
             yield file
     except FileNotFoundError:
         raise _unread(path, "it does not exist") from None
-    except (OSError, ValueError) as error:  # a path with a null byte
+    except (OSError, ValueError) as error:  # the path contains a null byte
         raise _unread(path, str(error) if type(error) is ValueError else why(error)) from None
 
 
@@ -187,11 +187,11 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
     """Read the entries of a JSON file.
 
     Args:
-        what: It is, for the complaint.
+        what: Noun for the file in the error message.
         remedy: Remedy if it is not JSON.
 
     Raises:
-        DescriptionError: It cannot be read, or is no JSON that a program of this package has written.
+        DescriptionError: The file cannot be read, or is not JSON written by this package.
     """
     value = parse_json(read_file(path), what, str(path), remedy)
     if not isinstance(value, dict):
@@ -200,7 +200,7 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 
 
 def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
-    """Parse JSON text and reject deep nesting, odd numbers and odd text; see `read_json`."""
+    """Parse JSON text and reject deep nesting, invalid numbers and invalid text; see `read_json`."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
@@ -216,7 +216,7 @@ def check_plain(value: Any, where: str) -> None:
         value: Value from a reader of TOML or JSON.
 
     Raises:
-        DescriptionError: It holds such.
+        DescriptionError: The value contains such data.
     """
     pending = [(value, 0)]
     while pending:
@@ -232,7 +232,7 @@ def check_plain(value: Any, where: str) -> None:
 
 
 def why(error: OSError | ValueError) -> str:
-    """The system's reason why a file cannot be read or written."""
+    """Return the system's reason why a file cannot be read or written."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 
@@ -240,7 +240,7 @@ def read_model(path: Path) -> str:
     """Read the text of a URDF or MJCF before a library parses it.
 
     Raises:
-        DescriptionError: It cannot be read, or has too many links.
+        DescriptionError: The file cannot be read, or has too many links.
     """
     text = read_xml(path)
     check_count(len(re.findall(r"<(?:link|body)[\s/>]", text)), "links", str(path))

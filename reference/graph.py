@@ -50,7 +50,7 @@ class Layout:
 
     @cached_property
     def columns(self) -> dict[str, list[int]]:
-        """Joint -> its coordinates."""
+        """Joint -> columns of its coordinates."""
         return {joint.name: self.mechanism.columns(joint.coordinates) for joint in self.mechanism.joints}
 
     @cached_property
@@ -75,7 +75,7 @@ class Layout:
 
     @cached_property
     def turns(self) -> NDArray[np.bool_]:
-        """True for coordinates that are angles. Shape (n_q,)."""
+        """Flags of coordinates that are angles. Shape (n_q,)."""
         return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
 
     @cached_property
@@ -90,18 +90,18 @@ class Layout:
 
 
 def layout(mechanism: Mechanism) -> Layout:
-    """Build the spanning tree that keeps the joints of independent coordinates, which are unknowns of the tree
+    """Build the spanning tree that keeps the joints of independent coordinates, which must be unknowns of the tree
     itself."""
     chosen = {*mechanism.independent.values()}
     return spanning_tree(mechanism, [joint.name for joint in mechanism.joints if chosen & {*joint.coordinates}])
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """Build a tree that cuts S joints, else R joints without actuator, where the graph allows: points close these.
+    """Build a tree that cuts S joints, else R joints without actuator, where possible: points close these.
 
-    Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
-    asked for, those with an actuator or a rotor, kinds that points cannot close, then few freedoms first, by name: the
-    order in the description does not matter.
+    Kruskal's algorithm: F joints, which close no loop, joints with coupled coordinates, which must be unknowns, joints
+    in `keep`, joints with an actuator or a rotor, kinds that points cannot close, then few freedoms first, by name: the
+    order of the description does not matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
@@ -125,14 +125,14 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
 
 
 def root(group: Mapping[str, str], name: str) -> str:
-    """Follow names of a group to its representative."""
+    """Return the representative of a name's group."""
     while group[name] != name:
         name = group[name]
     return name
 
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Names of joints with a coordinate that is coupled or that another one depends on."""
+    """Return names of joints with a coordinate that is coupled or that a coupled coordinate depends on."""
     named = {name for coupling in mechanism.couplings for name in coupling.named}
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
@@ -148,7 +148,7 @@ def _order_outward(joints: list[Joint]) -> tuple[Edge, ...]:
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
-    """Reject a body that no joint connects to ground, and loops of F or coupled joints only."""
+    """Reject bodies not connected to ground, and loops of F or coupled joints only."""
     tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
         at = joint.where or f"{where}, joints.{joint.name}"
@@ -165,7 +165,7 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
 
 
 def output_body(mechanism: Mechanism) -> str:
-    """The body with the most joints, the moving platform of a parallel mechanism."""
+    """Return the body with the most joints, the moving platform of a parallel mechanism."""
     sides = [body for joint in mechanism.joints for body in joint.bodies]
     return max((body.name for body in mechanism.bodies), key=sides.count)
 
@@ -183,9 +183,9 @@ def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]
 
 
 def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
-    """The serial chains from ground to the output body (section 2.2), in the order of their first joints.
+    """Return the serial chains from ground to the output body (section 2.2), in the order of their first joints.
 
-    Branches that are no simple chain between the two are left out.
+    Branches that are not simple chains between the two are omitted.
     """
     target = output_body(mechanism)
     starts = [Edge(joint, GROUND) for joint in mechanism.joints if GROUND in joint.bodies]

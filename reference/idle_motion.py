@@ -1,8 +1,8 @@
-"""Motion of idle coordinates beside the given motion of the others: integrated once, then given to every engine.
+"""Motion of idle coordinates under the prescribed motion of the others: integrated once, then passed to every engine.
 
-Collocation at Radau's points (Radau IIA), all points of a stretch at once: accelerations of many poses cost little more
-than those of one. Newton's method with the Jacobian of the start of a stretch finds them, so that stiff springs and
-dampers ask for no short ones.
+Collocation at Radau points (Radau IIA), all points of a stretch at once: accelerations of many poses cost little more
+than those of one pose. Newton's method solves for them with the Jacobian of the stretch's start, so stiff springs and
+dampers need no short stretches.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from screwgauge.reference.rotations import Array
 State = tuple[Array, Array, Array]
 """Coordinates and two derivatives. Shape (n, k) each."""
 
-#: Points of a piece, and of one between samples, of which many make a stretch.
+#: Points of a piece, and of a piece between samples, many of which form a stretch.
 POINTS, BETWEEN, MANY = 16, 12, 8
-#: What the last terms of a piece may be of the largest acceleration.
+#: Largest size of the last terms of a piece, relative to the largest acceleration.
 TOLERANCE = 1e-13
-#: Newton's method: steps at the most; changes that count as rounding, alone and where the next are no smaller; how much
-#: smaller each has to be.
+#: Newton's method: most steps; changes that count as rounding, alone and if the next are not smaller; factor by which
+#: each must be smaller.
 STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
-#: Stretches: the first [s], how much longer the next may be, and the share of the time that is too short.
+#: Stretches: first length [s], largest growth factor, and the fraction of the time that is too short.
 FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
-#: A stretch ends where something does that is nearly as far.
+#: A stretch is extended to an end that is nearly as far.
 ROUNDED = 0.1
-#: Condition of a pose, or of forces there, that no motion passes; and rates that none has, over that of a pendulum as
+#: Condition of a pose, or of its forces, that no motion passes; and largest rate, relative to that of a pendulum as
 #: long as the mechanism.
 NEARLY, RUNAWAY = 1e5, 1e4
-#: Condition that says why where no step leads on.
+#: Condition that explains why no further step is possible.
 SUSPECT = 1e3
-#: Terms of a piece are rounding up to so many times what is seen of it; how far poses are moved to see it.
+#: Terms of a piece up to this multiple of the observed rounding are rounding; displacement of poses to observe it.
 ROUNDINGS, ASIDE = 8.0, 1e-7
-#: How far a pose may be from the same in the step before [rad or lengths of the mechanism].
+#: Largest distance of a pose from the same pose in the preceding step [rad or mechanism lengths].
 NEAR = 0.3
-#: Relative step of differences: the root of the rounding error.
+#: Relative step of finite differences: the square root of the rounding error.
 DIFFERENCE = 2.0**-26
 
 
@@ -63,7 +63,7 @@ to Legendre coefficients, and those to first and second integrals."""
 
 @cache
 def rule(s: int) -> Rule:
-    """Build Radau's points; the last is the end."""
+    """Build the Radau points; the last is the end."""
     x = legroots([0.0] * (s - 1) + [-1.0, 1.0])
     x[-1] = 1.0
     terms = np.asarray(np.linalg.inv(legvander(x, s - 1)), dtype=float)
@@ -72,7 +72,7 @@ def rule(s: int) -> Rule:
 
 
 def _integrals(x: Array, s: int) -> tuple[Array, Array]:
-    """First and second integrals of s Legendre polynomials on [0, 1], at 2 c - 1. Shape (n,) -> (n, s)."""
+    """Return first and second integrals of s Legendre polynomials on [0, 1], at 2 c - 1. Shape (n,) -> (n, s)."""
     first = legint(np.eye(s), lbnd=-1) / 2.0
     second = legint(first, lbnd=-1) / 2.0
     return legvander(x, s) @ first, legvander(x, s + 1) @ second
@@ -83,8 +83,8 @@ class Piece:
     """A piece of the motion with polynomial accelerations.
 
     Attributes:
-        since, until: [s].
-        y, yd: At its start. Shape (m,).
+        since, until: Start and end time [s].
+        y, yd: Coordinates and rates at the start. Shape (m,).
         terms: Legendre coefficients of the accelerations. Shape (s, m).
     """
 
@@ -109,11 +109,11 @@ class IdleMotion:
     """The idle coordinates as a function of time, integrated on demand.
 
     Attributes:
-        given: Times (n,) -> y, yd, ydd of all independent coordinates; those of idle ones are of no account.
-        idle, resting: Numbers of the coordinates that no actuator drives, see `Dynamics`.
+        given: Times (n,) -> y, yd, ydd of all independent coordinates; entries of idle coordinates are ignored.
+        idle, resting: Indices of the coordinates that no actuator drives, see `Dynamics`.
         since: Time of the start [s].
         start, rates: Idle coordinates and rates at that time. Shape (m,).
-        breaks: Times between which the given motion is smooth, if there are any. Shape (b,).
+        breaks: Times between which the given motion is smooth, if any. Shape (b,).
     """
 
     mechanism: Mechanism
@@ -131,7 +131,7 @@ class IdleMotion:
         """Evaluate all independent coordinates at times [s] since the start. Shape (n,).
 
         Raises:
-            ScrewgaugeError: The motion breaks off before.
+            ScrewgaugeError: The motion ends before these times.
         """
         if self.idle:
             self._reach(float(t.max(initial=self.since)))
@@ -147,7 +147,7 @@ class IdleMotion:
         return y, yd, ydd
 
     def accelerations(self, t: Array, y: Array, yd: Array, ydd: Array) -> Array:
-        """Second derivatives of all independent coordinates in given states. Shape (n, k) each."""
+        """Return second derivatives of all independent coordinates in given states. Shape (n, k) each."""
         mode = AssemblyMode(layout(self.mechanism))
         at = ClosedMotion(mode.system, mode.motion(y, t, (yd, ydd)), yd, ydd, self.applied, t)
         at.idle, at.resting = self.idle, self.resting
@@ -175,10 +175,10 @@ class _Rejected(Exception):
 
 
 class _Integration:
-    """Integration from the end of a motion on.
+    """Integration from the end of a motion.
 
     Attributes:
-        start: Where it goes on, and its Jacobian there by y and by yd, shape (m, m) each.
+        start: State at which it continues, and the Jacobian there with respect to y and yd, shape (m, m) each.
     """
 
     def __init__(self, motion: IdleMotion) -> None:
@@ -198,7 +198,7 @@ class _Integration:
         """Integrate the next pieces, at most up to a time [s].
 
         Raises:
-            ScrewgaugeError: It leads no further.
+            ScrewgaugeError: The integration cannot continue.
         """
         jacobian, reason = self._jacobian(), self._end_of_the_way()
         if reason:
@@ -227,7 +227,7 @@ class _Integration:
         """Solve for the motion up to the given ends.
 
         Raises:
-            _Rejected: Newton's method does not converge, or accelerations are no such polynomials.
+            _Rejected: Newton's method does not converge, or polynomials do not fit the accelerations.
         """
         h, m = np.diff([self.begin, *ends]), len(self.idle)
         sums = _sums(h, by)
@@ -244,18 +244,18 @@ class _Integration:
         return pieces
 
     def _accelerate(self, sums: tuple[Array, Array, Array], back: Array) -> tuple[ClosedMotion, Array, float, float]:
-        """Solve for the accelerations at all points of a stretch by Newton's method.
+        """Solve for the accelerations at all points of a stretch with Newton's method.
 
         Args:
             sums: See `_sums`.
-            back: Inverse of the derivative of what is missing.
+            back: Inverse of the derivative of the residual.
 
         Returns:
-            Poses, accelerations, shape (n, m), their last change, and the largest acceleration of anything, the last
-            two in rad or lengths of the mechanism.
+            Poses, accelerations, shape (n, m), their last change, and the largest acceleration of all, the last
+            two in rad or mechanism lengths.
 
         Raises:
-            _Rejected: It does not converge.
+            _Rejected: Newton's method does not converge.
         """
         (once, twice, after), unit = sums, self.unit[self.idle]
         a, change, scale = np.tile(self.start.ydd[:, self.idle], (len(after), 1)), np.inf, self.floor
@@ -276,7 +276,7 @@ class _Integration:
         raise _Rejected("accelerations are not found by iteration")
 
     def _noise(self, at: ClosedMotion) -> float:
-        """Change of accelerations due to rounding of poses, by closing these again from nearby."""
+        """Estimate the change of accelerations due to rounding of poses, by closing the poses again from nearby."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
         again = self._motion_at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
@@ -291,7 +291,7 @@ class _Integration:
         return pieces
 
     def _motion_at(self, t: Array, y: Array, yd: Array, near: Array | None = None) -> ClosedMotion:
-        """Closed poses and accelerations in states of the idle coordinates. Shapes (n,), (n, m), (n, m), (n, n_q)."""
+        """Compute closed poses and accelerations for idle states. Shapes (n,), (n, m), (n, m), (n, n_q)."""
         whole, rates, ydd = (np.array(x) for x in self.motion.given(t))
         whole[:, self.idle], rates[:, self.idle], ydd[:, self.idle] = y, yd, 0.0
         q = self._close_in_order(whole, t, (rates, ydd)) if near is None else self._close(whole, near)
@@ -300,13 +300,13 @@ class _Integration:
         return at
 
     def _close_in_order(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
-        """Joint coordinates of successive closed poses, from home, then from the end of the known motion."""
+        """Return joint coordinates of successive closed poses, from home, then from the end of the known motion."""
         if not self.started:
             return self.mode.motion(y, t, rates)
         return read(self.loops.lay, BranchPose(self.loops.lay, self.start.q[0]).joints(y))
 
     def _close(self, y: Array, near: Array) -> Array:
-        """Joint coordinates of the closed poses next to others. Shape (n, n_q)."""
+        """Return joint coordinates of the closed poses next to given ones. Shape (n, n_q)."""
         if (poses := self.mode.in_closed_form(y)) is not None:
             return self.mode.close(poses)
         begun = self.loops.unknowns(near)
@@ -316,7 +316,7 @@ class _Integration:
         return self.loops.coordinates(z, near)
 
     def _jacobian(self) -> tuple[Array, Array]:
-        """Derivatives of the initial accelerations by y and yd. Shape (m, m) each."""
+        """Return derivatives of the initial accelerations with respect to y and yd. Shape (m, m) each."""
         m, state = len(self.idle), np.concatenate([self.y, self.yd])
         size = DIFFERENCE * np.maximum(np.abs(state), np.tile(self.unit[self.idle], 2))
         states = state + np.diag(size)
@@ -329,7 +329,7 @@ class _Integration:
         return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open
 
     def _end_of_the_way(self, nearly: float = NEARLY) -> str:
-        """Reason why the motion ends, a pose that it cannot pass or diverging coordinates; empty if it may go on."""
+        """Return why the motion ends, at an impassable pose or with diverging coordinates; empty if it may continue."""
         at = self.start
         if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
@@ -351,16 +351,16 @@ class _Integration:
 
 
 def _end(piece: Piece) -> tuple[Array, Array]:
-    """Coordinates and rates at the end of a piece. Shape (m,) each."""
+    """Return coordinates and rates at the end of a piece. Shape (m,) each."""
     y, yd, _ = piece(np.array([piece.until]))
     return y[0], yd[0]
 
 
 def _sums(h: Array, by: Rule) -> tuple[Array, Array, Array]:
-    """Integral matrices over pieces of given durations.
+    """Build integration matrices over pieces of given durations.
 
     Returns:
-        Matrices that take accelerations at all points to rates and to coordinates there, shape (n, n) each, and the
+        Matrices that map accelerations at all points to rates and to coordinates there, shape (n, n) each, and the
         time of each point since the start [s], shape (n,).
     """
     points, _, first, second = by

@@ -1,4 +1,4 @@
-"""Inertia tensors that violate the triangle inequality: completed in a plane, admitted, or refused."""
+"""Inertia tensors that violate the triangle inequality: completed in a plane, allowed, or rejected."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from screwgauge.reference.mechanism import SLACK, Body, Joint, triangle_excess
 from screwgauge.reference.planar import normals_of_planes
 from screwgauge.reference.rotations import Array
 
-#: Property of a body by which `allow` admits its tensor: ``wrist.triangle``.
+#: Property of a body under which `allow` accepts its tensor: ``wrist.triangle``.
 TRIANGLE = "triangle"
-#: Sine below which axes that are not parallel were meant to be.
+#: Sine below which slightly tilted axes were probably meant to be parallel.
 MEANT = 1e-3
-#: Bodies that a sentence names.
+#: Largest number of bodies that a message names.
 SHOWN = 4
 
 
@@ -28,15 +28,15 @@ def settled(
     allow: Collection[str] = (),
     where: str = "",
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """Complete or admit impossible tensors; return the bodies, and sentences on every tensor changed or admitted.
+    """Complete or allow impossible tensors; return the bodies, and messages about every tensor changed or allowed.
 
     Args:
-        bodies: Whose tensors have not been checked (`Body.allowed`).
+        bodies: Bodies with unchecked tensors (`Body.allowed`).
         allow: Entries such as ``wrist.triangle``.
 
     Raises:
-        DescriptionError: A tensor violates the triangle inequality, and that matters and is not allowed.
-        UnknownNameError: An entry of `allow` is of no such body or property.
+        DescriptionError: A tensor violates the triangle inequality, which affects results and is not allowed.
+        UnknownNameError: An entry of `allow` names no such body or property.
     """
     excused = _excused_bodies(bodies, allow, where)
     excesses = {body.name: excess for body in bodies if (excess := triangle_excess(body.inertia))}
@@ -65,7 +65,7 @@ def settled(
 
 
 def _excused_bodies(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[str]:
-    """Names of the bodies that `allow` excuses."""
+    """Return the names of the bodies that `allow` exempts."""
     known, names = [body.name for body in bodies], set[str]()
     for entry in allow:
         name, _, what = entry.rpartition(".")
@@ -78,10 +78,10 @@ def _excused_bodies(bodies: Sequence[Body], allow: Collection[str], where: str) 
 
 
 def _complete(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
-    """Complete the tensor by the smallest possible moments across each normal in turn.
+    """Complete the tensor with the smallest possible moments across each normal in turn.
 
-    About the normal n it stays as it is, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
-    that no body has whatever J is are not mended: they are more likely wrong than left out.
+    About the normal n the tensor is kept, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
+    that no body has for any J are not corrected: they are more likely wrong than omitted.
     """
     size = float(np.trace(inertia))
     for n in normals:
@@ -104,7 +104,7 @@ def _describe_allowed(body: Body, excess: float) -> str:
 def _refusal(
     bodies: Sequence[Body], normals: Array | None, joints: Sequence[Joint], couplings: Sequence[Coupling]
 ) -> DescriptionError:
-    """Build the refusal of the first body's tensor, with the remedy for all.
+    """Build the error for the first body's tensor, with a remedy for all bodies.
 
     Args:
         normals: Known normals of the first body.

@@ -1,6 +1,6 @@
-"""Forces in a model file that descriptions and scenes have no entry for: rotors, resistance, borne weight, drag.
+"""Forces in a model file for which descriptions and scenes have no entry: rotors, resistance, gravcomp, drag.
 
-It is kept as data, so that a run can measure it: no engine applies it. Forces are those of MuJoCo's own formulas.
+They are kept as data so that a run can measure them; no engine applies them. Forces follow MuJoCo's formulas.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Powers = tuple[float, ...]
 
 
 def spring_law(powers: Powers, x: Array) -> Array:
-    """Force of a spring. Shape of `x`."""
+    """Return the force of a spring. Same shape as `x`."""
     return _law(powers, x, x)
 
 
 def damper_law(powers: Powers, rate: Array) -> Array:
-    """Force of a damper, the same in both directions. Shape of `rate`."""
+    """Return the force of a damper, equal in both directions. Same shape as `rate`."""
     return _law(powers, rate, np.abs(rate))
 
 
@@ -43,13 +43,13 @@ class StrokeResistance:
 
     Attributes:
         of: Owner, as noun and name: ``joint m1``.
-        along: Coordinate -> what a unit of it adds to the stroke; empty for a path.
-        path: Body, or ground, and point in its frame [m], shape (3,), in order; empty for coordinates.
-        armature: [kg m^2 or kg] of a stroke in rad or m.
-        damping: Law of the rate [N m s/rad or N s/m, ...].
+        along: Coordinate -> stroke per unit of the coordinate; empty for a path.
+        path: (Body or ground, point in its frame [m], shape (3,)) in order; empty for coordinates.
+        armature: Inertia along a stroke in rad or m [kg m^2 or kg].
+        damping: Force law of the rate [N m s/rad or N s/m, ...].
         friction: Dry friction [N m or N].
-        stiffness: Law of what the stroke lacks to, or exceeds, the range `rest` [N m/rad or N/m, ...].
-        rest: Position without spring force [rad or m].
+        stiffness: Force law of the distance from the range `rest` [N m/rad or N/m, ...].
+        rest: Range without spring force [rad or m].
     """
 
     of: str
@@ -83,8 +83,8 @@ class BorneWeight:
 
     Attributes:
         body: On which it acts.
-        mass: Whose weight is borne [kg].
-        point: Point in the body's frame [m]. Shape (3,).
+        mass: Mass whose weight is compensated [kg].
+        point: Point of application in the body's frame [m]. Shape (3,).
     """
 
     of: str
@@ -100,8 +100,8 @@ class Drag:
     Attributes:
         body: On which it acts.
         density, viscosity: Density and viscosity of the medium [kg/m^3, Pa s].
-        wind: World axes [m/s]. Shape (3,).
-        box: Edges [m]. Shape (3,).
+        wind: Velocity of the medium in world axes [m/s]. Shape (3,).
+        box: Edge lengths [m]. Shape (3,).
         frame: Centre and axes of the box in the body's frame.
     """
 
@@ -125,10 +125,10 @@ def read_left_out(
     """Read an optional ``[[left_out]]`` list of a description.
 
     Args:
-        coordinates, joints, bodies: Names that entries may use: of coordinates, of S and F joints, of bodies.
+        coordinates, joints, bodies: Names of coordinates, S and F joints, and bodies that entries may use.
 
     Raises:
-        DescriptionError: An entry is none of these.
+        DescriptionError: An entry is invalid.
     """
     known = {"along": coordinates, "joint": joints, "body": bodies}
     return tuple(_entry(item, f"{where}, left_out", known) for item in read_list(data, "left_out", where))
@@ -202,7 +202,7 @@ def _drag(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]
 
 
 _Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut]
-#: Keys that tell what an entry is -> its further keys, and who reads it.
+#: Keys that identify the kind of an entry -> its further keys and its reader.
 _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
     frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
     frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _resistance),

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from screwgauge.reference.rotations import Array
 
 EPS = float(np.finfo(float).eps)
-#: A matrix whose condition number is above this is called singular: fewer than four digits would be left.
+#: A matrix with a condition number above this counts as singular: fewer than four digits would remain.
 SINGULAR = 1e12
-#: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
+#: Rounding of one closing equation or joint axis in units of eps; a few hundred operations add up to several.
 ROUNDED = 2.0
-#: Along a motion every so many matrices one is inverted; so many are processed at a time.
+#: Along a motion every `EVERY`-th matrix is inverted; number of matrices processed at a time.
 EVERY, BLOCK = 16, 128
-#: Relative error from which not one digit is right.
+#: Relative error from which no digit is correct.
 DIGIT = 0.1
 
 
 def solve(A: Array, b: Array) -> Array:
-    """Solves ``A x = b`` for a stack of square, or consistent tall or wide, matrices.
+    """Solve ``A x = b`` for a stack of square, or consistent tall or wide, matrices.
 
     Square regular stacks go through LU, tall ones of full rank through QR (least squares); all others through the
     pseudo-inverse (least squares, minimum norm).
@@ -40,18 +40,18 @@ def solve(A: Array, b: Array) -> Array:
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-        # far from any doubt about the rank, where it is what the pseudo-inverse gives at a fifth of its cost
+        # the rank is certain, so the result equals that of the pseudo-inverse at a fifth of its cost
         if (pivots.min(axis=-1) > 1e-7 * pivots.max(axis=-1)).all():
             return np.asarray(np.linalg.solve(R, Q.swapaxes(-1, -2) @ b))
     finite = np.isfinite(A).all(axis=(-1, -2), keepdims=True)
-    rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # single precision has no 1e-13
+    rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # single precision cannot resolve 1e-13
     return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=rcond) @ b, np.nan)
 
 
 def condition(A: Array) -> Array:
-    """Condition number in the Frobenius norm, infinite where singular. Shape (..., m, n) -> (...).
+    """Return the condition number in the Frobenius norm, infinite where singular. Shape (..., m, n) -> (...).
 
-    At most n times the one in the 2-norm, and an order of magnitude cheaper over a trajectory.
+    It is at most n times the 2-norm condition number, and an order of magnitude cheaper over a trajectory.
     """
     size = norms(A)
     if A.shape[-2] > A.shape[-1]:  # the triangular factor has the same singular values
@@ -80,9 +80,9 @@ def inverted(A: Array) -> tuple[Array, Array]:
 
 
 def inverted_along(A: Array) -> tuple[Array, Array]:
-    """Invert matrices that change little from one to the next, if square; also condition numbers. (n, m, m).
+    """Invert slowly varying matrices, if square; also return condition numbers. (n, m, m).
 
-    One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
+    One in `EVERY` is inverted, the others follow from Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
     blocks of cache size.
     """
     X, eye = np.empty_like(A), np.eye(A.shape[-1])
@@ -93,7 +93,7 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
-        while error > 1e-6:  # what a step leaves is its cube
+        while error > 1e-6:  # a step leaves the cube of E
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
             before, error = error, max(E.max(), -E.min())
             if not error < 0.1 * before:
@@ -105,17 +105,17 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
 
 
 def blocks(n: int) -> Iterator[slice]:
-    """Blocks of rows small enough that their results stay in the cache."""
+    """Yield blocks of rows small enough for their results to stay in the cache."""
     return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
 
 
 def norms(A: Array) -> Array:
-    """Frobenius norms of a stack, faster than `numpy.linalg.norm` on small matrices. Shape (..., m, n) -> (...)."""
+    """Return Frobenius norms, faster than `numpy.linalg.norm` on small matrices. Shape (..., m, n) -> (...)."""
     return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))
 
 
 def inverse(A: Array) -> Array:
-    """Inverses of a stack of square matrices, NaN where one is exactly singular. Shape (..., n, n)."""
+    """Invert a stack of square matrices, with NaN where a matrix is exactly singular. Shape (..., n, n)."""
     try:
         return np.asarray(np.linalg.inv(A))
     except np.linalg.LinAlgError:
@@ -125,15 +125,15 @@ def inverse(A: Array) -> Array:
 
 
 def null_space(A: Array, tolerance: float = 1e-9) -> Array:
-    """Orthonormal basis of the null space of one matrix without dimension, see `rank`. Shape (m, n) -> (n, k)."""
+    """Return an orthonormal basis of the null space of a dimensionless matrix, see `rank`. Shape (m, n) -> (n, k)."""
     _, s, Vt = np.linalg.svd(A)
     return np.asarray(Vt[_count(s, tolerance) :].T)
 
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:
-    """Rank of one matrix without dimension.
+    """Return the rank of a dimensionless matrix.
 
-    Singular values count as zero below `tolerance` of the largest, or of one where all are small.
+    Singular values count as zero below `tolerance` times the largest, or times 1 if all are small.
     """
     return _count(np.linalg.svd(A, compute_uv=False), tolerance)
 

@@ -1,7 +1,7 @@
-"""Lint: one-sentence warnings about legal mechanisms that were probably meant otherwise.
+"""Lint: one-sentence warnings about legal mechanisms that probably contain mistakes.
 
-Implausible numbers, such as moments of inertia in another unit and angles in degrees, come with their value in the unit
-that was probably meant; implausible geometry and masses with the place to look at. Nothing is refused or changed here.
+Implausible values, such as moments of inertia in another unit or angles in degrees, are shown in the unit
+that was probably meant; implausible geometry and masses with the place to check. Nothing is rejected or changed here.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, widest
 
-#: A body is suspected whose radius of gyration is so many times its size and which is lighter than air [kg/m^3].
+#: A body is suspect if its radius of gyration is this multiple of its size and it is lighter than air [kg/m^3].
 LARGER, AIR = 2.0, 1.2
-#: Half axes of its ellipsoid are taken for no less than this share of the longest one: rods and plates have a volume.
+#: Semi-axes of its ellipsoid are at least this fraction of the longest: rods and plates have a volume.
 SLENDER = 1.0 / 30.0
-#: Density of osmium [kg/m^3], and how much of the inertia of a ball of it a body has at least.
+#: Density of osmium [kg/m^3], and the fraction of the inertia of an osmium ball that a body has at least.
 OSMIUM, LEAST = 22600.0, 0.2
-#: Radius of gyration over size of what is meant as a point; mass of what is no small part [kg].
+#: Ratio of radius of gyration to size below which a point mass is meant; smallest mass of a substantial part [kg].
 POINT, HEAVY = 1e-3, 100.0
-#: A body that is longer than this [m] and has less mass than that to the metre [kg/m] is none.
+#: A body longer than this [m] with less mass per metre than that [kg/m] is implausible.
 LONG, THIN = 20.0, 0.05
 #: Units of moments of inertia in data sheets and CAD -> kg m^2.
 UNITS = {"g m^2": 1e-3, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9}
-#: Radius of gyration over size of a body that can be.
+#: Largest plausible ratio of radius of gyration to size.
 USUAL = (0.03, 1.0)
-#: Turns of a hinge that are more than a joint makes which does not run round: as a limit, or to and fro [rad].
+#: Angles beyond those of a joint that does not rotate continuously: as a limit, or to and fro [rad].
 TURNED = 4.0 * np.pi
-#: An angle in degrees is hardly larger.
+#: Angles in degrees are rarely larger.
 DEGREES = 720.0
-#: Bodies that are reported one by one, or named.
+#: Number of bodies reported one by one, or named.
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
-#: Zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
-#: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
+#: Zero up to rounding; below the other values, an angle [rad] or a distance [mechanism lengths]
+#: is hardly intended. A right angle written as 1.5708 has an error of 4e-6.
 ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 
 
@@ -51,9 +51,9 @@ class Solid:
     """A body with mass.
 
     Attributes:
-        inertia: About the centre of mass [kg m^2]. Shape (3, 3).
-        size: Between its joints and its centre of mass or, of a body with one joint, those of all bodies [m].
-        span: Between its own joints and its centre of mass [m].
+        inertia: Inertia tensor about the centre of mass [kg m^2]. Shape (3, 3).
+        size: Extent of its joints and its centre of mass; with one joint, extent of those of all bodies [m].
+        span: Extent of its own joints and its centre of mass [m].
     """
 
     name: str
@@ -65,7 +65,7 @@ class Solid:
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """An angle that no coupling ties to others; `home` and `limits` [rad]."""
+    """An angle that is in no coupling, with `home` and `limits` [rad]."""
 
     name: str
     home: float
@@ -77,7 +77,7 @@ class Suspicion:
     """A suspicious entry.
 
     Attributes:
-        point: Place in the frame of the body [m]. Shape (3,).
+        point: Position in the body frame [m]. Shape (3,).
     """
 
     body: str
@@ -104,7 +104,7 @@ class _End(NamedTuple):
 
 
 def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
-    """Joint ends of each body, without F joints."""
+    """Return the joint ends of each body, without F joints."""
     ends: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
     for joint in mechanism.joints:
         for side, (body, frame) in enumerate(joint.sides):
@@ -114,7 +114,7 @@ def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
 
 
 def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
-    """Largest distance between points of bodies at home [m]."""
+    """Return the largest distance between body points in the home pose [m]."""
     at, index = pose(layout(mechanism), mechanism.home[None]), mechanism.body_index
     return widest([at.p[0, index[body]] + at.R[0, index[body]] @ point for body, point in places])
 
@@ -142,13 +142,13 @@ def _too_dense(body: Solid) -> str:
     """Warn about a body that is too dense; empty if it is possible."""
     moments = np.linalg.eigvalsh(body.inertia)
     ball = float(np.cbrt(0.75 * body.mass / (np.pi * OSMIUM)))
-    least = 0.6 * body.mass * ball**2  # 0 of next to no mass
+    least = 0.6 * body.mass * ball**2  # 0 if there is almost no mass
     share = 0.5 * float(moments.sum()) / least if least else 0.0
     radius = float(np.sqrt(max(moments[-1], 0.0) / body.mass))
     if not 0.0 < share < LEAST or radius < POINT * body.size:
         return ""
     denser = share**-1.5
-    heavy = body.mass > HEAVY and share * 1e5 > LEAST  # which goes with the mass to the power -5/3
+    heavy = body.mass > HEAVY and share * 1e5 > LEAST  # the ratio scales with mass to the power -5/3
     likely = (
         "likely g were meant: multiply the mass by 0.001" if heavy else "a placeholder: write the tensor of the body"
     )
@@ -171,7 +171,7 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Warn about the bodies that `too_wide` reports, many of them in one sentence."""
+    """Warn about the bodies that `too_wide` reports, in one message if there are many."""
     sentences = {one.name: text for one in bodies if (text := too_wide(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -180,7 +180,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _turning_bodies(mechanism: Mechanism) -> set[str]:
-    """Bodies that turn; inertia of a body that only slides on ground has no effect."""
+    """Return the bodies that turn; the inertia of a body that only slides on ground has no effect."""
     turning = {body.name for body in mechanism.bodies}
     for _ in mechanism.bodies:
         slides = (
@@ -191,7 +191,7 @@ def _turning_bodies(mechanism: Mechanism) -> set[str]:
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
-    """Bodies of a mechanism that have mass and turn."""
+    """Yield the bodies of a mechanism that have mass and turn."""
     ends, heavy, turning = (
         _ends(mechanism),
         [body for body in mechanism.bodies if body.mass],
@@ -207,7 +207,7 @@ def solids(mechanism: Mechanism) -> Iterator[Solid]:
 
 
 def size_of(points: list[Array], extent: float) -> float:
-    """Size [m] of a body with joints and, last, its centre of mass at these points, in a machine of an extent [m]."""
+    """Return the size [m] of a body given its joint points, last its centre of mass, and the machine's extent [m]."""
     return (widest(points) if len(points) > 2 else 0.0) or extent
 
 
@@ -230,7 +230,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Angles of a mechanism except those of gears, screws and free bodies."""
+    """Yield the angles of a mechanism except those of gears, screws and free bodies."""
     tied = {name for one in mechanism.couplings for name in one.named}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(
@@ -251,13 +251,13 @@ def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
 
 
 def in_degrees(what: str, angle: float) -> str:
-    """Show an angle [rad] beside its value if degrees were meant."""
+    """Format an angle [rad] along with its value if degrees were meant."""
     turns, less = abs(angle) / (2.0 * np.pi), np.radians(angle)
     return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees were meant, {less:.3g} rad"
 
 
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
-    """All warnings, body by body."""
+    """Return all warnings, body by body."""
     unit, suspicions = length(layout(mechanism)), list[Suspicion]()
     joints = [joint for joint in mechanism.joints if joint.constrains]
     extent = _spread(mechanism, [(joint.parent, joint.parent_frame.p) for joint in joints])
@@ -274,7 +274,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
-    """Warn about a body with these joints; `extent` is that of all joints [m]."""
+    """Warn about a body with the given joints; `extent` is the extent of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
         yield f"{name} has no mass of its own"
@@ -297,7 +297,7 @@ def _warn_of_ball(body: Body) -> str:
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:
-    """Distance from a point to a segment."""
+    """Return the distance from a point to a segment."""
     along = b - a
     share = np.clip((p - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
     return float(np.linalg.norm(p - a - share * along))

@@ -1,4 +1,4 @@
-"""The mechanism as immutable data, checked when made: bodies, joints, actuated and independent coordinates."""
+"""The mechanism as immutable data, checked on construction: bodies, joints, actuated and independent coordinates."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 GROUND = "ground"
-COLUMNS, MOST = 100, 3  # of a screen: its width, and lines for bodies, for joints and so on
-#: Share of the trace by which rounding may violate the inequalities of an inertia tensor.
+COLUMNS, MOST = 100, 3  # screen width, and number of lines for bodies, joints and so on
+#: Fraction of the trace by which rounding may violate the inequalities of an inertia tensor.
 SLACK = 1e-12
 
 
 #: Freedoms of each kind in order: True turns about its axis, False slides along it. Composite joints are serial: each
 #: axis is carried by the freedoms before it, and all axes meet in the joint's origin. E slides in a plane and turns
-#: about its normal. F constrains nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three
-#: angles. A fixed joint leaves nothing: it is a hinge about axis z of its frame that a `couplings.Fixing` holds. The
+#: about its normal. F constrains nothing and gives a pose coordinates: x, y and z in the parent's frame, then three
+#: angles. A fixed joint has no freedom: it is a hinge about axis z of its frame held by a `couplings.Fixing`. The
 #: mechanics of each kind is in `equations.joint_types`.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
@@ -40,7 +40,7 @@ KINDS: dict[str, tuple[bool, ...]] = {
     "F": (False, False, False, True, True, True),
     "fixed": (True,),
 }
-#: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
+#: Kinds of joint whose loop is closed by coincident points of the two bodies, and the number of points.
 POINTS = {"R": 2, "S": 1}
 
 
@@ -61,7 +61,7 @@ class Body:
     """A rigid body.
 
     Attributes:
-        mass: Mass [kg], not negative. Without mass there is no inertia and no com.
+        mass: Mass [kg], not negative. A massless body has neither inertia nor com.
         com: Centre of mass in the body frame [m]. Shape (3,).
         inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin
             rods (zero principal moments) are legal.
@@ -96,7 +96,7 @@ class Body:
 
 
 def triangle_excess(inertia: Array) -> float:
-    """Excess of the largest principal moment over the sum of the others [kg m^2]; zero if there is none.
+    """Return the excess of the largest principal moment over the sum of the others [kg m^2], zero if there is none.
 
     Args:
         inertia: Shape (3, 3).
@@ -114,17 +114,17 @@ class Joint:
 
     Attributes:
         kind: An entry of `KINDS`.
-        axes: Unit axes of its angles in the joint frame, at zero of the freedoms before; of P that of its slide.
+        axes: Unit axes of its angles in the joint frame, with preceding freedoms at zero; for P the axis of its slide.
             Shape (n_axes, 3).
         coordinates: Names of its coordinates, in the order of its freedoms.
-        home: Their values at the home pose [rad or m]. Shape (n,).
-        limits: Their bounds [rad or m], infinite where free. Shape (n, 2).
-        rotor: Inertia behind each: that of a motor times the square of its gear [kg m^2 or kg]. Shape (n,); like the
-            next two zero where nothing is given.
-        damping: Viscous resistance of each [N m s/rad or N s/m]. Shape (n,).
-        friction: Dry friction of each [N m or N]. Shape (n,).
-        held: Coordinates of an F joint along which nothing but the ground can exert what their motion takes; results
-            have these forces beside those of actuators.
+        home: Coordinates in the home pose [rad or m]. Shape (n,).
+        limits: Bounds of the coordinates [rad or m], infinite where free. Shape (n, 2).
+        rotor: Reflected inertia of each: motor inertia times gear ratio squared [kg m^2 or kg]. Shape (n,); like the
+            next two, zero by default.
+        damping: Viscous damping of each coordinate [N m s/rad or N s/m]. Shape (n,).
+        friction: Dry friction of each coordinate [N m or N]. Shape (n,).
+        held: Coordinates of an F joint along which only the ground can exert the force that their motion needs; results
+            list these forces after those of actuators.
     """
 
     name: str
@@ -148,7 +148,7 @@ class Joint:
     def freedoms(self) -> tuple[tuple[bool, Array], ...]:
         """(turns, axis in the joint frame) of each freedom.
 
-        One slide is along the first axis, two are across it, see `across`, three along the axes of the joint frame.
+        One slide is along the first axis, two are orthogonal to it, see `across`, three along the joint frame's axes.
         """
         return _freedoms(self)
 
@@ -164,7 +164,7 @@ class Joint:
 
     @property
     def fixed(self) -> bool:
-        """True if no freedom is left: a coupling holds its only coordinate at zero."""
+        """True if the joint has no freedom: a coupling holds its only coordinate at zero."""
         return self.kind == "fixed"
 
     @property
@@ -174,7 +174,7 @@ class Joint:
 
     @property
     def bodies(self) -> tuple[str, str]:
-        """Names of its parent and child."""
+        """Names of parent and child."""
         return self.parent, self.child
 
     @property
@@ -211,9 +211,9 @@ def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Names of the actuators: ``leg1`` for ``leg1.slide`` if unique, else the joint's name.
+    """Return the names of the actuators: ``leg1`` for ``leg1.slide`` if unique, else the joint's name.
 
-    Coordinates that are held are among them, after all others.
+    Held coordinates follow after all others.
     """
     driven = [joint.name for joint in joints if joint.actuated]
     groups = [name.rsplit(".", 1)[0] for name in driven]
@@ -222,13 +222,13 @@ def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
 
 
 def driven_coordinates(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Coordinates of the actuators, in the order of `actuator_names`."""
+    """Return the coordinates of the actuators, in the order of `actuator_names`."""
     driven = [joint.coordinates[0] for joint in joints if joint.actuated]
     return (*driven, *(name for joint in joints for name in joint.held))
 
 
 def by_role(joints: Sequence[Joint]) -> list[Joint]:
-    """Joints grouped by role, in order of first appearance, which is the order of reaction components."""
+    """Return joints grouped by role, in order of first appearance, which is the order of reaction components."""
     roles = list(dict.fromkeys(joint.role for joint in joints))
     return sorted(joints, key=lambda joint: roles.index(joint.role))
 
@@ -239,12 +239,12 @@ class Mechanism:
 
     Attributes:
         independent: Label of each independent coordinate -> name of the joint coordinate, ordered.
-        axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
-            force (eq. 56), if the mechanism has one.
+        axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` requires its
+            force (eq. 56), if any.
         group: Heading in lists.
-        couplings: Joint coordinates that are sums of polynomials of others; none of them twice, and none of itself.
+        couplings: Joint coordinates that are sums of polynomials of others, each at most once, without cycles.
         left_out: Forces in the original model file that no engine includes; a run measures them.
-        remarks: Sentences on changes made while reading.
+        remarks: Messages about changes made while reading.
     """
 
     name: str
@@ -302,7 +302,7 @@ class Mechanism:
         return np.concatenate([joint.home for joint in self.joints])
 
     def described(self, y: Array, figures: int = 6) -> str:
-        """Show independent coordinates by name in a message: ``a = 0.1, b = 0.2``. Shape (k,)."""
+        """Format independent coordinates by name for a message: ``a = 0.1, b = 0.2``. Shape (k,)."""
         return ", ".join(f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True))
 
     @cached_property
@@ -312,7 +312,7 @@ class Mechanism:
 
     @cached_property
     def actuators(self) -> tuple[Joint, ...]:
-        """Actuated joints; `actuator_names` also has the coordinates that are held."""
+        """Actuated joints; `actuator_names` also includes the held coordinates."""
         return tuple(joint for joint in self.joints if joint.actuated)
 
     @cached_property
@@ -324,7 +324,7 @@ class Mechanism:
         return tuple("N m" if self.units[column] == "rad" else "N" for column in self.actuated_columns)
 
     def columns(self, names: Iterable[str]) -> list[int]:
-        """Positions of named coordinates in the vector of all joint coordinates."""
+        """Return the positions of named coordinates in the vector of all joint coordinates."""
         return [self.coordinates.index(name) for name in names]
 
     @cached_property

@@ -18,7 +18,7 @@ from screwgauge.reference.errors import DescriptionError, first_few
 from screwgauge.reference.graph import Layout, output_body
 from screwgauge.reference.rotations import Array
 
-#: Parts of a null vector below this share of its largest are left out of the sentence.
+#: Components of a null vector below this fraction of the largest are omitted from the message.
 SHARE = 0.05
 _named = partial(first_few, most=4)
 
@@ -28,16 +28,16 @@ class Mobility:
     """Freedoms and constraints of a mechanism at a pose.
 
     Attributes:
-        bodies: Moving bodies.
+        bodies: Number of moving bodies.
         joint_freedoms: Sum of the joints' freedoms.
         kutzbach: ``6 bodies - constraints``.
         mobility: Joint freedoms minus the rank of the loops and couplings.
-        constraints: Reaction components, those of couplings among them.
+        constraints: Number of reaction components, including those of couplings.
         constraint_rank: Rank of their columns in the Newton-Euler system.
-        overconstraints: Number of redundant ones.
-        actuation_redundancy: Actuators beyond what the freedoms need.
+        overconstraints: Number of redundant constraints.
+        actuation_redundancy: Number of actuators in excess of the freedoms.
         names: Reaction components, then actuators.
-        unique: Whether each is determined by the motion alone, whatever rule fixes the redundant actuation.
+        unique: Whether each is determined by the motion alone, whichever rule resolves the redundant actuation.
         determined: Whether each is determined once such a rule is chosen; a redundant constraint leaves some open.
     """
 
@@ -55,17 +55,17 @@ class Mobility:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Names of the components that are not unique under any such rule."""
+        """Names of the components that are not unique even with such a rule."""
         return tuple(name for name, fixed in zip(self.names, self.determined, strict=True) if not fixed)
 
 
 def mobility(lay: Layout, q: Array) -> Mobility:
-    """Count at a closed pose of joint coordinates `q`, shape (1, n_q)."""
+    """Count freedoms and constraints at a closed pose of joint coordinates `q`, shape (1, n_q)."""
     mechanism, G = lay.mechanism, loop_equations(lay).constraints(q)[0]
     c, names = _forces(lay, q), reaction_names(mechanism.joints, mechanism.couplings)[0]
     constraints = len(names)
     hidden = linear.null_space(c)  # forces that balance among themselves
-    internal = linear.null_space(c[:, :constraints])  # those that need no actuator
+    internal = linear.null_space(c[:, :constraints])  # those without actuator forces
     rank = constraints - internal.shape[1]
     freedoms = G.shape[1] - linear.rank(G)
     return Mobility(
@@ -84,7 +84,7 @@ def mobility(lay: Layout, q: Array) -> Mobility:
 
 
 def _forces(lay: Layout, q: Array) -> Array:
-    """The matrix c of eq. (57) at one pose, scaled so that ranks do not depend on the mechanism's size."""
+    """Return the matrix c of eq. (57) at one pose, scaled so that ranks do not depend on the mechanism's size."""
     mechanism, at, unit = lay.mechanism, pose(lay, q), length(lay)
     units = *reaction_names(mechanism.joints, mechanism.couplings)[1], *mechanism.actuator_units
     c = force_matrix(at, q, at.S)[0] * np.where(np.array(units) == "N m", unit, 1.0)
@@ -120,8 +120,8 @@ def check_independent(lay: Layout, q: Array) -> None:
 def near_singularity(lay: Layout, q: Array) -> str:
     """Describe the singularity nearest to a pose of joint coordinates `q`, shape (1, n_q).
 
-    The smallest singular value's right vector is the motion that the loops no longer stop while the independent
-    coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
+    The right vector of the smallest singular value is the motion that loops no longer prevent while the independent
+    coordinates rest; the left vector is the wrenches of cut joints that no longer prevent it.
     """
     system = loop_equations(lay)
     U, _, Vt = np.linalg.svd(system.matrix(q)[0], full_matrices=False)
@@ -151,14 +151,14 @@ def gimbal_lock(lay: Layout, cut: int) -> str:
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
-    """Indices of values above a share of the largest, in descending order."""
+    """Return indices of values above a fraction of the largest, in descending order."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
 
 
 def _moved_bodies(lay: Layout, system: LoopEquations, q: Array, motion: Array) -> list[str]:
-    """Names of the bodies that a motion of the tree moves."""
+    """Return the names of the bodies that a motion of the tree moves."""
     at = pose(lay, q)
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]
     v = velocity_at(V, at.com[0]) / system.length

@@ -1,7 +1,7 @@
-"""Output files: each is written whole or not at all, and never replaces a user's file.
+"""Output files, written atomically, which never replace a user's own file.
 
-A command overwrites neither its inputs nor a file that this program did not write as it is now. What is written for
-users to keep bears the digest of all else in it, so that an edited file is recognised; that of a CSV is beside it.
+A command overwrites neither its inputs nor a file that was edited or not written by this program. A file written for
+users to keep contains the digest of its other content, so edits are recognised; a CSV has its digest in a second file.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import digest, read_bytes, read_file, why
 
-#: How whoever calls has files replaced: callers in Python, if no command line says its option.
+#: How the caller permits overwriting: from Python, unless a command line names its option.
 OVERWRITING = ContextVar("OVERWRITING", default="force=True")
 _SAID = "As screwgauge wrote it, lines above: sha256 "
-_PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # its first bytes, and the length of its last chunk
+_PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # PNG signature, and length of the last chunk
 
 
 def save_file(
@@ -31,15 +31,15 @@ def save_file(
     """Write a file for a user to keep, with its digest; see `replace_file`.
 
     Args:
-        content: A text is encoded in UTF-8, with escapes where a path in it is no text.
+        content: Text is encoded in UTF-8, with escapes where a path in it is not valid text.
         inputs, force: As in `check_free`.
 
     Raises:
-        OutputError: See `check_free`, or it cannot be written; it is then as it was.
+        OutputError: See `check_free`, or the file cannot be written; it is then unchanged.
     """
     check_free(path := Path(path), inputs, force=force)
     content = content.encode(errors="backslashreplace") if isinstance(content, str) else content
-    if path.suffix == ".csv":  # it has no room for its digest
+    if path.suffix == ".csv":  # the format has no room for a digest
         replace_file(_digest_file(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n")
     replace_file(path, content if path.suffix == ".csv" else with_digest(content))
     return path
@@ -48,10 +48,10 @@ def save_file(
 def replace_file(path: Path, content: str | bytes) -> None:
     """Write a file atomically: a temporary file in the same folder, synced, then renamed.
 
-    Its folder is made if need be. A link stays, and what it leads to is replaced.
+    The directory is created if necessary. A symbolic link is kept, and its target is replaced.
 
     Raises:
-        OutputError: It cannot be written; it is then as it was.
+        OutputError: The file cannot be written; it is then unchanged.
     """
     named, path = path, Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -70,12 +70,12 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def stamped(text: str) -> str:
-    """Append a comment with the digest to text of XML, HTML, TOML or YAML."""
+    """Append a comment with the digest to XML, HTML, TOML or YAML text."""
     return with_digest(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
 
 def with_digest(content: bytes) -> bytes:
-    """Append the digest of the rest to a text, PDF or PNG: in a comment, or a PNG's last chunk but one."""
+    """Append the digest of the content to a text, PDF or PNG: as a comment, or in a PNG's last chunk but one."""
     if content.startswith(_PNG):
         return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
     content = content if content.endswith(b"\n") else content + b"\n"
@@ -94,12 +94,12 @@ def _mark(content: bytes) -> bytes:
 
 
 def _digest_file(file: Path) -> Path:
-    """Hidden file with the digest of a CSV."""
+    """Return the path of the hidden file with the digest of a CSV."""
     return file.with_name(f".{file.name}.sha256")
 
 
 def is_as_written(path: Path) -> bool:
-    """True if a file is as this program wrote it: its digest is in it, or in the file beside it."""
+    """True if a file is unchanged since this program wrote it: its digest is in it, or in the file beside it."""
     try:
         if os.path.lexists(_digest_file(path)):
             return read_file(_digest_file(path)).partition(" ")[0] == digest(path)
@@ -115,10 +115,10 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
 
     Args:
         inputs: Files that the command reads.
-        force: Whatever file is there may be replaced.
+        force: Allow replacing any existing file.
 
     Raises:
-        OutputError: It is an input, or this program did not write it as it is now, or see `check_place`.
+        OutputError: The file is an input, was edited or not written by this program, or see `check_place`.
     """
     check_place(path)
     if force or not os.path.lexists(path):
@@ -134,7 +134,7 @@ def check_place(path: Path) -> None:
     """Reject a path at which no file can be written, before any work.
 
     Raises:
-        OutputError: It is something else than a file, or its folder cannot be written or made.
+        OutputError: The path is not a file, or its directory cannot be written or created.
     """
     try:
         if path.exists() and not path.is_file():
@@ -143,12 +143,12 @@ def check_place(path: Path) -> None:
         home = next(folder for folder in path.absolute().parents if folder.exists())
         if not (home.is_dir() and os.access(home, os.W_OK | os.X_OK)):
             raise PermissionError(errno.EACCES, f"{home} is no folder, or not yours to write")
-    except (OSError, ValueError) as error:  # a path that is too long, or has a null byte
+    except (OSError, ValueError) as error:  # the path is too long or contains a null byte
         raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from None
 
 
 def overwriting() -> str:
-    """Tell how this caller overwrites a file: ``overwrite it by --force``."""
+    """Return how this caller overwrites a file: ``overwrite it by --force``."""
     return f"overwrite it by {OVERWRITING.get()}"
 
 
@@ -157,14 +157,14 @@ def _other_file() -> str:
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
-    """Reject an output that is an input, and two outputs at one place, before any work.
+    """Reject an output that is an input, and two outputs at one path, before any work.
 
     Args:
-        outputs: Option or name by which each is written -> its path.
+        outputs: Option or name of each output -> its path.
         inputs: Files that the command reads; iterated only if an output exists.
 
     Raises:
-        OutputError: Two of these are one file.
+        OutputError: Two of these are the same file.
     """
     writers = dict[tuple[int, int] | str, str]()
     for name, path in outputs.items():
@@ -177,7 +177,7 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
 
 
 def _node(path: Path) -> tuple[int, int] | None:
-    """Device and number of a file; None if there is none."""
+    """Return device and inode number of a file; None if there is none."""
     try:
         status = path.stat()
     except OSError:
@@ -188,5 +188,5 @@ def _node(path: Path) -> tuple[int, int] | None:
 def _same(path: Path, other: Path) -> bool:
     try:
         return path.samefile(other)
-    except (OSError, ValueError):  # a name of something built-in is no file
+    except (OSError, ValueError):  # the name of a built-in is not a file
         return False

@@ -1,7 +1,7 @@
-"""Numbers of a mechanism and its applied forces, by name: read, changed, or replaced by nodes of a trace.
+"""Parameters of a mechanism and its applied forces by name: read, changed, or replaced by nodes of a trace.
 
 Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. A placement turns by two
-tilts of the frame [rad], about two directions across the first axis of its joint, so that axes stay what they are.
+tilts of the frame [rad], about two directions orthogonal to the first axis of its joint, so axes keep their meaning.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ XYZ = "xyz"
 TENSOR = {f"{XYZ[i]}{XYZ[k]}": (i, k) for i in range(3) for k in range(i, 3)}
 TILTS = ("tilt1", "tilt2")
 SIDES = ("parent", "child")
-#: Names that are told where one is ambiguous.
+#: Number of names listed for an ambiguous name.
 NAMED = 3
 
 Item = TypeVar("Item", Body, Joint, Frame)
@@ -39,7 +39,7 @@ Numbers = Mapping[str, Any]
 
 
 def numbers(mechanism: Mechanism, applied: Applied | None = None) -> dict[str, float]:
-    """Collect every changeable number by its full name: those of bodies, of joints, and of applied forces."""
+    """Collect every changeable parameter of bodies, joints and applied forces by its full name."""
     return dict([*_of_bodies(mechanism), *_of_joints(mechanism), *([] if applied is None else _of_applied(applied))])
 
 
@@ -77,7 +77,7 @@ def _vector(name: str, values: Array) -> Iterator[tuple[str, float]]:
 
 
 def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
-    """Numbers of the coordinates of a joint, counted from 1 if there are several."""
+    """Yield one number per coordinate of a joint, numbered from 1 if there are several."""
     many = len(values) > 1
     yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
 
@@ -98,36 +98,36 @@ _UNITS = {
 
 
 def unit(name: str) -> str:
-    """Unit of a number by its full name; empty if it depends on the object."""
+    """Return the unit of a parameter by its full name; empty if it depends on the object."""
     *_, before, last = name.split(".")
     return _UNITS.get(last, _UNITS.get(before, ""))
 
 
 def inertial(name: str) -> bool:
-    """True for a number of matter or resistance: forces are linear in it or in moments, motions free of it."""
+    """True for a parameter of mass or resistance: forces are linear in it or in moments, motions independent of it."""
     return name.startswith("bodies.") or bool(resisting_joint(name))
 
 
 def resisting_joint(name: str) -> str:
-    """Joint whose rotor, damping or friction a number is; empty for any other number."""
+    """Return the joint whose rotor, damping or friction a parameter is; empty for any other."""
     found = re.fullmatch(rf"joints\.(.+)\.(?:{'|'.join(RESISTS)})(?:\.\d+)?", name)
     return found[1] if found else ""
 
 
 def geometric(name: str) -> bool:
-    """True for a number that places a joint: loops close differently when it changes."""
+    """True for a parameter that places a joint: changing it changes how loops close."""
     return name.startswith("joints.") and name.split(".")[-2] in SIDES
 
 
 def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
     """Resolve names and patterns to full names in the order of `known`.
 
-    A name may lack its first part, ``coupler.mass``, where that leaves it unique. Patterns have ``*``, ``?`` and
-    ``[xyz]``, and are of whole or of short names.
+    A name may omit its first part, ``coupler.mass``, if it stays unique. Patterns may contain ``*``, ``?`` and
+    ``[xyz]``, and match full or short names.
 
     Raises:
-        UnknownNameError: A name or pattern stands for nothing.
-        DescriptionError: A name stands for several.
+        UnknownNameError: A name or pattern matches nothing.
+        DescriptionError: A name matches several parameters.
     """
     found = dict.fromkeys(name for pattern in patterns for name in _matching(known, pattern, where))
     return [name for name in known if name in found]
@@ -151,16 +151,16 @@ def _short(name: str) -> str:
 
 
 def _as_written(pattern: str) -> str:
-    """Convert a pattern to the names of `numbers`: without quotes, ``parent_frame.position[0]`` to ``parent.x``."""
+    """Convert a pattern to the naming of `numbers`: without quotes, ``parent_frame.position[0]`` to ``parent.x``."""
     text = pattern.replace('"', "").replace("_frame.position", "")
     return re.sub(r"\b(parent|child|com|force|torque|gravity)\[([012])\]", lambda x: f"{x[1]}.{XYZ[int(x[2])]}", text)
 
 
 def changed_to(rule: Any, value: float, where: str) -> float:
-    """Apply a rule to a number: a new number, or text in which x is the present one: ``"1.01 x"``, ``"x + 0.002"``.
+    """Apply a rule: a new value, or text in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
 
     Raises:
-        DescriptionError: It is neither.
+        DescriptionError: The rule is neither.
     """
     text = rule.strip() if isinstance(rule, str) else ""
     if not re.search(r"(?<![a-z0-9_])x(?![a-z0-9_])|\dx\b", text):
@@ -211,7 +211,7 @@ def unchecked(item: Any, **changes: Any) -> Any:
 
 
 def _forget(mechanism: Mechanism, *, home: Array, bodies: Sequence[Body]) -> None:
-    """Clear values cached from other numbers; home remains a pose of floats."""
+    """Clear values cached for the old parameters; home remains a pose of floats."""
     kept = {"coordinates", "moving", "units", "limits", "body_index", "independent_columns", "actuated_columns"}
     fields = {*type(mechanism).__dataclass_fields__}
     for name in [*vars(mechanism)]:
@@ -227,7 +227,7 @@ Get = Callable[[str, Any], Any]
 
 
 def _value(values: Numbers, symbolic: bool, name: str, present: Any) -> Any:
-    """Look up a number by its name, or numbers by their owner's. Shape (3,), (n,)."""
+    """Look up a value by name, or several values by their owner's name. Shape (3,), (n,)."""
     if not isinstance(present, np.ndarray):
         return values.get(name, present)
     keys = {3: [f"{name}.{axis}" for axis in XYZ]}.get(len(present), [])
@@ -274,7 +274,7 @@ def _frame(frame: Frame, name: str, axis: Array, get: Get) -> Frame:
 
 
 def _boxed(x: Any) -> Array:
-    """Wrap a number of any kind in an array without dimensions."""
+    """Wrap a scalar of any type in a zero-dimensional array."""
     box = np.empty((), dtype=float if isinstance(x, float) else object)
     box[()] = x
     return box

@@ -10,25 +10,25 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array, cross, rotation
 
-#: Sine up to which axes are parallel: their numbers have twelve digits.
+#: Sine up to which axes count as parallel: their components have twelve digits.
 PARALLEL = 1e-11
-#: Direction in one body -> that in a neighbour; None where the joint between may turn it.
+#: Maps a direction in one body to its neighbour; None if the joint between them may turn it.
 Step = Callable[[Array], Array | None]
 
 
 def normals_of_planes(
     joints: Sequence[Joint], couplings: Sequence[Coupling], parallel: float = PARALLEL
 ) -> dict[str, Array]:
-    """Directions about which each body can turn; all axes for a body that never turns.
+    """Find the directions about which each body can turn; all axes for a body that never turns.
 
-    A body turns about a direction of ground alone if it hangs on ground by some joints that turn about this direction
-    only; all other joints can but restrain it further. Coordinates that a coupling holds do not turn anything.
+    A body turns only about a ground direction if it is connected to ground by joints that turn about this direction
+    only; all other joints can only restrain it further. Coordinates held by a coupling do not turn anything.
 
     Args:
-        parallel: Sine up to which axes are parallel.
+        parallel: Sine up to which axes count as parallel.
 
     Returns:
-        Body -> unit vectors in its axes, shape (n, 3). Bodies that turn about more directions are missing.
+        Body -> unit vectors in its axes, shape (n, 3). Bodies that turn about several directions are omitted.
     """
     constants = {one.coordinate: one.function.constant for one in couplings if not one.function.terms}
     steps: dict[str, list[tuple[str, Step]]] = {}
@@ -45,7 +45,7 @@ def normals_of_planes(
 
 
 def _carry(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
-    """Ground directions in the axes of bodies that no joint on some way can turn. Columns of one or of three."""
+    """Express ground directions in the axes of bodies that no joint on some path can turn. One or three columns."""
     reached, rim = dict(known), [*known]
     for name in rim:
         for far, step in steps.get(name, ()):
@@ -73,7 +73,7 @@ def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel:
 
 
 def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[tuple[Array, float | None]]:
-    """Axes of a joint in order outward or back, each with its angle if that is held."""
+    """List the axes of a joint in order outward or back, each with its angle if held."""
     sign, turns = 1.0 if outward else -1.0, list[tuple[Array, float | None]]()
     for name, (turning, axis) in zip(joint.coordinates, joint.freedoms, strict=True):
         if turning:
@@ -84,7 +84,7 @@ def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[
 def _directions(
     still: Mapping[str, Array], joints: Iterable[Joint], constants: Mapping[str, float], parallel: float
 ) -> list[Array]:
-    """Ground directions about which joints on non-turning bodies may turn others."""
+    """List ground directions about which joints on non-turning bodies may turn other bodies."""
     found = list[Array]()
     for joint in joints:
         for (body, frame), outward in zip(joint.sides, (True, False), strict=True):

@@ -12,9 +12,9 @@ class Point:
     """A point of a body.
 
     Attributes:
-        name: Names its components; no body has it.
-        body: The body.
-        place: In the frame of the body [m]. Shape (3,).
+        name: Prefix of its components; differs from all body names.
+        body: Name of the body.
+        place: Position in the body frame [m]. Shape (3,).
     """
 
     name: str

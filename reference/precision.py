@@ -18,9 +18,9 @@ T = TypeVar("T", bound="DataclassInstance")
 
 
 def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
-    """Round every array of a mechanism to `dtype`, in which the solver then computes.
+    """Round every array of a mechanism to `dtype`, so that the solver computes in it.
 
-    The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
+    The checks of the description are not repeated: rounding may tilt two axes by more than the checks allow.
     """
     bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
     joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)

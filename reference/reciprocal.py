@@ -1,4 +1,4 @@
-"""Reciprocal screws: wrenches of legs on a body, the remaining twists, and screw systems as lines."""
+"""Reciprocal screws: leg wrenches on a body, its remaining twists, and screw systems expressed as lines."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layo
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, skew
 
-#: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.
+#: Pitches and distances below this, in mechanism lengths, count as zero; components of a unit screw likewise.
 NONE = 1e-6
 
 
 def reciprocal_screws(S: Array) -> Array:
-    """Wrenches ``[force; moment about O]`` without work on any column of S, eq. (8); for wrenches, such twists.
+    """Return wrenches ``[force; moment about O]`` that do no work on twists S, eq. (8); twists, if S has wrenches.
 
     Args:
-        S: Screws. Shape (6, m).
+        S: Twists or wrenches. Shape (6, m).
 
     Returns:
         Orthonormal basis. Shape (6, 6 - rank S).
@@ -35,11 +35,11 @@ def reciprocal_screws(S: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """Joints that connect a body with ground, disjoint from all other ways between the two.
+    """Joints that connect a body with ground, disjoint from all other paths between the two.
 
     Attributes:
-        kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty where they are
-            no simple chain.
+        kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty if the leg is
+            not a simple chain.
     """
 
     name: str
@@ -53,8 +53,8 @@ class ScrewElement:
 
     Attributes:
         direction: Unit vector. Shape (3,).
-        point: On its axis [m]; somewhere if the pitch is infinite. Shape (3,).
-        pitch: [m/rad].
+        point: Point on its axis [m]; arbitrary if the pitch is infinite. Shape (3,).
+        pitch: Pitch [m/rad].
     """
 
     direction: Array
@@ -68,8 +68,8 @@ class Held:
 
     Attributes:
         wrenches: Constraint wrenches of each leg.
-        twists: Twists that the whole mechanism allows it.
-        overconstraints: Number of the legs' dependent wrenches.
+        twists: Twists of the body that the whole mechanism allows.
+        overconstraints: Number of linearly dependent leg wrenches.
     """
 
     body: str
@@ -80,7 +80,7 @@ class Held:
 
 
 def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
-    """The body with the most legs, and of these the farthest from ground (platform, coupler, hand), with its legs."""
+    """Return the body with the most legs, among equals the farthest from ground (platform, coupler), and its legs."""
     away, rim = {GROUND: 0}, [GROUND]
     for body in rim:
         for joint in mechanism.joints:
@@ -93,9 +93,9 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
-    """Legs of a body; coupled ones count once, and a joint without constraints is none."""
+    """Return the legs of a body; coupled legs count once, and joints without constraints do not count."""
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
-    names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # no body has a space in its name
+    names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # body names contain no spaces
     group = {name: name for name in (*(one.name for one in mechanism.bodies), *names.values())}
     ties = [[names[joint], *(side for side in joint.bodies if side not in ends)] for joint in mechanism.joints]
     ties += [[names[owner[name]] for name in one.named] for one in mechanism.couplings]
@@ -135,11 +135,11 @@ def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array, unit: float = 1.0) -> list[Array]:
-    """Twists that some joints between ground and a body allow it. Shape (6, freedoms), orthonormal.
+    """Return the twists of a body allowed by some joints between ground and the body. Shape (6, freedoms), orthonormal.
 
     Args:
         q: All joint coordinates of closed poses. Shape (n, n_q).
-        unit: Length by which twists have no dimension [m].
+        unit: Length that makes twists dimensionless [m].
     """
     names = {side for joint in joints for side in (joint.parent, joint.child)}
     bodies = tuple(one for one in mechanism.bodies if one.name in names)
@@ -154,14 +154,14 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
 
 
 def _span(A: Array) -> Array:
-    """Orthonormal basis of the column space."""
+    """Return an orthonormal basis of the column space."""
     return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)])
 
 
 def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
-    """Analyse the support of a body, by default that with the most legs, at each of n closed poses.
+    """Analyse the support of a body, by default the body with the most legs, at each of n closed poses.
 
-    By the wrenches of its legs, eqs. (9)-(12); the twists left to it have no power with them, eqs. (13)-(14).
+    Leg wrenches follow eqs. (9)-(12); the body's remaining twists do no work with them, eqs. (13)-(14).
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -185,9 +185,9 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
 
 @lru_cache(maxsize=8)
 def pose_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Ground joints that merely give a body's pose coordinates.
+    """Return the ground joints that merely give a body's pose coordinates.
 
-    They constrain nothing (F), or nothing at home that the other legs of the body do not (E), and no actuator, coupling
+    They constrain nothing (F), or at home only what the body's other legs constrain (E), and no actuator, coupling
     or other leg depends on them.
     """
     found = {joint.name for joint in mechanism.joints if not joint.constrains}
@@ -213,7 +213,7 @@ def pose_joints(mechanism: Mechanism) -> frozenset[str]:
 
 
 def normal_of_plane(screws: Array) -> Array | None:
-    """Normal of the plane in which all joints move; None if they move in space.
+    """Return the normal of the plane in which all joints move; None if they move in space.
 
     Args:
         screws: Screws of all freedoms at a pose: directions of rotation and translation. Shape (n, 6).
@@ -227,9 +227,9 @@ def normal_of_plane(screws: Array) -> Array | None:
 
 
 def idle_forces(lay: Layout, q: Array) -> Array:
-    """Actuator forces that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
+    """Return combinations of actuator forces that do no work, at one closed pose. Shape (n_actuator, k), orthonormal.
 
-    There are none at a singular pose, where rates are not numbers.
+    There are none at a singular pose, where rates are NaN.
 
     Args:
         q: Joint coordinates. Shape (1, n_q).
@@ -241,15 +241,15 @@ def idle_forces(lay: Layout, q: Array) -> Array:
 
 
 def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElement, ...]:
-    """Express a system of screws by lines and directions that span it: axes, then directions.
+    """Express a screw system as lines and directions that span it: axes, then directions.
 
-    Principal screws of the system (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
-    without pitch in place of them where it holds enough of these.
+    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
+    of zero pitch replace them if the system contains enough.
 
     Args:
-        system: Independent screws ``[direction; moment about O]``, without dimension. Shape (6, k).
-        near: Axes are given by their points next to it. Shape (3,).
-        unit: Length of the system, the unit of points and pitches [m].
+        system: Independent screws ``[direction; moment about O]``, dimensionless. Shape (6, k).
+        near: Point nearest to which each axis is given. Shape (3,).
+        unit: Length unit of the system, used for points and pitches [m].
     """
     if not system.shape[1]:
         return ()
@@ -258,7 +258,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElemen
     f = int(np.count_nonzero(s[: system.shape[1]] > NONE))
     couples = _upright(_span(moments @ Vt[f:].T))
     D, M = U[:, :f], moments @ Vt[:f].T / s[:f]
-    off = np.eye(3) - couples @ couples.T  # moments along couples may be had at will
+    off = np.eye(3) - couples @ couples.T  # moments along couples may be added freely
     fixed = linear.null_space(couples.T @ D)
     E, h = _principal(D @ fixed, M @ fixed)
     rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
@@ -270,7 +270,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElemen
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
-    """Span a screw system by lines without pitch, if its principal pitches have both signs.
+    """Span a screw system with lines of zero pitch, if its principal pitches have both signs.
 
     Two screws of pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
     """
@@ -288,11 +288,11 @@ def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Arr
 
 
 def _principal(E: Array, M: Array) -> tuple[Array, Array]:
-    """Principal directions (moment along force) of a system, and their pitches. Shapes (3, k) -> (3, k), (k,)."""
+    """Return principal directions (moment along force) of a system, and pitches. Shapes (3, k) -> (3, k), (k,)."""
     h, V = np.linalg.eigh((E.T @ M + M.T @ E) / 2.0)
     h = np.where(np.abs(h) < NONE, 0.0, h)
     E = E @ V
-    for pitch in dict.fromkeys(np.round(h, 6)):  # any directions do where pitches are equal
+    for pitch in dict.fromkeys(np.round(h, 6)):  # for equal pitches any directions are principal
         same = np.abs(h - pitch) < 2 * NONE
         E[:, same] = _upright(E[:, same])
     order = np.argsort(np.abs(h), kind="stable")
@@ -300,14 +300,14 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
 
 
 def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
-    """The common point of the principal axes, from O, couples apart. Shape (3,)."""
+    """Return the common point of the principal axes relative to O, ignoring pure couples. Shape (3,)."""
     wanted = off @ (M - E * h)
     A = (-off @ skew(E.T)).reshape(-1, 3)  # r x e = -e x r
     return np.asarray(np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0])
 
 
 def _upright(E: Array) -> Array:
-    """Orthonormal basis of the same space, along world axes where it contains them. Shape (3, k)."""
+    """Return an orthonormal basis of the same space, along world axes where it contains them. Shape (3, k)."""
     k = E.shape[1]
     if k == 3:
         return np.eye(3)

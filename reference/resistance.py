@@ -1,7 +1,7 @@
 """Resistance of joint coordinates: rotor inertia, damping and dry friction.
 
-A rotor is that of the armature model: inertia along the coordinate alone. It leaves out what a real rotor behind a gear
-does besides, gyroscopic moments and its part in the acceleration of the body that carries it.
+Rotors follow the armature model: inertia along the coordinate only. The model omits other effects of a geared rotor:
+gyroscopic moments and its part in the acceleration of the body that carries it.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     from screwgauge.reference.mechanism import Joint, Mechanism
 
-#: Names of these numbers.
+#: Names of the resistance parameters.
 RESISTS = ("rotor", "damping", "friction")
-#: Inertia; what takes energy; and of that what has no direction at rest.
+#: Inertia; dissipative resistances; and the dissipative resistance without direction at rest.
 ROTORS, LOSSES, DRY = RESISTS[:1], RESISTS[1:], RESISTS[2:]
-#: A rate below this counts as rest, where dry friction has no direction [rad/s or m/s]; rounding leaves less.
+#: A rate below this, far above rounding, counts as rest, where dry friction has no direction [rad/s or m/s].
 REST = 1e-9
 
 
@@ -31,9 +31,9 @@ class Resistance(NamedTuple):
 
     Attributes:
         column: Column among the coordinates of all joints.
-        what: One of `RESISTS`: it takes ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` of the force along the
-            coordinate. At rest dry friction counts as none, while it may be anything up to its size.
-        unit: Unit of the force.
+        what: One of `RESISTS`: it absorbs ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` of the force along the
+            coordinate. At rest dry friction counts as zero, although it may have any value up to its size.
+        unit: Unit of the resisting force.
     """
 
     column: int
@@ -61,17 +61,17 @@ def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> 
 
 
 def plain(amount: Any) -> Any:
-    """Convert a float of any precision to a Python float; other numbers, such as nodes of a trace, stay."""
+    """Convert a float of any precision to a Python float; return other scalars, such as trace nodes, unchanged."""
     return float(amount) if isinstance(amount, float | np.floating) else amount
 
 
 def rotors_of(joints: tuple[Joint, ...]) -> dict[str, float]:
-    """Rotor inertia by coordinate, where there is any."""
+    """Return the nonzero rotor inertias by coordinate."""
     return {one.coordinate: one.amount for one in resistances(joints, ROTORS)}
 
 
 def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
-    """Remove rotors, damping or dry friction from a mechanism; return itself if it has none."""
+    """Remove rotors, damping or dry friction from a mechanism; return it unchanged if it has none."""
     if not resistances(mechanism.joints, (what,)):
         return mechanism
     joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
@@ -79,10 +79,10 @@ def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
 
 
 def amounts(what: str, given: Array, n: int, where: str) -> Array:
-    """Amounts of n coordinates, zeros by default. Shape (n,).
+    """Return the amounts of n coordinates, zeros by default. Shape (n,).
 
     Raises:
-        DescriptionError: An amount is negative, or not a number.
+        DescriptionError: An amount is negative or NaN.
     """
     each = given if len(given) else np.zeros(n)
     if len(each) != n or not (np.isfinite(each) & (each >= 0.0)).all():

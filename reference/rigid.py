@@ -1,4 +1,4 @@
-"""Merging of bodies that fixed joints hold together."""
+"""Merging of bodies connected by fixed joints."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 
-#: Body -> the body that it is part of, and its frame in that.
+#: Body -> the merged body that contains it, and its frame in that body.
 Places = dict[str, tuple[str, Frame]]
 
 
 def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
-    """Merge bodies across fixed joints, under the name of the body nearest to ground.
+    """Merge bodies connected by fixed joints, under the name of the body nearest to ground.
 
-    Its coordinates are `Mechanism.moving`; forces that were left out when it was imported are none of it.
+    The result has the coordinates `Mechanism.moving`, and none of the forces omitted at import.
     """
     if len(mechanism.moving) == len(mechanism.coordinates):
         return mechanism
@@ -69,7 +69,7 @@ def _place(body: Body, frame: Frame) -> Body:
 
 
 def _join(name: str, parts: list[Body]) -> Body:
-    """Merge bodies that are given in one frame."""
+    """Merge bodies expressed in a common frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)
     inertia = np.zeros((3, 3))

@@ -1,4 +1,4 @@
-"""Rotations about unit axes, and the angles of serial pairs and triples of axes. Arrays of any leading shape."""
+"""Rotations about unit axes, and angles of serial pairs and triples of axes, for arrays of any leading shape."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Flags = NDArray[np.bool_]
 TURN = 2.0 * np.pi
 #: A rotation has two triples of angles about orthogonal axes: (x, y, z) and (x, -y, z) + pi.
 MIDDLE = np.array([1.0, -1.0, 1.0])
-#: Axis after x, y and z. Up to so many numbers, a pose or two, picking them costs less than the calls it saves.
+#: Axis after x, y and z. Up to this array size, a pose or two, indexing costs less than the calls it saves.
 NEXT, FEW = np.array([1, 2, 0]), 150
 
 
 def skew(v: Array) -> Array:
-    """Matrix of the cross product, ``skew(v) @ x = v x x``. Shape (..., 3) -> (..., 3, 3)."""
+    """Return the matrix of the cross product, ``skew(v) @ x = v x x``. Shape (..., 3) -> (..., 3, 3)."""
     zero = np.zeros_like(v[..., 0])
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product along the last axis, equal to numpy's at a fraction of its overhead. Shape (..., 3)."""
+    """Return the cross product along the last axis, equal to numpy's at a fraction of its overhead. Shape (..., 3)."""
     if max(a.size, b.size) <= FEW:
         return np.asarray((a * b.take(NEXT, -1) - a.take(NEXT, -1) * b).take(NEXT, -1))
     alike = a.shape == b.shape and a.dtype == b.dtype
@@ -39,10 +39,10 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def across(axis: Array) -> tuple[Sequence[str], Array]:
-    """Labels and directions orthogonal to a unit axis: frame axes if it is one of them.
+    """Return labels and directions orthogonal to a unit axis: frame axes if the axis is one of them.
 
     Returns:
-        ``xy`` and so on, or ``12``, and unit vectors at right angles. Shape (2, 3).
+        ``xy`` and so on, or ``12``, and two orthogonal unit vectors. Shape (2, 3).
     """
     k = int(np.argmax(np.abs(axis)))
     others = [i for i in range(3) if i != k]
@@ -54,7 +54,7 @@ def across(axis: Array) -> tuple[Sequence[str], Array]:
 
 
 def widest(points: ArrayLike) -> float:
-    """Largest distance between two points, 0 if there are fewer. Shape (n, 3)."""
+    """Return the largest distance between two points, 0 if there are fewer. Shape (n, 3)."""
     cloud = np.reshape(points, (-1, 3))
     return float(np.linalg.norm(cloud[:, None] - cloud[None], axis=2).max(initial=0.0))
 
@@ -65,11 +65,11 @@ def lanes(n: int, *shape: int) -> Array:
 
 
 def product(A: Array, B: Array) -> Array:
-    """Multiply matrices number by number: faster where samples lie in `lanes`.
+    """Multiply matrices entry by entry: faster if samples lie in `lanes`.
 
     Args:
         A: Shape (n, ..., 3, 3).
-        B: Second factor, of every sample or fixed. Shape (n, ..., 3, 3) or (3, 3).
+        B: Second factor, per sample or constant. Shape (n, ..., 3, 3) or (3, 3).
     """
     if A.size <= FEW:
         return np.asarray(A @ B)
@@ -82,32 +82,32 @@ def product(A: Array, B: Array) -> Array:
 
 
 def times(A: Array, v: Array) -> Array:
-    """Multiply matrices by vectors number by number. Shapes (n, ..., 3, 3), (n, ..., 3) or (3,)."""
+    """Multiply matrices by vectors entry by entry. Shapes (n, ..., 3, 3), (n, ..., 3) or (3,)."""
     if A.size <= FEW:
         return np.asarray((A @ v[..., None])[..., 0])
     return A[..., 0] * v[..., :1] + A[..., 1] * v[..., 1:2] + A[..., 2] * v[..., 2:]
 
 
 def vee(M: Array) -> Array:
-    """Axial vector of the antisymmetric part, the inverse of `skew`. Shape (..., 3, 3) -> (..., 3)."""
+    """Return the axial vector of the antisymmetric part, the inverse of `skew`. Shape (..., 3, 3) -> (..., 3)."""
     return 0.5 * np.stack(
         [M[..., 2, 1] - M[..., 1, 2], M[..., 0, 2] - M[..., 2, 0], M[..., 1, 0] - M[..., 0, 1]], axis=-1
     )
 
 
 def rotation_vector(R: Array) -> Array:
-    """Axis times the smaller angle [rad]. Shape (..., 3, 3) -> (..., 3)."""
+    """Return the axis times the smaller angle [rad]. Shape (..., 3, 3) -> (..., 3)."""
     sine = vee(R)
     size = np.linalg.norm(sine, axis=-1, keepdims=True)
     angle = np.arctan2(size, 0.5 * (np.trace(R, axis1=-2, axis2=-1)[..., None] - 1.0))
     axis, half = sine / np.maximum(size, 1e-300), ((size <= 1e-7) & (angle > 1.0))[..., 0]
-    if half.any():  # at a half turn the sine vanishes; what the rotation leaves alone is then its axis
+    if half.any():  # at a half turn the sine vanishes; the axis is then the invariant direction
         axis[half] = np.linalg.svd(R[half] - np.eye(3))[2][..., -1, :]
     return np.asarray(np.where(angle < 1e-7, sine, angle * axis))
 
 
 def rotation(axis: Array, angle: Array) -> Array:
-    """Rodrigues' formula.
+    """Return the rotation matrix of an axis and angle, using Rodrigues' formula.
 
     Args:
         axis: Unit axis. Shape (3,).
@@ -117,33 +117,33 @@ def rotation(axis: Array, angle: Array) -> Array:
         Rotation matrix. Shape (..., 3, 3).
     """
     K, KK, I = _generator(axis.tobytes(), axis.dtype.str)
-    # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
+    # 1 - cos as 2 sin^2 of the half angle avoids cancellation at small angles
     sine, versine = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
     some = range(2, 2 + np.ndim(angle))
     turned = np.multiply.outer(K, sine) + np.multiply.outer(KK, versine) + I.reshape(3, 3, *[1] * len(some))
-    return np.asarray(turned.transpose(*some, 0, 1))  # samples side by side, as `lanes` has them
+    return np.asarray(turned.transpose(*some, 0, 1))  # samples adjacent in memory, as in `lanes`
 
 
 @lru_cache(maxsize=1024)
 def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
-    """Skew matrix of an axis, its square and the identity, cached because joint axes repeat."""
+    """Return the skew matrix of an axis, its square and the identity, cached because joint axes repeat."""
     K = skew(np.frombuffer(axis, dtype=dtype))
     return K, K @ K, np.eye(3, dtype=K.dtype)
 
 
 def quaternion_rotation(q: Array) -> Array:
-    """Rotation matrix of a unit quaternion (w, x, y, z). Shape (..., 4) -> (..., 3, 3)."""
+    """Return the rotation matrix of a unit quaternion (w, x, y, z). Shape (..., 4) -> (..., 3, 3)."""
     w, K = q[..., :1, None], skew(q[..., 1:])
     return np.asarray(np.eye(3) + 2.0 * (w * K + K @ K))
 
 
 def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
-    """The first m angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, hand q3)``, continuous through gimbal lock.
+    """Return the first m angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, hand q3)``, continuous through gimbal lock.
 
     Args:
         M: Rotation matrix in right-handed axes. Shape (..., 3, 3).
         m: Number of axes of the joint; two angles have no gimbal lock.
-        hand: -1 if its third axis is opposite to the third of these.
+        hand: -1 if the joint's third axis is opposite to the third of these axes.
 
     Returns:
         Angles [rad] within half a turn, the middle one of three within +-pi/2. Shape (..., m).
@@ -153,7 +153,7 @@ def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
         return np.stack(both, axis=-1)[..., :m]
     q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
     q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
-    # beside q1, so that the two together are right where q2 is a right angle and either of them is anything
+    # consistent with q1: where q2 is a right angle, each alone is arbitrary but both together are correct
     c, s = np.cos(q1)[..., None], np.sin(q1)[..., None]
     row = c * M[..., 1, :2] + s * M[..., 2, :2]
     return np.stack([q1, q2, hand * np.arctan2(row[..., 0], row[..., 1])], axis=-1)
@@ -165,23 +165,23 @@ def within_half_turn(angles: Array) -> Array:
 
 
 def nearest_turn(angles: Array, near: Array) -> Array:
-    """Add whole turns to angles so that they come near to others. Any shape."""
+    """Add full turns to angles to bring them nearest to given ones. Any shape."""
     return np.asarray(angles + TURN * np.round((near - angles) / TURN))
 
 
 def other_triple(angles: Array) -> Array:
-    """The other triple of angles of the same rotation about three orthogonal axes. Shape (..., 3)."""
+    """Return the other triple of angles of the same rotation about three orthogonal axes. Shape (..., 3)."""
     return np.asarray(MIDDLE.astype(angles.dtype) * angles + np.pi)
 
 
 def nearest_angles(angles: Array, near: Array) -> tuple[Array, Flags]:
-    """Choose the angles nearest to others among both triples of a rotation and all whole turns.
+    """Choose the angles nearest to given ones among both triples of a rotation and all full turns.
 
     Args:
-        angles, near: Angles about orthogonal axes [rad]; fewer than three have no other triple. Shape (..., m).
+        angles, near: Angles about orthogonal axes [rad]; fewer than three angles have no other triple. Shape (..., m).
 
     Returns:
-        The angles, shape (..., m), and where they are the other triple, shape (...).
+        The angles, shape (..., m), and flags of the other triple, shape (...).
     """
     one = nearest_turn(angles, near)
     if angles.shape[-1] < 3:
@@ -192,14 +192,14 @@ def nearest_angles(angles: Array, near: Array) -> tuple[Array, Flags]:
 
 
 def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
-    """Follow angles from sample to sample: choose the equivalent ones nearest to the prediction.
+    """Follow angles from sample to sample: choose the equivalent angles nearest to the prediction.
 
     Args:
-        begin: Initial angles, which the first sample is nearest to. Shape (m,).
+        begin: Initial angles, nearest to which the first sample is chosen. Shape (m,).
         angles: Angles of a joint at each sample [rad]. Shape (n, m).
-        sure: Whether the chart determines them; a sample at a lock is no ground for later ones. Shape (n,).
-        t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), by which each sample is predicted from the
-            one before; without them it is the one before.
+        sure: Whether the chart determines them; a sample at gimbal lock does not predict later samples. Shape (n,).
+        t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), used to predict each sample from the
+            preceding one; without them the prediction is the preceding sample.
 
     Returns:
         Shape (n, m).
@@ -214,7 +214,7 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
     if len(begin) == 3:
         same = x[1:] - x[:-1] - half * (r[1:] + r[:-1])
         other = other_triple(x[1:]) - x[:-1] - half * (MIDDLE * r[1:] + r[:-1])
-        # whether a sample goes on by its other triple does not depend on which triple the one before took
+        # whether a sample switches triple does not depend on the triple of the preceding sample
         change = np.abs(within_half_turn(other)).sum(axis=1) < np.abs(within_half_turn(same)).sum(axis=1)
         swapped = (np.cumsum(change) % 2 == 1)[:, None]
         x[1:], r[1:] = np.where(swapped, other_triple(x[1:]), x[1:]), np.where(swapped, MIDDLE * r[1:], r[1:])
@@ -226,5 +226,5 @@ def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rat
 
 
 def across_direction(R: Array, direction: Array) -> Array:
-    """World directions orthogonal to a body-fixed one, eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
+    """Return world directions orthogonal to a body-fixed one, eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
     return np.asarray(np.linalg.svd(direction[None])[2][1:] @ R.swapaxes(-1, -2))

@@ -1,6 +1,6 @@
 """Readers of TOML tables and checks of their entries: keys, texts, names, lists, ranges.
 
-What the entries mean is in `description` for mechanisms, and in the package `scene` for scenes.
+`description` defines the meaning of entries for mechanisms, the package `scene` for scenes.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
 
-#: Tables that are one thing: what extends a description replaces all of their entries.
+#: Tables that are replaced as a unit: an extending description replaces all of their entries.
 WHOLE = ("inertia", "independent")
-#: Parts of a line: texts, words, dots and other signs.
+#: Tokens of a line: strings, words, dots and other characters.
 _WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S""")
 
 
@@ -38,14 +38,14 @@ def read_toml(path: Path) -> dict[str, Any]:
         data = tomllib.loads(text, parse_float=str)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
-    except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
+    except (ValueError, RecursionError):  # integers of thousands of digits, deeply nested lists
         raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
     check_plain(data, str(path))
     return data
 
 
 def _check_dots(text: str, where: str) -> None:
-    """Reject keys of very many parts, because `tomllib` takes quadratic time for them."""
+    """Reject keys with very many parts, for which `tomllib` takes quadratic time."""
     for line in text.splitlines():
         parts, joined = 0, False
         for word in _WORDS.finditer(line) if line.count(".") >= LIMITS["parts of a dotted key"] else ():
@@ -92,7 +92,7 @@ def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_name(value: Any, where: str) -> str:
-    """Read a name that is valid in file names, URDF and MJCF ('@' marks the parts that these add)."""
+    """Read a name that is valid in file names, URDF and MJCF ('@' marks elements that model files add)."""
     if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
         raise DescriptionError(f"{shown(value)} is not a name", where, "use letters, digits and . _ - + : only")
     return str(value)
@@ -109,7 +109,7 @@ def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
 
 
 def check_length(value: Any, n: int, what: str, where: str, remedy: str) -> None:
-    """Reject all but a list of n entries."""
+    """Reject a value that is not a list of n entries."""
     if not isinstance(value, list) or len(value) != n:
         raise DescriptionError(what, where, remedy)
 
@@ -124,7 +124,7 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
 
 
 def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    """Read the entries of a list by `read`, which also receives each entry's place in the file."""
+    """Read the entries of a list with `read`, which also receives each entry's place in the file."""
     return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 
@@ -140,7 +140,7 @@ def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
     """Return a name; reject unknown ones.
 
     Raises:
-        UnknownNameError: It is not.
+        UnknownNameError: The name is unknown.
     """
     if name not in known:
         raise UnknownNameError(kind, name, known, where)

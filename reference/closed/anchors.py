@@ -1,9 +1,9 @@
-"""Anchors: closed poses with a ball around them in which exactly one solution lies next to its prediction.
+"""Anchors: closed poses, each with a ball in which exactly one solution lies near the prediction.
 
-Within its ball the Jacobian J of the loop equations changes by less than a half, ``|J_a^+ J - 1| <= 1/2``, so that
+Within the ball the Jacobian J of the loop equations changes by less than one half, ``|J_a^+ J - 1| <= 1/2``, so that
 Newton's method converges from a prediction to the one solution there (Deuflhard, Newton Methods for Nonlinear Problems,
-2011, sections 3.1 and 5.1), and its correction is at most a fifth of the distance at which another could lie. The end
-points alone are no proof, as a kinked branch keeps the sign of det J: so the ball also bounds the second derivative.
+2011, sections 3.1 and 5.1), and its correction is at most a fifth of the distance to any other solution. The end
+points alone prove nothing, as a kinked branch keeps the sign of det J, so the ball also bounds the second derivative.
 """
 
 from __future__ import annotations
@@ -20,40 +20,40 @@ from screwgauge.reference.rotations import TURN, Array
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-#: Largest change of the Jacobian between an anchor and a sample in its ball, and the share of it that is aimed at.
+#: Largest allowed change of the Jacobian between an anchor and a sample in its ball, and the targeted fraction of it.
 CHANGE, MARGIN = 0.5, 0.8
-#: Longest way in y [rad or lengths of the mechanism] and of the unknowns from an anchor: half a turn could mean either.
+#: Longest path in y [rad or mechanism lengths] and in the unknowns from an anchor: half a turn would be ambiguous.
 STEP, FARTHEST = 1.0, 2.0
-#: Share of the distance at which another solution could lie by which Newton's method may correct a prediction.
+#: Largest correction of a prediction by Newton's method, as a fraction of the distance to any other solution.
 NEAR = 0.2
-#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be separated.
+#: ``|J^-1|`` above which rounding of the residual rotates J by an eighth: meeting branches cannot be told apart.
 FLOOR = 6e6
-#: Step of the central differences of the Jacobian.
+#: Step of the central differences used for the Jacobian.
 DIFFERENCE = 5e-6
 #: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``, 0 that of
 #: ``dJ J^-1``. Next to the lock of a leg p = 1/2 takes tens of steps where p = 1 takes hundreds.
 NORMS = np.array([0.0, 0.5, 1.0])
-TINY = 1e-100  # whose powers are numbers
-#: Share of a turn or length by which two predictions of one pose may differ at least.
+TINY = 1e-100  # smallest singular value whose powers stay finite
+#: Fraction of a turn or length by which two predictions of one pose may always differ.
 SAME = 1e-3
-#: Distances worked on at a time.
+#: Number of distances computed at a time.
 BLOCK = 2**18
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Anchor:
-    """A closed pose and measurements of its neighbourhood, all without dimension.
+    """A closed pose and measurements of its neighbourhood, all dimensionless.
 
     Attributes:
         z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
         K: Velocity map dz/dy. Shape (n_z, k).
         W: Metric of the ball, ``dy^T W dy <= 1``. Shape (k, k).
         beta: ``|J^-1|``, the amplification of a residual.
-        faint: Largest beta above `FLOOR` on the way here since beta was below it, else 0.
+        faint: Largest beta on the path here since it last rose above `FLOOR`; 0 if beta is below `FLOOR`.
         U, s, Vt: Singular value decomposition of the full Jacobian, coordinates at rest included.
         power: Index of the metric in `NORMS`.
-        weight: Makes of a correction of the unknowns the change of J by it, as J changes along the motion: the
-            correction over the distance of other solutions. Shape (n, n_z).
+        weight: Maps a correction of the unknowns to the resulting change of J, with J's rate along the motion: the
+            correction divided by the distance to other solutions. Shape (n, n_z).
     """
 
     z: Array
@@ -69,22 +69,22 @@ class Anchor:
     weight: Array
 
     def steady(self, K: Array) -> Array:
-        """Replace the velocity map of a nearby pose by this anchor's where they differ by rounding only.
+        """Replace the velocity map of a nearby pose with this anchor's if they differ only by rounding.
 
-        Next to where two branches cross rounding decides on K, which would lead from one branch to the other; both are
+        Near a crossing of two branches, rounding determines K and could lead from one branch to the other; both are
         smooth. At a fold K grows by more than that. Shape (n_z, k).
         """
         explained = CLOSED * self.beta**2 * float(np.linalg.norm(self.K))
         return self.K if np.linalg.norm(K - self.K) <= explained else K
 
     def change(self, J: Array) -> Array:
-        """Compute ``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
+        """Compute ``J_a^+ J - 1`` in the anchor's norm. Shape (..., m, n) -> (..., n, n)."""
         turned = self.U.T @ J @ self.Vt.T - np.diag(self.s)
         return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
 
 
 def offsets(K: Array) -> tuple[Array, Array]:
-    """Steps along the columns of a velocity map, forward and backward, and the divisors of their differences.
+    """Return forward and backward steps along the columns of a velocity map, and the divisors of their differences.
 
     Returns:
         Shapes (2 k, n_z), (k,).
@@ -97,17 +97,17 @@ def offsets(K: Array) -> tuple[Array, Array]:
 def measure(
     z: Array, y: Array, residual: Array, J: Array, full: Array, slope: Array, base: Anchor | None = None
 ) -> Anchor:
-    """Makes an anchor of a nearly closed pose: its velocity map, and how fast the Jacobian changes along it.
+    """Build an anchor from a nearly closed pose: compute its velocity map and the Jacobian's rate of change along it.
 
 
     Args:
         z, y: Shapes (n_z,), (k,).
-        residual: There; it is corrected for. Shape (m,).
-        J, full: Jacobian over the unknowns, its last k rows being those of y, and over coordinates at rest, too, which
-            come last: a pose where these may begin to move is singular, however regular the others are. Shapes
+        residual: Residual at the pose, which is corrected. Shape (m,).
+        J, full: Jacobian over the unknowns, whose last k rows select y, and over coordinates at rest as well, which
+            come last: a pose where resting coordinates may begin to move is singular, whatever the others do. Shapes
             (m, n_z), (m, n).
-        slope: Derivative of the full one by y. Shape (k, m, n).
-        base: The anchor that it was reached from.
+        slope: Derivative of the full Jacobian with respect to y. Shape (k, m, n).
+        base: The anchor from which the pose was reached.
     """
     k, n_z = len(y), len(z)
     U, s, Vt = np.linalg.svd(full, full_matrices=False)
@@ -119,18 +119,18 @@ def measure(
     K = base.steady(back[:, -k:]) if base else back[:, -k:]
     turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
     balls, weights = _balls(s, turned, Vt[:, :n_z], second, K)
-    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # the largest: a long one may be narrow across, as at a lock
+    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # a long ball may be narrow across, as at a lock
     W, power, weight = balls[chosen], float(NORMS[chosen]), weights[chosen]
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
 
 
 def _balls(s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple[Array, Array]:
-    """Metrics of the balls in all of `NORMS`, and the weights of corrections in them, see `Anchor`.
+    """Return the metrics of the balls in each of `NORMS`, with the weights of corrections, see `Anchor`.
 
     Args:
-        turned: Derivative of J by y in its singular vectors. Shape (k, n, n).
-        second: Second derivative of the unknowns by y, but for its sign. Shape (n_z, k, k).
+        turned: Derivative of J with respect to y in the basis of J's singular vectors. Shape (k, n, n).
+        second: Second derivative of the unknowns with respect to y, up to sign. Shape (n_z, k, k).
 
     Returns:
         Shapes (3, k, k), (3, n, n_z).
@@ -146,22 +146,22 @@ def _balls(s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple
 
 
 def _gram(D: Array) -> Array:
-    """Metric M, ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (..., k, n^2) -> (..., k, k)."""
+    """Return M of ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)``, Frobenius norm. Shape (..., k, n^2) -> (..., k, k)."""
     return np.asarray(D @ D.swapaxes(-1, -2))
 
 
 def _steepness(change: Array, L: Array) -> Array:
-    """Mean change of J per length of the unknowns' path along the motion, over all directions. Shape (...).
+    """Return the change of J per length of the unknowns' path, averaged over all directions. Shape (...).
 
     Args:
-        change: Its metric in y. Shape (..., k, k).
-        L: Way of the unknowns per dy, in the norm that belongs to that of J. Shape (..., n, k).
+        change: Metric of the change of J in y. Shape (..., k, k).
+        L: Path of the unknowns per dy, in the norm that corresponds to J's. Shape (..., n, k).
     """
     return np.asarray(np.sqrt(np.trace(change, axis1=-2, axis2=-1) / np.maximum((L * L).sum((-2, -1)), TINY)))
 
 
 def _curvature(second: Array) -> Array:
-    """Metric M with ``|second(dy, dy)| <= dy^T M dy``: how far linear predictions miss. (..., n, k, k) -> (..., k, k).
+    """Return M of ``|second(dy, dy)| <= dy^T M dy``, the error of linear predictions. (..., n, k, k) -> (..., k, k).
 
     The second derivative of z by y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal basis are
     quadratic forms, each bounded by the form of the absolute eigenvalues.
@@ -175,10 +175,10 @@ def _curvature(second: Array) -> Array:
 
 
 class Anchors:
-    """A growing table of anchors, looked up by independent coordinates.
+    """A growing table of anchors that can be searched by independent coordinates.
 
     Attributes:
-        turning: Which independent coordinates lead back to the same pose after a whole turn. Shape (k,).
+        turning: True for independent coordinates that return to the same pose after a full turn. Shape (k,).
     """
 
     def __init__(self, k: int, n_z: int, angles: Flags) -> None:
@@ -201,7 +201,7 @@ class Anchors:
         return int(self.table["sheet"][: len(self)].max()) + 1
 
     def sheet_of(self, sheet: int) -> Indices:
-        """Anchors of a sheet: they lie on one branch wherever their balls meet."""
+        """Return the anchors of a sheet, which lie on one branch wherever their balls meet."""
         return np.flatnonzero(self.table["sheet"][: len(self)] == sheet)
 
     def add(self, anchor: Anchor, sheet: int) -> int:
@@ -224,7 +224,7 @@ class Anchors:
         self.table["W"][i] *= 4.0
 
     def turn(self, i: int) -> None:
-        """Mark an independent coordinate whose whole turn leads back to the same pose."""
+        """Mark an independent coordinate that returns to the same pose after a full turn."""
         self.turning[i] = True
         self.lookups.clear()
         self.links.clear()
@@ -232,17 +232,17 @@ class Anchors:
     # predictions
 
     def difference(self, y: Array, origin: Array) -> Array:
-        """Difference from an origin modulo whole turns. Shapes (..., k)."""
+        """Return the difference from an origin modulo full turns. Shapes (..., k)."""
         way = y - origin
         return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
 
     def distance(self, y: Array, a: Indices | int) -> Array:
-        """Distance of independent coordinates from anchors, 1 at the edge of their balls. (..., k), (...) -> (...)."""
+        """Return the distance of y from anchors, 1 at the edge of their balls. Shapes (..., k), (...) -> (...)."""
         way, W = self.difference(y, self.table["y"][a]), self.table["W"][a]
         return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
 
     def distances(self, y: Array, a: Indices) -> Array:
-        """Distances of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
+        """Return the distances of samples, each of one or several points. Shapes (n, ..., k), (n,) -> (n, ...)."""
         squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
             way = self.difference(y[rows], self.table["y"][i])
@@ -250,14 +250,14 @@ class Anchors:
         return np.sqrt(squared)
 
     def predict(self, y: Array, a: Indices) -> Array:
-        """Predict unknowns to first order; y counts modulo whole turns. Shapes (n, k), (n,) -> (n, n_z)."""
+        """Predict unknowns to first order; y is taken modulo full turns. Shapes (n, k), (n,) -> (n, n_z)."""
         z = np.empty((len(y), len(self.angles)))
         for rows, i in _groups(a):
             z[rows] = self.table["z"][i] + self.difference(y[rows], self.table["y"][i]) @ self.table["K"][i].T
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Corrections of unknowns divided by the distance of other solutions, infinite beyond 1. (n, n_z) -> (n,)."""
+        """Divide corrections of unknowns by the distance to other solutions; infinite beyond 1. (n, n_z) -> (n,)."""
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
@@ -271,16 +271,16 @@ class Anchors:
             ours, theirs = (self.predict(middle, one)[0] for one in pair)
             gap = ours - theirs
             gap = np.where(self.angles, gap - TURN * np.rint(gap / TURN), gap)
-            bend = np.abs((self[a].K - self[b].K) @ way).max(initial=0.0)  # several times what first order leaves
+            bend = np.abs((self[a].K - self[b].K) @ way).max(initial=0.0)  # several times the first-order error
             self.links[a, b] = self.links[b, a] = bool(np.abs(gap).max(initial=0.0) <= max(bend, SAME))
         return self.links[a, b]
 
-    # looking up
+    # lookup
 
     def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
-        """The nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
+        """Find the nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
 
-        Where it does not lie in that of the nearest, the best of the nearest eight is taken.
+        If y lies outside the ball of the nearest anchor, the best of the nearest eight is taken.
         """
         look = self.lookups.get(sheet)
         if look is None or look.count != len(self):
@@ -309,7 +309,7 @@ def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
 
 
 class _Lookup:
-    """Search tree over the anchors of a sheet; a coordinate with whole turns is a point of the unit circle.
+    """Search tree over the anchors of a sheet; a periodic coordinate is represented on the unit circle.
 
     Attributes:
         count: Number of anchors at the time of construction.
@@ -327,7 +327,7 @@ class _Lookup:
         return np.concatenate([y[:, ~self.turning], np.cos(angles), np.sin(angles)], axis=1)
 
     def nearest(self, y: Array, m: int) -> Indices:
-        """Anchors nearest to each y. Shape (n, k) -> (n, m)."""
+        """Return the m anchors nearest to each y. Shape (n, k) -> (n, m)."""
         places = np.empty((len(y), m), dtype=np.intp)
         some = max(1, BLOCK // len(self.rows))
         for first in range(0, len(y), some):

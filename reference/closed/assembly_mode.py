@@ -1,7 +1,7 @@
 """Closed poses on one assembly mode: along a motion, for samples in any order, or step by step along a branch.
 
 `AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order
-(`Region`); `BranchPose` goes on from the last closed pose, wherever it was; `positions` is the short form for one
+(`Region`); `BranchPose` continues from the last closed pose, wherever it was; `positions` is the short form for one
 motion.
 """
 
@@ -29,12 +29,12 @@ class AssemblyMode:
     """Closed poses on the assembly mode of the home pose.
 
     Attributes:
-        system: The loop equations, coordinates that are constant on this mode being fixed.
+        system: The loop equations, with the coordinates that are constant on this mode fixed.
     """
 
     def __init__(self, lay: Layout, *, strict: bool = False) -> None:
-        """Start at home; `strict` follows every pose along the motion or a straight way, even where a closed form
-        exists. By default samples that form no motion may be reached by other ways.
+        """Start at home; `strict` follows every pose along the motion or a straight path, even where a closed form
+        exists. By default, samples that form no motion may be reached along other paths.
         """
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.sizes[self.columns], strict
@@ -48,7 +48,7 @@ class AssemblyMode:
 
     @cached_property
     def region(self) -> Region:
-        """Region that reaches samples in any order; motions do not extend it, so that its poses depend on y alone."""
+        """Region that reaches samples in any order; motions do not extend it, so its poses depend on y alone."""
         return self.system.walk(Region)
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
@@ -57,7 +57,7 @@ class AssemblyMode:
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
-            rates, drive: Their derivatives, and the motion between these times, see `Continuation.predict`.
+            rates, drive: Derivatives of y, and the motion between these times, see `Continuation.predict`.
 
         Raises:
             ClosureError: A loop cannot close, or there is no way but over a singular pose.
@@ -69,20 +69,20 @@ class AssemblyMode:
         return replace(poses, near=self.near)
 
     def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
-        """Predicts samples in any order; see `Region.reach`. Shape (n, k)."""
+        """Predict samples in any order; see `Region.reach`. Shape (n, k)."""
         if (poses := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
             return poses, none, none
         return self.region.reach(y)
 
     def restart(self) -> None:
-        """Start the next motion at home."""
+        """Start the next motion in the home pose."""
         self.near = self.lay.mechanism.home[None]
-        if "continuation" in vars(self):  # a motion has begun
+        if "continuation" in vars(self):  # a motion is in progress
             self.continuation.restart()
 
     def in_closed_form(self, y: Array) -> Poses | None:
-        """Compute poses that need no continuation: those of an open tree, and of legs in closed form on this mode."""
+        """Compute poses that need no continuation: open trees, and legs with a closed form on this mode."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
@@ -96,18 +96,18 @@ class AssemblyMode:
         return None if self.strict else closed_form_positions(self.lay, y, self.system.fixed)
 
     def joints(self, poses: Poses) -> Array:
-        """Predicted joint coordinates [rad or m]; those of cut joints are near the intended ones. Shape (n, n_q)."""
+        """Return predicted joint coordinates [rad or m], with cut joints near the intended angles. Shape (n, n_q)."""
         near = self._turn_home(poses.y) if poses.near is None else poses.near[poses.visit]
-        near[:, self.columns] = poses.y * self.unit  # with the whole turns that are given
+        near[:, self.columns] = poses.y * self.unit  # including the full turns given
         return self.system.tree(poses.z, near)
 
     def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
-        """Some predicted coordinates of the tree, one row each [rad or m]. Shape (len(columns), n)."""
+        """Return the predicted tree coordinates of some columns, one row each [rad or m]. Shape (len(columns), n)."""
         places = [self.system.unknown.index(c) for c in columns]
         return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
     def _turn_home(self, y: Array) -> Array:
-        """Home coordinates with the turns that follow y. Shape (n, k) -> (n, n_q)."""
+        """Return home coordinates shifted by the full turns that follow y. Shape (n, k) -> (n, n_q)."""
         home = self.lay.mechanism.home
         near = np.tile(home, (len(y), 1))
         for i, path in self.region.loops.items():
@@ -116,16 +116,16 @@ class AssemblyMode:
         return near
 
     def _follow_anchors(self, z: Array, near: Array) -> Array:
-        """Joint coordinates of the anchors along a way that starts near given ones. Shapes (v, n_z), (n_q,)."""
+        """Return joint coordinates of the anchors along a path that starts near `near`. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
 
     def refine(self, poses: Poses) -> Poses:
-        """Replace bad predictions by better ones, see `Continuation.refine`."""
+        """Replace poor predictions with better ones, see `Continuation.refine`."""
         return poses if poses.path is None else poses.path.refine(poses)
 
     def follow(self, poses: Poses) -> tuple[Array, ...]:
-        """Compute the closed poses next to predictions, without dimension, as `newton` returns them.
+        """Compute the closed poses next to predictions, dimensionless, as returned by `newton`.
 
         Raises:
             ClosureError: A loop stays open.
@@ -138,25 +138,25 @@ class AssemblyMode:
         return solution
 
     def close(self, poses: Poses) -> Array:
-        """Joint coordinates of the closed poses next to predictions. Shape (n, n_q)."""
+        """Return joint coordinates of the closed poses next to predictions. Shape (n, n_q)."""
         return self.system.coordinates(self.follow(poses)[0], self.joints(poses))
 
     def motion(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Array:
-        """Joint coordinates of the samples of a motion, see `predict`. Shape (n, n_q)."""
+        """Return joint coordinates of the samples of a motion, see `predict`. Shape (n, n_q)."""
         return self.close(self.predict(y, t, rates, drive))
 
 
-STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]
-#: Largest distance of the closed pose from its prediction, over the way predicted. Another branch lies farther.
+STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or mechanism lengths]
+#: Largest distance of a closed pose from its prediction, relative to the predicted step. Other branches lie farther.
 BEND = 0.3
-#: Steps that a short way may take; where more are needed, the way ends at a pose that it cannot pass.
+#: Largest number of steps for a short path; one that needs more ends at a pose that it cannot pass.
 MOST = 40
 
 
 class BranchPose:
-    """A pose that moves along its branch, predicted at each step by the velocity map dq/dy.
+    """A pose that moves along its branch, predicted at each step with the velocity map dq/dy.
 
-    A step may pass over a singular pose: the prediction goes straight on, where the branch that turns off there
+    A step may pass over a singular pose: the prediction continues straight on, whereas a branch that turns off there
     does not.
     """
 
@@ -166,7 +166,7 @@ class BranchPose:
         self.columns = lay.mechanism.independent_columns
         self.system = home_equations(lay)
         if np.abs(q - lay.mechanism.home)[self.system.fixed].max(initial=0.0) > OPEN:
-            self.system = loop_equations(lay)  # another branch than that of the home pose
+            self.system = loop_equations(lay)  # not on the branch of the home pose
         self.is_tree = not lay.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
         self.K = np.zeros((len(q), len(self.columns)))
@@ -229,15 +229,15 @@ class BranchPose:
 
 
 def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Array:
-    """Joint coordinates on the assembly mode of home, see `AssemblyMode.motion`.
+    """Compute joint coordinates on the assembly mode of the home pose, see `AssemblyMode.motion`.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
         t: Times [s]. Shape (n,).
-        rates: Derivatives, by which the motion is followed between samples. Shape (n, k) each.
+        rates: Derivatives of y, used to follow the motion between samples. Shape (n, k) each.
 
     Returns:
-        Of all joints [rad or m]. Shape (n, n_q).
+        Coordinates of all joints [rad or m]. Shape (n, n_q).
 
     Raises:
         ClosureError: A loop cannot close, or there is no way but over a singular pose.
@@ -246,6 +246,6 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Ar
 
 
 def closed_form_positions(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
-    """Joint coordinates in closed form, if there is one, see `equations.closed_form`. Shape (n, k) -> (n, n_q)."""
+    """Return joint coordinates by `equations.closed_form`, or None if there is none. Shape (n, k) -> (n, n_q)."""
     coordinates = closed_form(lay, y, NUMPY, fixed)
     return None if coordinates is None else read(lay, coordinates.q, near=False)

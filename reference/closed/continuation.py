@@ -1,6 +1,6 @@
 """Continuation of the home assembly mode along the curve of a motion between its samples.
 
-Where that leads no further, the sample and the reason are named. Samples in any order are those of a `Region`.
+Where the path ends, the error names the sample and the reason. A `Region` handles samples in any order.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Wa
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array
 
-#: Samples that are made anchors where predictions are bad.
+#: Number of samples that become anchors where predictions are poor.
 SOME = 8
-#: Samples farther away [rad or lengths of the mechanism] are not reached by following a path.
+#: Samples farther away [rad or mechanism lengths] are not reached by following a path.
 LONGEST = 1e3
-#: Samples looked at together, at first and at most.
+#: Number of samples processed together, at first and at most.
 WINDOW, WIDEST = 32, 8192
-#: So many samples as follow each other closely are predicted from every so many of them, so far apart in y at most.
+#: At least `DENSE` closely spaced samples are predicted from every `EVERY`-th of them, at most `SPREAD` apart in y.
 DENSE, EVERY, SPREAD = 100, 16, 0.1
-#: Singular poses that the way from home to the start of a motion may lead over.
+#: Largest number of singular poses on the path from home to the start of a motion.
 LEAPS = 8
 REMEDY = "shorten the motion or check the geometry"
 
 
 def no_further(y: Array) -> str:
-    """Message: the motion cannot be continued beyond independent coordinates `y`, shape (k,)."""
+    """Return the message that the motion cannot be continued beyond independent coordinates `y`, shape (k,)."""
     return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
@@ -54,11 +54,11 @@ class PathEnd(ClosureError):
     """Raised when path following fails.
 
     Attributes:
-        z, y: The last pose reached: unknowns without dimension, shape (n_z,), and independent coordinates [rad or m],
+        z, y: The last pose reached: dimensionless unknowns, shape (n_z,), and independent coordinates [rad or m],
             shape (k,).
         t: Time of the sample that cannot be reached [s].
-        singular: Whether that pose is singular; if not, the way is too long.
-        beyond: Whether the loops close beyond it, too.
+        singular: Whether that pose is singular; if not, the path is too long.
+        beyond: Whether the loops close beyond it as well.
     """
 
     def __init__(self, z: Array, y: Array, t: float, *, singular: bool, beyond: bool) -> None:
@@ -68,18 +68,18 @@ class PathEnd(ClosureError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """Predictions of n closed poses, without dimension except `near`.
+    """Predictions of n closed poses, dimensionless except `near`.
 
     Attributes:
-        t: Times [s], or numbers of samples in any order. Shape (n,).
+        t: Times [s], or indices of samples in any order. Shape (n,).
         y: Independent coordinates. Shape (n, k).
         z: Unknowns to first order. Shape (n, n_z).
         anchor: Anchor of each sample. Shape (n,).
         visit: Row of `near` for each sample. Shape (n,).
-        path: Whose anchors these are; None where poses are in closed form.
-        near: Joint coordinates [rad or m] that say which of equal angles of a cut joint is meant, where these do not
+        path: Owner of these anchors; None where poses have a closed form.
+        near: Joint coordinates [rad or m] that select among equivalent angles of a cut joint, where the angles do not
             depend on y alone. Shape (v, n_q).
-        ordered: Whether samples follow each other.
+        ordered: Whether the samples form a sequence.
     """
 
     t: Array
@@ -106,12 +106,12 @@ class Continuation(Walk):
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
-            rates: Their derivatives: between samples the motion is the curve through both states. Without them, or
-                where they do not belong together, samples are poses and any way will do. Shape (n, k) each.
+            rates: Derivatives of y: between samples the motion is the curve through both states. Without rates, or
+                where they are inconsistent with y, samples are poses and any path will do. Shape (n, k) each.
             drive: The motion itself between these times: see `newton.Motion`.
 
         Raises:
-            PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
+            PathEnd: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
         """
         y, rates = y / self.size, None if rates is None else (rates[0] / self.size, rates[1] / self.size)
         return self._pass_samples(y, t, rates, None if drive is None else self._unitless(drive))
@@ -124,7 +124,7 @@ class Continuation(Walk):
         return at
 
     def _pass_samples(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
-        """Pass samples without dimension, see `predict`."""
+        """Pass dimensionless samples, see `predict`."""
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
         anchor, visit = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp)
@@ -143,17 +143,17 @@ class Continuation(Walk):
                 i += 1
                 next_one = int(covering[gap - first])
                 if len(self.anchors) > known or not (inside[gap - first] and self._hop(next_one)):
-                    break  # the anchors looked up do not hold for the samples that follow
+                    break  # the anchors found are not valid for the samples that follow
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
-        table = self.anchors.table["z"][self.visits[begin:]]  # whole turns are counted along the way
+        table = self.anchors.table["z"][self.visits[begin:]]  # full turns are counted along the path
         self.path = self._unwrap(np.concatenate([self.path[-1:], table]))[1:]
         self.visits, visit = self.visits[-1:], visit - begin
         z = self.anchors.predict(y, anchor) + (self.path - table)[visit]
         return Poses(t, y, z, anchor, visit, self, ordered=True)
 
     def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
-        """Pass linked samples. Anchors, shape (n,) -> the same anchors, and the number of each visit."""
+        """Pass linked samples. Anchors, shape (n,) -> the same anchors, and the index of each visit."""
         changed = np.flatnonzero(np.diff(covering, prepend=self.at))
         visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(covering)), side="right")
         self.visits += covering[changed].tolist()
@@ -169,7 +169,7 @@ class Continuation(Walk):
         return True
 
     def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
-        """Build the curve to each sample, a flag if it is the motion, and its deviation from the motion half-way.
+        """Build the curve to each sample, a flag if it is the motion itself, and its deviation at the midpoint.
 
         Returns:
             Shapes (n, 6, k), (n,), (n, k).
@@ -187,7 +187,7 @@ class Continuation(Walk):
         ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
         rows = slice(0 if known else 1, None)
         moving[rows] = consistent(h, *ends)
-        if drive is not None:  # which leads from rest to rest, too
+        if drive is not None:  # which also leads from rest to rest
             moving[rows] |= (h > 0.0) & ~np.concatenate([x for end in ends for x in end[1:]], axis=1).any(axis=1)
         points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
         if drive is not None and len(h):
@@ -223,7 +223,7 @@ class Continuation(Walk):
         return np.asarray(inside)
 
     def _go(self, curve: Curve, *, moving: bool) -> None:
-        """Move to the end of a curve: along it if it is the motion, else by any way that leads there."""
+        """Move to the end of a curve: along it if it is the motion, else along any path that leads there."""
         target, t = curve.points[-1], curve.t[1]
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
@@ -266,7 +266,7 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """Build the error for a curve that cannot be followed; it states whether the loops close beyond."""
+        """Build the error for a curve that cannot be followed, stating whether the loops close beyond."""
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._predict_beyond(curve.at(min(1.0, done + LEAP)))
@@ -277,7 +277,7 @@ class Continuation(Walk):
         return self.close(self.predict(y, t, rates, drive))
 
     def close(self, poses: Poses) -> tuple[Array, ...]:
-        """Run `newton` from predictions; samples that it moves too far become anchors.
+        """Run `newton` from predictions; samples that `newton` moves too far become anchors.
 
         Raises:
             PathEnd: Such a sample cannot be reached.
@@ -313,7 +313,7 @@ class Continuation(Walk):
         return replace(poses, z=z, anchor=anchor)
 
     def _exact_pose(self, i: int, poses: Poses) -> Array:
-        """Unknowns of a sample that becomes an anchor. Shape (n_z,)."""
+        """Return the unknowns of a sample that becomes an anchor. Shape (n_z,)."""
         try:
             return self._exactly(poses.y[i], int(poses.anchor[i]), poses.z[i])
         except Blocked as blocked:

@@ -1,6 +1,6 @@
 """Loop equations over the coordinates of the spanning tree, made dimensionless for Newton's method.
 
-`home_equations` fixes the coordinates that are constant on the assembly mode of home; `read` gives the coordinates
+`home_equations` fixes the coordinates that are constant on the home assembly mode; `read` gives the coordinates
 of cut joints from closed poses. The equations themselves are in `equations.closure`.
 """
 
@@ -28,11 +28,11 @@ from screwgauge.reference.rotations import Array, follow
 
 
 def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
-    """Read the coordinates of the cut joints from the body poses that the tree gives.
+    """Read the coordinates of the cut joints from the body poses of the tree.
 
     Args:
         guess: Joint coordinates. Shape (n, n_q).
-        near: Whether those of the cut joints are to be near the guess, see `read_coordinates`.
+        near: Whether the coordinates of cut joints are taken near the guess, see `read_coordinates`.
     """
     q = guess.copy()
     if lay.cuts:
@@ -44,10 +44,10 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
-    """Follow joint coordinates along a path; those of each cut joint stay next to the preceding pose's.
+    """Follow joint coordinates along a path, keeping those of each cut joint close to the preceding pose.
 
     Args:
-        q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
+        q: Joint coordinates, of which only those of the tree are used. Shape (v, n_q).
         near: Coordinates of the pose before the first. Shape (n_q,).
     """
     q = read(lay, q, near=False)
@@ -70,7 +70,7 @@ class LoopEquations(Loops):
 
     @cached_property
     def row_names(self) -> list[str]:
-        """Names of the cut-joint rows: those of their constraint wrenches."""
+        """Names of the cut-joint rows, taken from their constraint wrenches."""
         counts = zip(self.cuts, np.diff(self.ends).tolist(), strict=True)
         owners = [joint.name for joint, count in counts for _ in range(count)]
         return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.names, strict=True)]
@@ -80,33 +80,33 @@ class LoopEquations(Loops):
         return Closed(self, coordinates(q, NUMPY), self.folds(q), NUMPY)
 
     def matrix(self, q: Array) -> Array:
-        """Derivative of the residuals (loops, then couplings, then the selected coordinates) by the unknowns, without
-        dimension. Shape (n, n_q) -> (n, m + k, n_unknown).
+        """Return the derivative of the residuals (loops, couplings, selected coordinates) by the unknowns, all
+        dimensionless. Shape (n, n_q) -> (n, m + k, n_unknown).
         """
         return np.asarray(self.closed(q).system.A[..., : self.moving])
 
     def constraints(self, q: Array) -> Array:
-        """Rows of that matrix for the loops and couplings alone. Shape (n, n_q) -> (n, m, n_unknown)."""
+        """Return the rows of `matrix` for the loops and couplings alone. Shape (n, n_q) -> (n, m, n_unknown)."""
         return self.matrix(q)[:, : self.given.start]
 
     def chart_conditions(self, q: Array) -> Array:
-        """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
+        """Return the condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
         return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Evaluate residuals of loops and couplings and their Jacobian, without dimension: an `Evaluation` for
+        """Evaluate dimensionless residuals of loops and couplings and their Jacobian: an `Evaluation` for
         `newton`.
 
-        Where coordinates are fixed, the Jacobian with their columns, which come last, follows.
+        If coordinates are fixed, the Jacobian that includes their columns (last) follows.
 
         Args:
-            z: Unknowns over their `sizes`. Shape (n, n_unknown).
-            y: Independent coordinates over theirs. Shape (n, k).
+            z: Unknowns divided by their `sizes`. Shape (n, n_unknown).
+            y: Independent coordinates divided by their sizes. Shape (n, k).
         """
         columns = self.y_columns
         given = y * self.sizes[columns]
         q = np.tile(self.lay.mechanism.home, (len(z), 1))
-        q[:, columns] = given  # of a cut joint the angle nearest to what is wanted
+        q[:, columns] = given  # for a cut joint, the angle nearest to the requested value
         q[:, self.unknown] = z * self.sizes[self.unknown]
         at = self.closed(q)
         full = np.asarray(at.system.A)
@@ -118,7 +118,7 @@ class LoopEquations(Loops):
         return np.asarray(q[..., self.unknown] / self.sizes[self.unknown])
 
     def tree(self, z: Array, guess: Array) -> Array:
-        """Convert unknowns to joint coordinates; those of cut joints keep their guess."""
+        """Convert unknowns to joint coordinates; cut joints keep their guess."""
         q = guess.copy()
         q[:, self.fixed] = self.lay.mechanism.home[self.fixed]
         q[:, self.unknown] = z * self.sizes[self.unknown]
@@ -128,21 +128,21 @@ class LoopEquations(Loops):
         """Convert unknowns to all joint coordinates. Shape (n, n_q).
 
         Args:
-            z: Unknowns without dimension. Shape (n, n_unknown).
-            guess: Joint coordinates, of which those of cut joints say which of equal angles is meant. Shape (n, n_q).
+            z: Dimensionless unknowns. Shape (n, n_unknown).
+            guess: Joint coordinates; those of cut joints select among equivalent angles. Shape (n, n_q).
         """
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
         """Find the closed pose next to a prediction, with dq/dy [rad and m]; None if the loops do not close.
 
-        Those of cut joints are read near the prediction.
+        The coordinates of cut joints are read near the prediction.
         """
         unit = self.sizes[self.y_columns]
         z, matrix, error = newton(self.evaluate, self.unknowns(q[None]), (y / unit)[None])[:3]
         if not error[0] < OPEN:
             return None
-        K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
+        K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they diverge
         K[self.unknown] = self.sizes[self.unknown, None] * velocity_map(matrix, len(y))[0] / unit
         return self.coordinates(z, q[None])[0], K
 
@@ -154,18 +154,18 @@ class LoopEquations(Loops):
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
-    """Return the loop equations with some coordinates fixed at home, built once per layout."""
+    """Return the loop equations with some coordinates fixed at their home values, built once per layout."""
     if fixed not in lay.kept:
         lay.kept[fixed] = LoopEquations(lay, fixed)
     equations: LoopEquations = lay.kept[fixed]
     return equations
 
 
-#: Distance of trial poses from home [rad or lengths of the mechanism], and their number.
+#: Distance of trial poses from home [rad or mechanism lengths], and their number.
 AWAY, TRIALS = 0.15, 4
-#: Far above what rounding makes of a coordinate that stands still; a false candidate costs time only.
+#: Far above the rounding error of a coordinate at rest; a false candidate only costs time.
 STILL = 1e-7
-#: Trial poses above this condition number say nothing: rounding moves coordinates that stand still.
+#: Trial poses above this condition number prove nothing: rounding moves coordinates at rest.
 CLEAR = 1e4
 
 _known: WeakKeyDictionary[Mechanism, tuple[int, ...]] = WeakKeyDictionary()
@@ -181,11 +181,11 @@ def home_equations(lay: Layout) -> LoopEquations:
 def resting_columns(lay: Layout) -> tuple[int, ...]:
     """Find the tree coordinates that keep their home value on the home branch, such as c of the symmetric leg.
 
-    Coordinates are analytic in y. One that rests at several poses in general position, in value and in every first
-    derivative, rests on the whole branch; the loops then close to rounding with it fixed, which is tested too.
+    Coordinates are analytic in y. A coordinate at rest in several general poses, in value and in every first
+    derivative, is at rest on the whole branch; with it fixed the loops still close to rounding, which is tested too.
     """
     free = loop_equations(lay)
-    # in single precision no trial would come to rest
+    # in single precision no trial would converge
     trials = _trials(free) if lay.path.dtype == np.float64 and lay.cuts and _may_rest(free) else None
     if trials is None:
         return ()
@@ -204,7 +204,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 
 def _may_rest(system: LoopEquations) -> bool:
-    """True if, to first order at home, a dependent coordinate stands still; in most mechanisms none does."""
+    """True if, to first order at home, a dependent coordinate is at rest; in most mechanisms none is."""
     A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))
@@ -219,7 +219,7 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     for i in range(TRIALS):
         y = home + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
-            path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
+            path.restart(begun=True)  # straight on or not at all: paths around singular poses take seconds
             z, matrix, *_ = path.follow(y[None] * unit, np.zeros(1))
         except ClosureError:
             continue

@@ -1,7 +1,7 @@
 """Numerical tools of the continuation: Newton's method on stacks of poses, Hermite interpolation, Bezier curves.
 
 Hermite interpolation between closed poses gives initial guesses; a Bezier curve of degree five lies within the hull
-of its points. Nothing here knows a mechanism.
+of its points. Nothing here depends on a mechanism.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
-#: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and what else is
-#: to be known of the solutions, (n, ...) each.
+#: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and any further
+#: results at the solutions, (n, ...) each.
 Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 
-# Angles are in rad, distances in lengths of the mechanism wherever these are used.
-#: A closure residual below this is as small as float64 can make it.
+# Angles are in rad and distances in mechanism lengths wherever these constants are used.
+#: A closure residual below this is as small as float64 allows.
 ROUNDING = 2 * linear.EPS
-#: What an engine's own rounding may leave of it. A step from there follows its noise, times 1 / distance.
+#: Residual that an engine's own rounding may leave. A step from there follows noise, amplified by 1 / distance.
 CLOSED = 4 * ROUNDING
-#: From here down rounding may keep a step from halving it.
+#: Below this residual, rounding may keep a step from halving it.
 NOISE = 1e-11
 #: A loop whose closure residual stays above this does not close.
 OPEN = 1e-10
-#: Steps in which the residual has to halve at least once: else no solution is near. At a double root it does in each.
+#: Steps within which the residual must halve, else no solution is near. At a double root it halves in each step.
 PATIENCE = 12
 
 
@@ -42,16 +42,16 @@ def has_stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_
 def newton(
     evaluate: Evaluation, q: Array, y: Array, *, most: int = 60, begun: Sequence[Array] | None = None
 ) -> tuple[Array, ...]:
-    """Run Newton's method, as many steps as each sample needs.
+    """Run Newton's method with as many steps as each sample needs.
 
     Args:
         q: Starting values. Shape (n, n_q).
         y: Independent coordinates. Shape (n, k).
-        begun: Known result of `evaluate` there, if any.
+        begun: Known result of `evaluate` at the starting values, if any.
 
     Returns:
         Joint coordinates (n, n_q), the derivative of the closure residuals there (n, m, n_q), the largest closure
-        residual of each sample (n,) [rad or m], and what else `evaluate` gives.
+        residual of each sample (n,) [rad or m], and the further results of `evaluate`.
     """
     q = q.copy()
     residual, matrix, *more = evaluate(q, y) if begun is None else (array.copy() for array in begun)
@@ -90,18 +90,18 @@ def velocity_map(A: Array, k: int) -> Array:
 
 Rows = NDArray[np.intp]
 
-EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
-CACHED = 2**14  # numbers worked on at a time
-KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
+EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # fourth-order derivative at the first of five samples
+CACHED = 2**14  # array elements processed at a time
+KNOTS = 4  # knots around a predicted sample: a polynomial of degree seven
 
 
 def knots(y: Array, every: int, step: float) -> Rows:
     """Choose the samples to follow: the first, the last, and enough between them that none is far from the next.
 
     Args:
-        y: Independent coordinates without dimension. Shape (n, k).
-        every: Samples from one to the next, at most.
-        step: Way in y from one to the next, at most, unless samples are farther apart.
+        y: Dimensionless independent coordinates. Shape (n, k).
+        every: Largest number of samples between chosen ones.
+        step: Largest step in y between chosen samples, unless samples are farther apart.
     """
     way = np.abs(np.diff(y, axis=0)).max(axis=1, initial=0.0)
     share = np.cumsum(np.maximum(way / step, 1.0 / every))
@@ -111,15 +111,15 @@ def knots(y: Array, every: int, step: float) -> Rows:
 
 
 def predict_unknowns(y: Array, rows: Rows, z: Array, K: Array) -> Array:
-    """Interpolate the unknowns of all samples by Hermite's formula over the sample number. Shape (n, n_z).
+    """Interpolate the unknowns of all samples with Hermite's formula over the sample index. Shape (n, n_z).
 
-    What the samples differ from the interpolated motion is made up for to first order, so that they need not be evenly
-    spread; where they jump, the prediction is bad.
+    Deviations of the samples from the interpolated motion are corrected to first order, so samples need not be evenly
+    spaced; where they jump, the prediction is poor.
 
     Args:
         y: Independent coordinates. Shape (n, k).
-        rows: Samples whose poses are known, the first and the last among them. Shape (m,).
-        z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
+        rows: Samples with known poses, including the first and the last. Shape (m,).
+        z, K: Unknowns of these samples, shape (m, n_z), and their velocity map, (m, n_z, k).
     """
     slope = slopes(y)[rows]
     value = interpolate(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
@@ -133,7 +133,7 @@ def predict_unknowns(y: Array, rows: Rows, z: Array, K: Array) -> Array:
 
 
 def slopes(y: Array) -> Array:
-    """Derivative of a motion by the sample number, of fourth order. Shape (n, k) -> (n, k)."""
+    """Return the fourth-order derivative of a motion with respect to the sample index. Shape (n, k) -> (n, k)."""
     slope = np.gradient(y, axis=0)
     if len(y) > len(EDGE):
         slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
@@ -142,7 +142,7 @@ def slopes(y: Array) -> Array:
 
 
 def interpolate(n: int, rows: Rows, values: Array, rates: Array) -> Array:
-    """Interpolate values and derivatives at n samples from some, see `predict_unknowns`. Shapes (m, d) -> (n, d)."""
+    """Interpolate known values and derivatives to n samples, see `predict_unknowns`. Shapes (m, d) -> (n, d)."""
     x, c = _differences(rows.astype(float), values, rates)
     result, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
     for first in range(0, n, some):
@@ -161,11 +161,11 @@ def _interval(at: Rows, rows: Rows) -> Rows:
 
 
 def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
-    """Newton's divided differences for each interval, from up to `KNOTS` double knots around it.
+    """Compute Newton's divided differences for each interval from up to `KNOTS` double knots around it.
 
     Args:
         at: Positions of the knots. Shape (m,).
-        values, rates: There. Shape (m, d).
+        values, rates: Values and derivatives at the knots. Shape (m, d).
 
     Returns:
         Nodes, shape (m - 1, 2 KNOTS), and coefficients, (m - 1, 2 KNOTS, d).
@@ -191,20 +191,20 @@ Drive = Callable[[Array], State]
 Motion = Callable[[Array], Any]
 """Times (n,) -> an object with y, yd and ydd there [rad or m]."""
 
-#: A motion and its derivatives belong together if these miss a step by less than this share of it.
+#: Derivatives are consistent with a motion if they miss a step by less than this fraction of it.
 CONSISTENT = 0.1
-#: Weights of the points that make those of both halves (de Casteljau), and the point half-way. Shape (2, 6, 6), (6,).
+#: Weights that map control points to those of both halves (de Casteljau), and to the midpoint. Shape (2, 6, 6), (6,).
 _LEFT = np.array([[math.comb(i, j) / 2.0**i for j in range(6)] for i in range(6)])
 HALVES = np.stack([_LEFT, _LEFT[::-1, ::-1]])
 HALF = _LEFT[-1]
 
 
 def hermite(h: Array, before: State, after: State) -> Array:
-    """Control points of the quintic polynomials with given values and derivatives at both ends.
+    """Return control points of the quintic polynomials with given values and derivatives at both ends.
 
     Args:
         h: Duration [s]. Shape (...).
-        before, after: Shape (..., k) each.
+        before, after: Values and derivatives at the ends. Shape (..., k) each.
 
     Returns:
         Shape (..., 6, k).
@@ -217,13 +217,13 @@ def hermite(h: Array, before: State, after: State) -> Array:
 
 
 def straight(y0: Array, y1: Array) -> Array:
-    """Control points of straight ways. Shapes (..., k) -> (..., 6, k)."""
+    """Return control points of straight paths. Shapes (..., k) -> (..., 6, k)."""
     share = np.linspace(0.0, 1.0, 6)[:, None]
     return np.asarray(y0[..., None, :] * (1.0 - share) + y1[..., None, :] * share)
 
 
 def bent(y0: Array, y1: Array) -> list[Array]:
-    """Control points of two ways that bend to either side of the straight one; empty for one coordinate. (6, k)."""
+    """Return control points of two paths bent to either side of the straight one; empty if k = 1. (6, k)."""
     way = y1 - y0
     if len(way) < 2:
         return []
@@ -234,7 +234,7 @@ def bent(y0: Array, y1: Array) -> list[Array]:
 
 
 def consistent(h: Array, before: State, after: State) -> Array:
-    """True where derivatives belong to a motion through both values; a list of poses may carry any. Shape (...)."""
+    """True where derivatives belong to a motion through both values; in a list of poses they may not. Shape (...)."""
     h = h[..., None]
     (y0, v0, a0), (y1, v1, a1) = before, after
     miss = y1 - y0 - 0.5 * h * (v0 + v1) + h * h * (a1 - a0) / 12.0
@@ -248,8 +248,8 @@ class Curve:
 
     Attributes:
         points: Control points. Shape (6, k).
-        t: Its ends [s].
-        drive: The motion itself, where it is known; else the curve is the motion.
+        t: Start and end time [s].
+        drive: The motion itself, if known; else the curve is the motion.
     """
 
     points: Array
@@ -257,7 +257,7 @@ class Curve:
     drive: Drive | None = None
 
     def at(self, share: float) -> Array:
-        """Independent coordinates after a share of the time. Shape (k,)."""
+        """Return independent coordinates after a fraction of the time. Shape (k,)."""
         t0, t1 = self.t
         if self.drive is not None:
             return np.asarray(self.drive(np.array([t0 + share * (t1 - t0)]))[0][0])

@@ -1,7 +1,7 @@
 """Closed poses for samples in any order: a region around home, covered by anchors that spread from there.
 
-Samples that are not reached, or lie under two sheets, are flagged. No pose depends on earlier calls; which samples are
-not reached may. Motions, whose samples are in order, are followed by `continuation`.
+Samples that are not reached, or lie under two sheets, are flagged. Poses do not depend on earlier calls; the set of
+samples that are not reached may. `continuation` follows motions, whose samples are in order.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from screwgauge.reference.closed.continuation import Continuation, Poses
 from screwgauge.reference.closed.walk import MOST, Blocked
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Anchors that are added at a time at most, and ways that are tried to each sample.
+#: Largest number of anchors added at a time, and number of paths tried to each sample.
 LARGEST, PATIENCE = 2000, 3
-#: Nearer to singular poses than this many times home's beta nothing is explored.
+#: Poses are not explored where beta exceeds this multiple of home's beta, that is, near singular poses.
 STEEP = 1e3
 
 
 class Region(Continuation):
-    """Closed poses of one assembly mode in any order."""
+    """Closed poses of one assembly mode for samples in any order."""
 
     def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
-        """Predict samples in any order, from anchors of home's sheet that spread until every sample is in a ball.
+        """Predict samples in any order from anchors of home's sheet, which spread until every sample lies in a ball.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
 
         Returns:
-            Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
-            anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
+            Predictions; flags of samples not reached without passing near a singular pose, or with `LARGEST` more
+            anchors; and flags of samples also under another sheet of the same piece, so that y alone does not fix the
             pose. Shape (n,) each.
         """
         y = y / self.size
@@ -66,7 +66,7 @@ class Region(Continuation):
         return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
-        """Reach the home-sheet anchor of way number i: from the nearest anchor, from home, or from others."""
+        """Reach an anchor of home's sheet along path number i: from the nearest anchor, from home, or from others."""
         first = len(self.anchors)
         self.at, self.left = (nearest, 0, self._anchor_nearby(y, 3))[i], MOST
         try:
@@ -88,9 +88,9 @@ class Region(Continuation):
         return twice
 
     def _keep_straight(self, first: int) -> None:
-        """Move anchors from number `first` on off home's sheet unless the straight way from home leads to them.
+        """Move anchors from number `first` on off home's sheet unless the straight path from home leads to them.
 
-        Round a cusp two ways lead to two poses: which one is meant must not depend on earlier calls.
+        Around a cusp two paths lead to two poses; the choice between them must not depend on earlier calls.
         """
         anchors = self.anchors
         for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:
@@ -104,16 +104,16 @@ class Region(Continuation):
                 anchors.move(a, 1)
 
     def _anchor_nearby(self, y: Array, i: int) -> int:
-        """Anchor of home's sheet at place i by distance from the nearest."""
+        """Return the i-th anchor of home's sheet, by distance from the nearest."""
         kin = self.anchors.sheet_of(0)
         order = np.argsort(np.linalg.norm(self.anchors.difference(y, self.anchors.table["y"][kin]), axis=1))
         return int(kin[order[min(i, len(kin) - 1)]])
 
     def _of_region(self, y: Array, anchor: Indices) -> Poses:
-        """Predictions whose angles depend on y alone.
+        """Return predictions whose angles depend on y alone.
 
-        With several independent coordinates each angle is taken within half a turn of the value expected from y; with
-        one, as it was followed from home.
+        With several independent coordinates, each angle is taken within half a turn of the value expected from y; with
+        a single one, as it was followed from home.
         """
         anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
         z, home = anchors.predict(y, anchor), self.anchors[0]

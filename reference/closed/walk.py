@@ -1,6 +1,6 @@
-"""Steps from anchor to anchor: each within the ball of the one before, along straight ways and curves.
+"""Steps from anchor to anchor along straight paths and curves, each within the ball of the preceding anchor.
 
-All anchors lie on one connected piece of the regular closed poses, that of home: no step leads over a singular pose,
+All anchors lie on the connected piece of regular closed poses that contains home: no step crosses a singular pose,
 however small.
 """
 
@@ -16,28 +16,28 @@ from screwgauge.reference.closed.newton import CLOSED, OPEN, Curve, Evaluation, 
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Ways in y of which rounding leaves nothing.
+#: Paths in y so short that rounding dominates.
 SHORTEST = 1e-13
-#: Steps along one piece of a motion: so many, and so many for each length of it [rad or lengths of the mechanism].
+#: Largest number of steps along one piece of a motion: a constant, and a number per length [rad or mechanism lengths].
 MOST, EACH = 400, 20
-#: Halvings of a curve.
+#: Largest number of halvings of a curve.
 DEEPEST = 48
-#: Steps of Newton's method to an anchor, and residual from which the last one closes it beyond `OPEN`.
+#: Newton steps to an anchor, and residual from which the last step closes it to less than `OPEN`.
 NEWTON, CLOSE = 8, 1e-6
-#: Share of its smallest singular value by which the last step may change the Jacobian, which is not evaluated after it.
+#: Fraction of its smallest singular value by which the last step may change the Jacobian, which is not reevaluated.
 TURNED = 0.125
-#: Share of a ball by which a motion may differ from the curve through its samples.
+#: Fraction of a ball by which a motion may differ from the curve through its samples.
 MISS = 0.1
-#: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
-#: value below which one does not show where it goes on.
+#: Fraction of a path by which a step passes a singular pose on it, and the fraction of the largest singular
+#: value below which a singular direction does not show where the branch continues.
 LEAP, BLUR = 1e-3, 1e-6
 
 
 class Blocked(Exception):
-    """Raised when no step leads on.
+    """Raised when no further step is possible.
 
     Attributes:
-        singular: Whether because of a singular pose; else there were too many steps.
+        singular: True if a singular pose blocks the path; else there were too many steps.
     """
 
     def __init__(self, *, singular: bool) -> None:
@@ -49,10 +49,10 @@ class Walk:
     """The anchors of one assembly mode, and the current position among them.
 
     Attributes:
-        anchors: All that are known.
-        at: The anchor that has been reached.
-        left: Steps that may follow.
-        loops: Coordinate that leads back home after a whole turn -> unknowns along that turn. Shape (v, n_z).
+        anchors: All known anchors.
+        at: The current anchor.
+        left: Number of steps that may follow.
+        loops: Coordinate that returns home after a full turn -> unknowns along that turn. Shape (v, n_z).
     """
 
     def __init__(
@@ -65,18 +65,18 @@ class Walk:
         resting: bool = False,
         strict: bool = False,
     ) -> None:
-        """Start at a pose, such as home, that nearly closes the loops.
+        """Start at a pose that nearly closes the loops, such as home.
 
         Args:
-            evaluate: Residuals and their Jacobian, whose last k rows are those of y, without dimension.
-            start: Unknowns without dimension, and independent coordinates [rad or m]. Shapes (n_z,), (k,).
-            angles: Which of them are angles.
+            evaluate: Returns dimensionless residuals and their Jacobian, whose last k rows select y.
+            start: Dimensionless unknowns, and independent coordinates [rad or m]. Shapes (n_z,), (k,).
+            angles: True for unknowns and for coordinates that are angles.
             size: Units of independent coordinates. Shape (k,).
-            resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
-            strict: Whether samples that are no motion are joined by straight ways only.
+            resting: Whether `evaluate` also returns the Jacobian that includes the columns of coordinates at rest.
+            strict: Whether samples that form no motion are joined by straight paths only.
 
         Raises:
-            ClosureError: The loops do not close there.
+            ClosureError: The loops do not close at that pose.
         """
         self.evaluate, self.size, self.resting = evaluate, size, resting
         self.turns, self.strict, z, y = angles[1], strict, start[0], start[1] / size
@@ -96,12 +96,12 @@ class Walk:
         return more[0] if self.resting else J
 
     def restart(self, *, begun: bool = False) -> None:
-        """Start the next motion at home; `begun` counts the way to its start as part of it."""
+        """Start the next motion at home; with `begun` the path to its start counts as part of it."""
         self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
         self.begun = begun
 
     def _step(self, target: Array) -> None:
-        """Move to an anchor nearer to a target: an old one of the same branch, or a new one."""
+        """Move to an anchor nearer to a target: a known anchor of the same branch, or a new one."""
         anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
@@ -121,7 +121,7 @@ class Walk:
         raise Blocked(singular=True)
 
     def _find_known(self, goal: Array, target: Array, length: float) -> int | None:
-        """Find an anchor of this sheet whose ball holds a goal well and that is nearer to the target than a length."""
+        """Find an anchor of this sheet within a length of the target whose ball holds a goal well inside."""
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
@@ -132,7 +132,7 @@ class Walk:
         return None
 
     def _grow(self, goal: Array) -> bool:
-        """Make an anchor at y within the current ball and move there; return False if it cannot be one."""
+        """Make an anchor at y within the current ball and move there; return False if y cannot be an anchor."""
         base = self.anchors[self.at]
         start = base.z + base.K @ (goal - base.y)
         both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
@@ -145,7 +145,7 @@ class Walk:
             return False
         if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
-        # so near to a singular pose one that leads away from it looks like one on the branch that crosses there
+        # so close to a singular pose, an anchor that leads away looks like an anchor of the crossing branch
         if anchor.beta > self.floor or 2.0 * anchor.beta < base.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
@@ -156,10 +156,10 @@ class Walk:
         return True
 
     def _measure(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
-        """Measure an anchor by Newton's method from a nearby pose; None if it does not converge.
+        """Measure an anchor using Newton's method from a nearby pose; None if Newton's method does not converge.
 
-        The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it, unless
-        it would change the Jacobian, as next to a singular pose the smallest one does.
+        The Jacobian is also evaluated around the pose of the last step but one; the last step uses it, unless
+        the step would change the Jacobian, as even the smallest step does next to a singular pose.
         """
         k, gap, closed = len(y), float(np.abs(residual).max(initial=0.0)), False
         for _ in range(NEWTON):
@@ -185,7 +185,7 @@ class Walk:
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
-        """Move a new anchor to another sheet if an anchor of its sheet has another pose over the same y."""
+        """Move a new anchor to another sheet if an anchor of its sheet has a different pose at the same y."""
         anchors, y = self.anchors, self.anchors[new].y
         for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
             rows = anchors.sheet_of(candidate)
@@ -206,7 +206,7 @@ class Walk:
             self._step(target)
 
     def _follow_curve(self, curve: Curve, depth: int = 0) -> None:
-        """Move along a curve, halved until each piece lies in one ball."""
+        """Move along a curve, halving it until each piece lies in one ball."""
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
 
@@ -217,7 +217,7 @@ class Walk:
         if inside():
             return
         self._walk(points[0])
-        if anchors.distance(points[0], self.at) > 0.5:  # into the middle of a ball
+        if anchors.distance(points[0], self.at) > 0.5:  # to the middle of a ball
             self._step(points[0])
         if inside():
             return
@@ -248,7 +248,7 @@ class Walk:
         return True
 
     def _ancestors(self) -> list[int]:
-        """Anchors by which the current one was reached, back to home."""
+        """Return the anchors by which the current anchor was reached, back to home."""
         path, a = list[int](), self.at
         while a:
             a = self.parent[a]
@@ -256,7 +256,7 @@ class Walk:
         return path
 
     def _exactly(self, y: Array, a: int, near: Array) -> Array:
-        """Unknowns of a sample in the ball of an anchor, by steps up to the sample itself. Shape (n_z,)."""
+        """Compute the unknowns of a sample in the ball of an anchor, in steps up to the sample itself. Shape (n_z,)."""
         at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:
             short = SHORTEST * max(1.0, float(np.abs(y).max()))
@@ -268,7 +268,7 @@ class Walk:
         return np.asarray(z + TURN * np.where(self.anchors.angles, np.rint((near - z) / TURN), 0.0))
 
     def _look_for_turns(self, y: Array) -> None:
-        """Find whole turns of angles if samples lie more than half a turn from home. Shape (n, k)."""
+        """Find full turns of angles if samples lie more than half a turn from home. Shape (n, k)."""
         far = np.abs(y - self.anchors[0].y).max(axis=0) > np.pi
         for i in np.flatnonzero(far & self.turns).tolist():
             if i not in self.tried:
@@ -276,7 +276,7 @@ class Walk:
                 self._turn(i)
 
     def _turn(self, i: int) -> None:
-        """Test whether a whole turn of an angle leads back to home, and how other angles turn meanwhile."""
+        """Test whether a full turn of an angle returns to home, and how other angles turn meanwhile."""
         at, visits, home = self.at, self.visits, self.anchors[0]
         self.at, self.visits, self.left = 0, [0], MOST
         try:
@@ -299,13 +299,13 @@ class Walk:
             self.at, self.visits = at, visits
 
     def _unwrap(self, path: Array) -> Array:
-        """Add whole turns to the unknowns of successive poses so that angles do not jump. Shape (v, n_z)."""
+        """Add full turns to the unknowns of successive poses so that angles do not jump. Shape (v, n_z)."""
         jumps = np.where(self.anchors.angles, np.rint(np.diff(path, axis=0) / TURN), 0.0)
         return np.concatenate([path[:1], path[1:] - TURN * np.cumsum(jumps, axis=0)])
 
     @property
     def windings(self) -> Array:
-        """Whole turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
+        """Full turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
         turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
             turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
@@ -313,7 +313,7 @@ class Walk:
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """True if a matrix is finite and its 2-norm within a limit; the larger Frobenius norm often decides."""
+    """True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often decides."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

@@ -1,4 +1,4 @@
-"""Wrenches, power and stored energy of loads, springs, dampers and motors, whose data are in `applied`."""
+"""Wrenches, power and stored energy of loads, springs, dampers and motors; `applied` defines their data."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Exerted(NamedTuple):
     """Forces other than inertia, gravity and constraints.
 
     Attributes:
-        wrenches: On each body, see `recursion.wrench`. Shape (..., b, 6).
-        along: Along each joint coordinate [N or N m]. Shape (..., n_q).
+        wrenches: Wrench on each body, see `recursion.wrench`. Shape (..., b, 6).
+        along: Force along each joint coordinate [N or N m]. Shape (..., n_q).
     """
 
     wrenches: Array
@@ -32,11 +32,11 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """Forces of loads, eq. (55), springs, dampers and motors, and given ones, see `Dynamics.given_forces`."""
+    """Return the forces of loads, eq. (55), springs, dampers and motors, and `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
-        if body := at.mechanism.body_index[load.body]:  # the ground needs no balance
+        if body := at.mechanism.body_index[load.body]:  # ground needs no force balance
             f, m = load_vectors(at, load)
             W[..., body, :] = W[..., body, :] + wrench(at.pose, body, place(at, load), f, m)
     for spring in at.applied.springs:
@@ -57,12 +57,12 @@ def exerted(at: Dynamics) -> Exerted:
 
 
 def place(at: Dynamics, load: Load) -> Array:
-    """Point of its body at which a load acts, by default the centre of mass. Shape (3,)."""
+    """Return the body point at which a load acts, by default the centre of mass. Shape (3,)."""
     return at.mechanism.body(load.body).com if load.point is None else load.point
 
 
 def load_vectors(at: Dynamics, load: Load) -> tuple[Array, Array]:
-    """Force and torque of a load at its time, world axes. Shape (..., 3) each."""
+    """Return force and torque of a load at its time, in world axes. Shape (..., 3) each."""
     now = load.at(at.t, at.ops.cos, at.ops.sin)
     f, m = np.asarray(now.force), np.asarray(now.torque)
     if load.axes == "world":
@@ -72,7 +72,7 @@ def load_vectors(at: Dynamics, load: Load) -> tuple[Array, Array]:
 
 
 def load_power(at: Dynamics, load: Load) -> Any:
-    """Power of a load. Shape (...)."""
+    """Return the power of a load. Shape (...)."""
     body, (f, m) = at.mechanism.body_index[load.body], load_vectors(at, load)
     V = at.V[..., body, :]
     moved = velocity_at(V, point(at, body, place(at, load)))
@@ -80,34 +80,34 @@ def load_power(at: Dynamics, load: Load) -> Any:
 
 
 def point(at: Dynamics, body: int, arm: Array) -> Array:
-    """World position of a point of a body. Shape (..., 3)."""
+    """Return the world position of a body point. Shape (..., 3)."""
     return at.pose.p[..., body, :] + times(at.pose.R[..., body, :, :], arm)
 
 
 def ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
-    """Bodies at the two ends of a spring, and the world positions of its points. Shape (..., 3)."""
+    """Return the bodies at the two ends of a spring, and the world positions of its end points. Shape (..., 3)."""
     index = at.mechanism.body_index
     return [(index[body], point(at, index[body], arm)) for body, arm in spring.ends]
 
 
 def distance(at: Dynamics, spring: PointSpring) -> Any:
-    """Length of a spring between two points [m]. Shape (...)."""
+    """Return the length of a spring between two points [m]. Shape (...)."""
     (_, a), (_, b) = ends(at, spring)
     return at.ops.sqrt(dot(b - a, b - a))
 
 
 def spring_length(at: Dynamics, spring: Spring) -> Any:
-    """Length of a point spring, or the coordinate of a joint spring [m or rad]. Shape (...)."""
+    """Return the length of a point spring, or the coordinate of a joint spring [m or rad]. Shape (...)."""
     return distance(at, spring) if isinstance(spring, PointSpring) else at.joint_coordinate(spring.coordinate)
 
 
 def stretch(at: Dynamics, spring: Spring) -> Any:
-    """Elongation of a spring, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
+    """Return the elongation of a spring, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
     return spring_length(at, spring) - spring.rest
 
 
 def stretch_rate(at: Dynamics, spring: Spring) -> Any:
-    """Rate of a spring's length, which its damper resists. Shape (...)."""
+    """Return the rate of a spring's length, which its damper resists. Shape (...)."""
     if isinstance(spring, PointSpring):
         (i, a), (j, b) = ends(at, spring)
         apart = velocity_at(at.V[..., j, :], b) - velocity_at(at.V[..., i, :], a)
@@ -116,12 +116,12 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 
 
 def tension(at: Dynamics, spring: Spring) -> Any:
-    """Pull of a spring and damper, ``k (l - l0) + c ld``; a joint spring pulls against its coordinate. Shape (...)."""
+    """Return the tension ``k (l - l0) + c ld``; a joint spring opposes its coordinate. Shape (...)."""
     return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
 
 
 def resisting_force(at: Dynamics, one: Resistance) -> Any:
-    """Force of a rotor, damper or dry friction along its coordinate. Shape (...)."""
+    """Return the force of a rotor, damper or dry friction along its coordinate. Shape (...)."""
     if one.what == "rotor":
         return one.amount * at.joint_acceleration[..., one.column]
     rate = at.joint_rate(one.coordinate)
@@ -129,14 +129,14 @@ def resisting_force(at: Dynamics, one: Resistance) -> Any:
 
 
 def sign(at: Dynamics, rate: Any) -> Any:
-    """Sign of a rate: -1, 0 (up to `REST`) or 1, computed by functions that every number type has. Shape (...)."""
+    """Return the sign of a rate, -1, 0 (up to `REST`) or 1, for any scalar type. Shape (...)."""
     size = at.ops.sqrt(rate * rate)
     moves = -at.ops.maximum(-at.ops.maximum((size / REST - 1.0) / linear.EPS, 0.0), -1.0)
     return moves * rate / at.ops.maximum(size, REST)
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
-    """Force of a motor at its time [s]."""
+    """Return the force of a motor at its time [s]."""
     return motor.force(at.t, at.ops.cos, at.ops.sin)
 
 

@@ -14,23 +14,23 @@ from screwgauge.reference.equations.screws import Array, dot, times, transpose
 from screwgauge.reference.graph import Edge, Layout, serial_chains
 from screwgauge.reference.mechanism import Joint
 
-#: Home is given to ten digits; another branch is farther away.
+#: Home is given to ten digits; other branches are farther away.
 HOME = 1e-8
 
 
 def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None = None) -> Coordinates | None:
-    """Tree coordinates, if every leg has a closed form with its wrist cut, and home lies on that branch; else None.
+    """Return tree coordinates if every leg has a closed form with its wrist cut, on the branch of home; else None.
 
-    The output body is placed by the joint that carries the independent coordinates, the others of that joint being as
-    at home; where a leg forbids that, the loops stay open by that much and Newton's method goes on from here.
+    The joint of the independent coordinates places the output body, with that joint's other coordinates as
+    at home; where a leg forbids that, the loops stay open by as much and Newton's method continues from here.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (..., k).
-        fixed: Coordinates that never move, if all others of the joint that carries the output body have to be among
-            them: then the assembly mode of home ends nowhere but where a leg locks or has no length.
+        fixed: Coordinates that never move, if all others of the joint of the output body must be among
+            them: the home assembly mode then ends only where a leg locks or has zero length.
 
     Returns:
-        Those of cut joints are as at home.
+        Cut joints keep their home coordinates.
     """
     legs = _legs(lay)
     if legs is None:
@@ -39,7 +39,7 @@ def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None =
         return None
     at_home = _coordinates(lay, *legs, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
     tree = lay.tree_columns
-    close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # single precision has no 1e-8
+    close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # single precision cannot resolve 1e-8
     if not np.abs(at_home.q - lay.mechanism.home)[tree].max() < close:
         return None
     return _coordinates(lay, *legs, y, ops)
@@ -95,7 +95,7 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
 
 
 def _leg(base: Joint, centre: Array, ops: Ops) -> list[Value]:
-    """Base angles and slide length of a leg with its wrist at a point, eqs. (19), (24). (..., 3)."""
+    """Compute base angles and slide length of a leg with its wrist at a point, eqs. (19), (24). (..., 3)."""
     x, y = base.axes
     AC = times(transpose(base.parent_frame.R), centre - base.parent_frame.p)
     u, v, w = (dot(AC, axis) for axis in (x, y, np.cross(x, y)))

@@ -1,8 +1,8 @@
-"""Closing system: constraints of cut joints, couplings and given coordinates, and the motion that they determine.
+"""Closing system: constraints of cut joints, couplings and given coordinates, and the resulting motion.
 
 ``M qd = [0; 0; yd]`` over the coordinates of the tree stands for the chains of eqs. (15), (25), (26): a cut joint
-constrains its bodies by the wrenches of eq. (8), so that its own coordinates are no unknowns. The transpose of M is
-the balance of forces, ``M^T [constraint forces; coupling forces; Q] = tau``. Forces are in `dynamics`; how loops
+constrains its bodies with the wrenches of eq. (8), so its own coordinates are not unknowns. The transpose of M is
+the force balance, ``M^T [constraint forces; coupling forces; Q] = tau``. Forces are in `dynamics`; how loops
 are closed over a motion is in the package `closed`.
 """
 
@@ -47,11 +47,11 @@ class Loops:
     Attributes:
         fixed: Columns of coordinates that never move on the assembly mode of home.
         columns: Columns of the tree, fixed ones last, in the order of the unknowns.
-        moving: Number of moving ones.
+        moving: Number of moving columns.
         names: Label and unit of the constraint wrenches of cut joints, row after row.
         ends: Rows of cut joint j are ``ends[j]:ends[j + 1]``.
         given: Rows of the given coordinates.
-        unit, size: Units of rows and sizes of unknowns: 1 for angles, the length of the mechanism for distances.
+        unit, size: Units of rows and sizes of unknowns: 1 for angles, the mechanism's length for distances.
     """
 
     def __init__(self, lay: Layout, fixed: Sequence[int] = ()) -> None:
@@ -82,10 +82,10 @@ class Loops:
 
 
 class Closed:
-    """The closing system at one pose, and the motion that it admits."""
+    """The closing system at one pose, and the motion that it allows."""
 
     def __init__(self, loops: Loops, at: Coordinates, folds: Sequence[Any], ops: Ops) -> None:
-        """Prepare the system; `folds` has the angle triple of each cut joint, see `cut_coordinates`."""
+        """Prepare the system; `folds` selects the angle triple of each cut joint, see `cut_coordinates`."""
         self.loops, self.at, self.q, self.ops = loops, at, at.q, ops
         self.pose: TreePose = tree_pose(loops.lay, at)
         index = loops.lay.mechanism.body_index
@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Power of the wrenches of cut joint j per rate of each coordinate around its loop: columns, (..., m, c)."""
+        """Return the power of cut joint j's wrenches per rate of each coordinate of its loop: columns, (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Rate of any coordinate per rate of the tree's: columns, (..., 1, c)."""
+        """Return the rate of a coordinate per rate of the tree coordinates: columns, (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]
@@ -138,7 +138,7 @@ class Closed:
         return join(*rows)
 
     def _off(self, column: int, y: Any) -> Any:
-        """Difference between a coordinate and its given value."""
+        """Return the difference between a coordinate and its given value."""
         if column in self.loops.place:
             return self.q[..., column] - y
         j, i = self.loops.owner[column]
@@ -149,7 +149,7 @@ class Closed:
         return self.ops.atan2(value * cosine_y - cosine * sine_y, cosine * cosine_y + value * sine_y)
 
     def newton_step(self, y: Array) -> Array:
-        """Change of all coordinates by a step of Newton's method, in place of eq. (27). Shape (..., n_q)."""
+        """Return the change of all coordinates in a step of Newton's method, in place of eq. (27). Shape (..., n_q)."""
         return self.spread(self.system.solve(-self.residual(y)))
 
     def spread(self, x: Array) -> Array:
@@ -166,7 +166,7 @@ class Closed:
 
     @cached_property
     def K(self) -> Array:
-        """Velocity map of the tree's coordinates, a row ``dq/dy_k`` for each of y, eq. (26). Shape (..., k, n_q)."""
+        """Velocity map of the tree coordinates, one row ``dq/dy_k`` for each of y, eq. (26). Shape (..., k, n_q)."""
         eye = np.eye(len(self.loops.y_columns), dtype=self.loops.lay.path.dtype)
         return np.stack([self.solve(np.broadcast_to(row, self.q.shape[:-1] + row.shape)) for row in eye], axis=-2)
 
@@ -178,13 +178,13 @@ class Closed:
         """Rates of all joints. Shape (..., n_q).
 
         Args:
-            w: Rates of the tree. Shape (..., n_q).
+            w: Rates of the tree coordinates. Shape (..., n_q).
             V: Twists of the bodies. Shape (..., b, 6).
         """
         return self._with_cuts(w, lambda cut: cut.rates(V))
 
     def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
-        """Assemble all coordinates from those of the tree and, for each cut joint, from its two bodies."""
+        """Assemble all coordinates from the tree's and, for each cut joint, from its two bodies."""
         joined = tree + 0.0
         for cut in self.cuts:
             joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
@@ -196,14 +196,14 @@ class Motion(Closed):
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).
-        near: Column of a cut joint's angle -> what it is to be near to, among all that mean the same; else it is within
+        near: Column of a cut joint's angle -> value near which to choose it among equivalent angles; else it is within
             half a turn.
     """
 
     def __init__(
         self, loops: Loops, at: Coordinates, yd: Array, ydd: Array | None, folds: Sequence[Any], ops: Ops
     ) -> None:
-        """Prepare the motion; `ydd`, shape (..., k), is None where forces determine it."""
+        """Prepare the motion; `ydd`, shape (..., k), is None if forces determine it."""
         super().__init__(loops, at, folds, ops)
         self.yd, self._ydd, self.near = yd, ydd, dict[int, Any]()
 
@@ -241,11 +241,11 @@ class Motion(Closed):
 
     @cached_property
     def bias(self) -> BodyAccelerations:
-        """Accelerations of the bodies at zero second derivatives, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
+        """Body accelerations at zero second derivatives of y, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
         return outward(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
-        """Second derivatives of the tree's coordinates from those of the independent ones, eq. (48). (..., n_q)."""
+        """Return the tree's second derivatives given those of the independent coordinates, eq. (48). (..., n_q)."""
         above, given, w = list[Array](), ydd + 0.0, self.w
         for cut in self.cuts:
             above.append(-cut.bias(self.V, self.bias))
@@ -313,7 +313,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.moved)
 
     def accelerations_of_joints(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Second derivatives of all coordinates, from those of the tree and the accelerations of bodies. (..., n_q)."""
+        """Return second derivatives of all coordinates given the tree's and the body accelerations. (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property
@@ -325,11 +325,11 @@ class Motion(Closed):
         return S
 
     def joint_coordinate(self, coordinate: str) -> Any:
-        """A joint coordinate by its name. Shape (...)."""
+        """Return a joint coordinate by name. Shape (...)."""
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_position if c in self.loops.owner else self.q)[..., c]
 
     def joint_rate(self, coordinate: str) -> Any:
-        """Rate of a joint coordinate by its name. Shape (...)."""
+        """Return the rate of a joint coordinate by name. Shape (...)."""
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]

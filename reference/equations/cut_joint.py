@@ -1,4 +1,4 @@
-"""A cut joint at a pose: its rows of the closing system, coordinates, rates, and forces on its two bodies."""
+"""A cut joint at a pose: its rows in the closing system, its coordinates and rates, and forces on its two bodies."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class CutJoint:
     """A cut joint at a pose.
 
     Attributes:
-        at: Its frames.
-        W: Its constraint wrenches. Shape (..., m, 6).
-        parent, child: Its bodies.
+        at: Frames of the joint.
+        W: Constraint wrenches. Shape (..., m, 6).
+        parent, child: Indices of its bodies.
     """
 
     def __init__(self, at: JointPose, parent: int, child: int, fold: Any, ops: Ops) -> None:
@@ -64,20 +64,20 @@ class CutJoint:
 
     @cached_property
     def D(self) -> Array:
-        """Wrenches dual to its freedoms: they read its rates and drive it. Shape (..., f, 6)."""
+        """Wrenches dual to its freedoms, used to read its rates and to drive it. Shape (..., f, 6)."""
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
-        """Rates of the cut joint, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
+        """Return the rates of the cut joint given the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _angular(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Angular acceleration of child minus parent without the joint's own brackets, eq. (44). Shape (..., 3)."""
+        """Return child minus parent angular acceleration without the joint's brackets, eq. (44). Shape (..., 3)."""
         turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
         return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
     def _linear(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Acceleration of child minus parent at the joint's point of the child, likewise. Shape (..., 3)."""
+        """Return the relative acceleration at the joint's point of the child, likewise. Shape (..., 3)."""
         joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
         linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
         if self.at.slides:
@@ -87,11 +87,11 @@ class CutJoint:
         return np.asarray(linear)
 
     def bias(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Velocity-dependent acceleration along each constraint wrench. Shape (..., m).
+        """Return the velocity-dependent acceleration along each constraint wrench. Shape (..., m).
 
         Args:
             V: Twists of all bodies. Shape (..., b, 6).
-            moved: Their accelerations without second derivatives.
+            moved: Body accelerations at zero second derivatives.
         """
         kind = self.at.type
         bias = times(kind.forces(self.at), self._linear(V, moved))
@@ -103,7 +103,7 @@ class CutJoint:
         return bias
 
     def accelerations(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Second derivatives of its coordinates. Shape (..., f).
+        """Return the second derivatives of the joint's coordinates. Shape (..., f).
 
         Args:
             V: Twists of all bodies. Shape (..., b, 6).
@@ -115,11 +115,11 @@ class CutJoint:
         return np.asarray(power(self.D, relative[..., None, :]))
 
     def wrenches(self, x: Array, along: Array) -> list[tuple[int, Frame, Array, Array]]:
-        """Forces on its two bodies at their points of the joint, in the world.
+        """Return the forces on the joint's two bodies, at its point on each, in world axes.
 
         Args:
-            x: Forces along its constraint wrenches. Shape (..., m).
-            along: Forces along its coordinates. Shape (..., f).
+            x: Forces along the constraint wrenches. Shape (..., m).
+            along: Forces along the joint's coordinates. Shape (..., f).
 
         Returns:
             Body, frame of the joint, force and moment, shape (..., 3).

@@ -1,7 +1,7 @@
 """Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
 
-Corrected against the paper: gravity as ``m (a - g)``, lever arms from the centre of mass to the point of action, the
-moment of the U-joint's wrist and ``(O - P) x F_S`` included, and the load with the sign of what acts on the platform.
+Corrections to the paper: gravity is ``m (a - g)``, lever arms from the centre of mass to the point of action, the
+moment of the U-joint's wrist and ``(O - P) x F_S`` are included, and the load has the sign of action on the platform.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class Dynamics(Motion):
 
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
-        t: Time [s], which motors and loads go by. Shape (...).
-        given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
-        points: Named ones, whose velocities are wanted.
-        axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
-        idle: Numbers of independent coordinates that no actuator drives, so that their second derivatives follow.
-        resting: Numbers of those that no actuator drives and that have no inertia: they are given.
+        t: Time [s] at which motors and loads are evaluated. Shape (...).
+        given_forces: Further forces along all joint coordinates, if any. Shape (..., n_q).
+        points: Named points whose velocities are requested.
+        axial: Whether redundant actuators follow the rule of eq. (56), else the minimum-norm rule.
+        idle: Indices of independent coordinates that no actuator drives, whose accelerations follow from the forces.
+        resting: Indices of independent coordinates without actuator and without inertia; their motion is given.
     """
 
     t: Any = 0.0
@@ -69,7 +69,7 @@ class Dynamics(Motion):
 
     @cached_property
     def required(self) -> Array:
-        """Wrenches that the motion requires of each body, see `BodyAccelerations.needs`. Shape (..., b, 6)."""
+        """Wrenches that the motion requires on each body, see `BodyAccelerations.needs`. Shape (..., b, 6)."""
         return self.moved.needs(self.applied.g)
 
     @cached_property
@@ -78,7 +78,7 @@ class Dynamics(Motion):
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Forces along the tree with the same power as forces along all joints. Shape (..., n_q) -> (..., n)."""
+        """Convert forces along all joints to tree forces of the same power. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
@@ -87,19 +87,19 @@ class Dynamics(Motion):
         return tau
 
     def demand(self, need: Array, acting: Array) -> Array:
-        """Forces along the tree that actuators and constraints must supply. Shape (..., n).
+        """Return the tree forces that actuators and constraints must supply. Shape (..., n).
 
         Args:
-            need: Wrenches that bodies need for their motion, see `required`. Shape (..., b, 6).
+            need: Wrenches that the bodies need for their motion, see `required`. Shape (..., b, 6).
             acting: Forces along all coordinates, see `acting`. Shape (..., n_q).
         """
         along = inward(self.pose, need - self.exerted.wrenches)[0]
         return along[..., self.loops.columns] - self.along_tree(acting)
 
     def acting(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Forces along all coordinates besides actuators: exerted forces minus rotor inertia. (..., n_q).
+        """Return the forces along all coordinates other than actuator forces: exerted minus rotor inertia. (..., n_q).
 
-        A rotor of inertia I, behind a gear or not, takes ``I qdd`` of the force along its coordinate.
+        A rotor of inertia I, geared or not, absorbs ``I qdd`` of the force along its coordinate.
 
         Args:
             beta: Second derivatives of the tree's coordinates. Shape (..., n_q).
@@ -121,7 +121,7 @@ class Dynamics(Motion):
         return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
-        """Forces along the tree projected on y, ``K^T tau``; accurate next to constraint singularities, too. (...,
+        """Project tree forces on y, ``K^T tau``, which is accurate even near constraint singularities. (...,
         k)."""
         return times(self.K[..., self.loops.columns], tau)
 
@@ -145,20 +145,20 @@ class Dynamics(Motion):
 
     @property
     def driven(self) -> list[int]:
-        """Numbers of the independent coordinates that actuators drive."""
+        """Indices of the independent coordinates that actuators drive."""
         undriven = {*self.idle, *self.resting}
         return [k for k in range(len(self.loops.y_columns)) if k not in undriven]
 
     @cached_property
     def _B(self) -> Array:
-        """Columns of B for driven coordinates. Shape (..., n_act, n_driven)."""
+        """Columns of B for the driven coordinates. Shape (..., n_act, n_driven)."""
         return self.B[..., self.driven]
 
     @cached_property
     def per_actuator(self) -> Array:
         """Rates of the driven coordinates per rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
 
-        Of redundant actuators it is ``B^+``, whose transpose gives the smallest forces; what no actuator moves rests.
+        For redundant actuators it is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates rest.
         """
         B, BT = self._B, transpose(self._B)
         actuators, driven = B.shape[-2:]
@@ -177,7 +177,7 @@ class Dynamics(Motion):
         """Twists of the bodies about their origins, and velocities of `points`, per rate of each actuator.
 
         Returns:
-            Row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
+            Entries row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
         """
         columns = list[Array]()
         if not self.mechanism.actuator_names or not self.driven:
@@ -195,7 +195,7 @@ class Dynamics(Motion):
 
     @cached_property
     def drive(self) -> System:
-        """Matrix of the actuator forces: ``B^T`` above the rule of eq. (56), or the smaller of its squares."""
+        """Matrix of the actuator forces: ``B^T`` stacked on the rule of eq. (56), or B's smaller Gram matrix."""
         BT = transpose(self._B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -209,9 +209,9 @@ class Dynamics(Motion):
 
     @cached_property
     def actuator_force(self) -> Array:
-        """Actuator forces f with ``B^T f = Q`` and the smallest norm, or by the rule of eq. (56). Shape (..., n_act).
+        """Actuator forces f with ``B^T f = Q``, of minimum norm or by the rule of eq. (56). Shape (..., n_act).
 
-        Too few of them come as near to Q as they can.
+        Too few actuators solve this in the least-squares sense.
         """
         Q = self.generalized_force[..., self.driven]
         if self.line is not None:
@@ -229,10 +229,10 @@ class Dynamics(Motion):
 
     @cached_property
     def axis_moment(self) -> Array:
-        """Forces along all coordinates between the two bodies of their joints. Shape (..., n_q).
+        """Forces along all coordinates, transmitted between the two bodies of each joint. Shape (..., n_q).
 
-        Actuators, springs, dampers, motors, resistance, less what rotors take. Couplings, whose forces are components
-        of `reaction`, are not among them.
+        Sum of actuators, springs, dampers, motors and resistance, minus rotor inertia. Couplings, which are components
+        of `reaction`, are excluded.
         """
         return self.along_joints(self.actuator_force) + self.along
 
@@ -244,7 +244,7 @@ class Dynamics(Motion):
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
-        """Force of a joint across its line (eq. 56) per actuator force, and without actuators; None under another
+        """Transverse force of a joint (eq. 56) per actuator force, and at zero actuator force; None under another
         rule."""
         return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
 
@@ -265,15 +265,15 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """Reactions to given actuator forces, shape (..., n_act) -> (..., r); `idle` leaves out all other forces."""
+        """Return the reactions to actuator forces, shape (..., n_act) -> (..., r); `idle` omits all other forces."""
         return self.constraint_forces(f, idle=idle)[0]
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:
-        """Reaction components, forces along the tree that joints transmit, and multipliers of the rows of M.
+        """Return reaction components, tree forces that joints transmit, and multipliers of the rows of M.
 
-        The last are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, and what is then
-        transmitted all others. Where constraints are redundant, of all answers that of smallest norm, moments over the
-        length of the mechanism.
+        The multipliers are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, from which
+        all others follow. For redundant constraints it is the solution of minimum norm, with moments divided by the
+        mechanism's length.
 
         Returns:
             Shapes (..., r), (..., n_q), (..., m).
@@ -292,7 +292,7 @@ class Dynamics(Motion):
 
     @cached_property
     def imbalance(self) -> Array:
-        """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
+        """Residual of the force balance along the tree coordinates. Shape (..., n)."""
         _, transmitted, x = self.constraint_forces(self.actuator_force)
         residual = self.axis_moment - transmitted
         for row, (i, terms) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
@@ -317,13 +317,13 @@ class Dynamics(Motion):
         return [(x, self.transmitted(x, nothing, rest)[0] / self._arms) for x in rows]
 
     def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
-        """Reaction components of all joints, and forces along the tree with drives. Shapes (..., r), (..., n_q).
+        """Return reaction components of all joints, and tree forces including drives. Shapes (..., r), (..., n_q).
 
-        Components are powers on the twists that joints forbid, and forces of couplings.
+        Components are the powers on the twists that joints forbid, and the coupling forces.
 
         Args:
             x: Forces along the rows of M. Shape (..., m).
-            need: Wrenches that joints have to exert on the bodies, see `required`. Shape (..., b, 6).
+            need: Wrenches that joints must exert on the bodies, see `required`. Shape (..., b, 6).
             along: Forces along all coordinates. Shape (..., n_q).
         """
         loops, pose, total = self.loops, self.pose, need + 0.0 * x[..., :1, None]
@@ -341,7 +341,7 @@ class Dynamics(Motion):
         return join(components, x[..., loops.ends[-1] : loops.given.start]), tree
 
     def open_tree_force(self, shares: Array) -> Array:
-        """Forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
+        """Return forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
 
         Args:
             shares: Share of each body carried by each coordinate, signed. Shape (b - 1, n_q).

@@ -1,4 +1,4 @@
-"""Forward dynamics: accelerations under given forces, of the independent coordinates, or of all bodies at once.
+"""Forward dynamics: accelerations of the independent coordinates, or of all bodies at once, under given forces.
 
 `Forward` projects on the independent coordinates; `NewtonEuler` solves for all accelerations and reactions
 together, eqs. (57) and (58). Inverse dynamics is in `dynamics`.
@@ -32,7 +32,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 class Forward(Dynamics):
-    """Motion under given forces at a closed pose; a `Dynamics` of the resulting accelerations."""
+    """Motion under given forces at a closed pose; a `Dynamics` with the resulting accelerations."""
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_matrix(self) -> Array:
-        """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
+        """Inertia matrix M of the kinetic energy ``yd M yd / 2``, from partial motions. Shape (..., k, k)."""
         (v, w), (mv, Jw), mechanism = self.partial_motion, self._partial_momenta, self.mechanism
         k = v.shape[-3]
         M = zeros(self.K[..., 0], k, k)
@@ -86,13 +86,13 @@ class Forward(Dynamics):
 
     @cached_property
     def steering(self) -> System:
-        """Rates of actuators per rate of the coordinates that they drive, or their square, without dimension."""
+        """Dimensionless actuator rates per rate of the coordinates that they drive, or their Gram matrix."""
         B = self.rates_of_actuators[..., self.driven]
         return self.ops.square(transpose(B) @ B if self._oversteered else B)
 
     @cached_property
     def rates_of_actuators(self) -> Array:
-        """B without dimension. Shape (..., n_act, k)."""
+        """Dimensionless B. Shape (..., n_act, k)."""
         sizes = self.loops.sizes
         return self.B * sizes[self.loops.y_columns] / sizes[self.mechanism.actuated_columns, None]
 
@@ -124,14 +124,14 @@ class Forward(Dynamics):
 
     @cached_property
     def idle_reluctance(self) -> Any:
-        """Norm of the inverse of `idle_masses`: 1 where idle coordinates are decoupled from the given ones, infinite
+        """Norm of the inverse of `idle_masses`: 1 if idle and given coordinates are decoupled, infinite
         where that matrix is singular. (...).
         """
         return self.ops.sqrt(self.idle_masses.response(np.ones(len(self.idle))).sum(-1))
 
     @cached_property
     def idle_sizes(self) -> Array:
-        """Square root of each idle coordinate's own inertia. Shape (..., m)."""
+        """Square root of the inertia of each idle coordinate. Shape (..., m)."""
         own = sum((part * momenta).sum(-1)[..., [*self.idle]] for part, momenta in self.momenta)
         return np.stack([self.ops.sqrt(own[..., j]) for j in range(len(self.idle))], axis=-1)
 
@@ -166,7 +166,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Condition of M at unit diagonal; for one coordinate M over the total mass at the full length. (...)."""
+        """Condition of M at unit diagonal; if k = 1, M divided by total mass times length squared. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -174,7 +174,7 @@ class Forward(Dynamics):
 
     @property
     def kinetic_energy(self) -> Any:
-        """Half the momenta of the bodies times their velocities [J]. Shape (...)."""
+        """Kinetic energy: half the momenta of the bodies times their velocities [J]. Shape (...)."""
         return 0.5 * dot(self.yd, times(self.inertia_matrix, self.yd))
 
     @property
@@ -230,7 +230,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """Unit forces along joint coordinates as wrenches on all bodies, with no power on the joint's others, eq. (8).
+    """Return wrenches on all bodies of unit joint forces, without power on the joint's other freedoms, eq. (8).
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).
@@ -247,17 +247,17 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
 
 
 def exerted_wrenches(at: Dynamics) -> Array:
-    """Wrenches of all applied forces on the bodies, including those along joints. Shape (n, b, 6)."""
+    """Return the wrenches of all applied forces on the bodies, including forces along joints. Shape (n, b, 6)."""
     driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
     along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
     return np.asarray(at_origin(at.pose, at.exerted.wrenches) + along)
 
 
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
-    """The matrix c of eq. (57): wrench of each unknown on each body, see `balances`.
+    """Build the matrix c of eq. (57): wrench of each unknown on each body, see `balances`.
 
     Unknowns are the reaction components, in the order of `reaction_names`, then the actuator forces. A coupling
-    ``q_i = sum_k p_k(q_k)`` acts along its coordinates, by 1 along q_i and -p_k' along q_k, so that it has no power.
+    ``q_i = sum_k p_k(q_k)`` acts with 1 along q_i and -p_k' along q_k, so that it has no power.
 
     Args:
         q, S: Coordinates and unit screws of all joints. Shapes (n, n_q), (n, n_q, 6).
@@ -274,18 +274,18 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
 
 
 def preload_space(B: Array) -> Array:
-    """Internal actuator forces, the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
+    """Return the internal actuator forces: the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
     U, _, _ = np.linalg.svd(B, full_matrices=True)
     return np.asarray(U[..., B.shape[-1] :])
 
 
 class NewtonEuler:
-    """Eq. (57) at n samples, above the rows that fix redundant actuators.
+    """System of eq. (57) at n samples, with rows appended that fix redundant actuators.
 
-    Moments are divided by the length of the mechanism, as equations and as unknowns, so that its size does not matter.
+    Moments, as equations and as unknowns, are divided by the mechanism's length, so its size does not matter.
 
     Attributes:
-        c: Its matrix, see `force_matrix`.
+        c: System matrix, see `force_matrix`.
         names, units: Names and units of the reaction components, the first unknowns.
     """
 
@@ -313,7 +313,7 @@ class NewtonEuler:
         return rows
 
     def scaled(self, c: Array) -> Array:
-        """Scale the system, for this c or a wider format of it. Shape (n, 6 (b - 1) + l, m)."""
+        """Scale the system with this c or c in a wider format. Shape (n, 6 (b - 1) + l, m)."""
         return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
 
     @cached_property
@@ -326,13 +326,13 @@ class NewtonEuler:
         return self._inverted[1]
 
     def solve(self, need: Array, wide: Array | None = None) -> Array:
-        """Solve for all constraint and actuator forces (eq. 58) from the required wrenches, see `balances`.
+        """Solve eq. (58) for all constraint and actuator forces given the required wrenches, see `balances`.
 
-        Next to a singular pose some unknowns are large and cancel in the others, while the rounding of c does not: one
-        step of iterative refinement, its residual from a wider c, gives those digits back.
+        Near a singular pose large unknowns cancel in the equations, but the rounding of c does not: one
+        step of iterative refinement, with the residual computed from a wider c, recovers those digits.
 
         Args:
-            need: Needs in several cases. Shape (n, 6 (b - 1), p).
+            need: Required wrenches for p cases. Shape (n, 6 (b - 1), p).
             wide: c in a wider format.
 
         Returns:
@@ -351,10 +351,10 @@ class NewtonEuler:
         return balances(self.at.com, at_origin(self.at.pose, self.at.required) - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:
-        """Accelerations of all joint coordinates and all reactions from the balance of every body and the closure of
+        """Solve for the accelerations of all joints and all reactions from the balance of every body and the closure of
         every loop: ``[D -c; G 0] [qdd; R] = [W; 0]``, in the minimum-norm least-squares sense.
 
-        Actuators exert nothing but what is given. Any closed motion will do as the one from which accelerations are
+        Actuators exert only the given forces. Any closed motion may serve as the reference from which accelerations are
         counted.
 
         Returns:
@@ -368,7 +368,7 @@ class NewtonEuler:
         D = balances(at.com, self._needs(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
         system = np.block([[D, -c], [G, np.zeros((*G.shape[:2], m))]])
         right = np.concatenate([-balances(at.com, need), np.zeros(G.shape[:2])], axis=1)
-        # equal sizes of the columns, whose units differ; what stays far below is redundancy
+        # scale the columns, whose units differ, to equal size; singular values far below are redundancy
         size = np.linalg.norm(system, axis=1, keepdims=True)
         size = np.where(size > 0.0, size, 1.0)
         unknown = (np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / transpose(size))[..., 0]
@@ -377,6 +377,6 @@ class NewtonEuler:
         return at.accelerations_of_joints(beta, outward(at.pose, at.w, beta)), unknown[:, k:]
 
     def _needs(self, w: Array, beta: Array, g: Array) -> Array:
-        """Wrenches about O that rates and accelerations of the tree require of bodies. (..., n_q) -> (..., b, 6)."""
+        """Return the wrenches about O required by tree rates and accelerations. (..., n_q) -> (..., b, 6)."""
         pose = self.at.pose
         return at_origin(pose, outward(pose, w, beta).needs(g))

@@ -1,6 +1,6 @@
-"""The joint types; an entry of `TYPES` holds the mechanics of one kind.
+"""Joint types; each entry of `TYPES` holds the mechanics of one kind of joint.
 
-A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
+A joint transmits the wrenches that have no power on its freedoms (eq. 8). They close the loop of a cut joint and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
 component is also the power of the joint's whole wrench on the unit twist that it forbids. Wrenches dual to its freedoms
 read its rates and drive it.
@@ -37,10 +37,10 @@ Value = tuple[Any, Any]
 
 @dataclass(frozen=True, eq=False)
 class JointPose:
-    """Frames of a joint on its parent and on its child, in the world. Shapes (..., 3, 3), (..., 3).
+    """Frames of a joint on its parent and on its child, in world axes. Shapes (..., 3, 3), (..., 3).
 
     Attributes:
-        world: Orientation in the world of the axes in which these are, if they are not those of the world.
+        world: World orientation of the axes in which the frames are expressed, if not world axes.
     """
 
     joint: Joint
@@ -66,7 +66,7 @@ class JointPose:
 
     @cached_property
     def slides(self) -> list[Array]:
-        """Sliding directions at zero of the preceding angles, which turn about them."""
+        """Sliding directions, with the preceding angles at zero, which turn about them."""
         return [times(self.R_parent, axis) for turns, axis in self.joint.freedoms if not turns]
 
 
@@ -77,12 +77,12 @@ def is_identity(frame: Frame) -> bool:
 
 
 def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of a body-fixed frame."""
+    """Return the pose of a body-fixed frame."""
     return (R, p) if is_identity(frame) else (R @ frame.R, p + times(R, frame.p))
 
 
 def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of a body, from that of a frame fixed in it."""
+    """Return the pose of a body given that of a frame fixed in it."""
     if is_identity(frame):
         return R, p
     R = R @ frame.R.T
@@ -106,34 +106,34 @@ def _unit(dtype: np.dtype[Any]) -> Array:
 
 
 def _child(at: JointPose) -> Array:
-    """Axes of the joint's child frame."""
+    """Return the axes of the joint's child frame."""
     return transpose(at.R_child)
 
 
 def _across(at: JointPose) -> Array:
-    """Two directions across the child's axis."""
+    """Return two directions orthogonal to the child's axis."""
     return np.asarray(_directions_across(at.joint)[1] @ transpose(at.R_child))
 
 
 def _normal(at: JointPose) -> Array:
-    """Normal of both axes."""
+    """Return the common normal of both axes."""
     return cross(at.first, at.last)[..., None, :]
 
 
 def _along(at: JointPose) -> Array:
-    """The child's axis."""
+    """Return the child's axis."""
     return times(at.R_child, _named_axis(at.joint)[1])[..., None, :]
 
 
 @lru_cache(maxsize=4096)
 def _directions_across(joint: Joint) -> tuple[Sequence[str], Array]:
-    """Labels and directions orthogonal to the first axis."""
+    """Return labels and directions orthogonal to the first axis."""
     return across(joint.axes[0])
 
 
 @lru_cache(maxsize=4096)
 def _named_axis(joint: Joint) -> tuple[str, Array]:
-    """Label and direction of the axis: a joint-frame axis, in either sense, if it is one, else itself."""
+    """Return label and direction of the axis, labelled as a joint-frame axis if it is parallel to one."""
     axis = joint.axes[0]
     named = np.flatnonzero(axis)
     return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if len(named) == 1 else ("", axis)
@@ -143,19 +143,19 @@ def _named_axis(joint: Joint) -> tuple[str, Array]:
 
 
 def _tilt(at: JointPose) -> Array:
-    """Residual of two axes that should coincide."""
+    """Return the residual of two axes that should coincide."""
     return cross(at.first, at.last)
 
 
 def _turn(at: JointPose) -> Array:
-    """Residual of two frames that should be parallel."""
+    """Return the residual of two frames that should be parallel."""
     M = at.R_child @ transpose(at.R_parent)
     twice = M - transpose(M)
     return np.asarray(0.5 * np.stack([twice[..., 2, 1], twice[..., 0, 2], twice[..., 1, 0]], axis=-1))
 
 
 def _skew(at: JointPose) -> Array:
-    """Residual of two axes that should be perpendicular."""
+    """Return the residual of two axes that should be perpendicular."""
     return -scale(dot(at.first, at.last), cross(at.first, at.last))
 
 
@@ -184,21 +184,21 @@ def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value
 
 
 def _power_on_normal(at: JointPose, w: Array) -> Any:
-    """Power on the normal of ``[S1 w1, S2 w2] = S w1 w2``; S turns about that normal of both axes."""
+    """Return the power of ``[S1 w1, S2 w2] = S w1 w2`` on the common normal, about which S turns."""
     normal = cross(at.first, at.last)
     return dot(normal, normal) * (w[..., 0] * w[..., 1])
 
 
 @dataclass(frozen=True)
 class JointType:
-    """The mechanics of a kind of joint.
+    """Mechanics of one kind of joint.
 
     Attributes:
-        forces, moments: Directions of its constraint forces and moments.
-        open: Small rotation by which it is open along the moments when it is cut.
-        angles: Its angles when it is cut.
-        own: Power of brackets of its screws on its last constraint wrench, from its rates, for eq. (48); they have
-            none on the others, and by default none at all.
+        forces, moments: Directions of the constraint forces and moments.
+        open: Small rotation along the moments by which the cut joint is open.
+        angles: Angles of the cut joint.
+        own: Power of its screws' brackets on its last constraint wrench, given its rates, for eq. (48); they have
+            no power on the other wrenches, and by default none at all.
     """
 
     forces: Callable[[JointPose], Array]
@@ -221,7 +221,7 @@ TYPES = {
 
 
 def components(joint: Joint) -> list[tuple[str, str]]:
-    """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
+    """List label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
     kind, directions, axis = TYPES[joint.kind], _directions_across(joint)[0], _named_axis(joint)[0]
     labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: directions, _normal: [""], _none: ""}
     labels[_along] = [axis]
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role, then those of couplings."""
+    """List names and units of all reaction components, ``leg1.base.fx`` and N, by role, then those of couplings."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
@@ -239,10 +239,10 @@ def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tu
 
 @lru_cache(maxsize=4096)
 def triad(joint: Joint) -> tuple[Array, float]:
-    """Right-handed orthonormal axes that start with a joint's first two axes, or its only one.
+    """Return right-handed orthonormal axes that start with a joint's first two axes, or its only axis.
 
     Returns:
-        The three, shape (3, 3), and -1 where the joint's third axis is opposite to theirs, else 1.
+        The three axes, shape (3, 3), and -1 if the joint's third axis is opposite to the third of these, else 1.
     """
     first, axes = joint.axes[0], joint.axes
     second = axes[1] if len(axes) > 1 else np.linalg.svd(axes)[2][1]
@@ -251,17 +251,17 @@ def triad(joint: Joint) -> tuple[Array, float]:
 
 
 def constraint_wrenches(at: JointPose) -> Array:
-    """Wrenches by which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
+    """Return the wrenches with which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
     return stack(force(at.type.forces(at), at.p_child[..., None, :]), couple(at.type.moments(at)))
 
 
 def reaction_components(at: JointPose, f: Array, m: Array) -> Array:
-    """Reaction components: parts of a force and of a moment about the joint's point of the child. Shape (..., m)."""
+    """Return the components of a force and of a moment about the joint's point of the child. Shape (..., m)."""
     return join(times(at.type.forces(at), f), times(at.type.moments(at), m))
 
 
 def closure_residual(at: JointPose) -> Array:
-    """Closure residual of a cut joint along each constraint wrench, m and rad; its rate is the power. Shape (...,
+    """Return a cut joint's residual along each constraint wrench, m and rad; its rate is the power. Shape (...,
     m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
@@ -271,10 +271,10 @@ def closure_residual(at: JointPose) -> Array:
 
 
 def dual_wrenches(at: JointPose, S: Array) -> Array:
-    """Wrenches with unit power on one freedom of a joint and none on the others.
+    """Return wrenches with unit power on one freedom of a joint and none on the others.
 
     Args:
-        S: Its unit screws. Shape (..., f, 6).
+        S: Unit screws of the joint. Shape (..., f, 6).
 
     Returns:
         Shape (..., f, 6).
@@ -285,7 +285,7 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
         faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
         axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
     duals = stack(couple(axes), force(S[..., ~turns, 3:], at.p_child[..., None, :]))
-    order = np.argsort(~turns, kind="stable")  # of these: the angles, then the slides
+    order = np.argsort(~turns, kind="stable")  # of the dual wrenches: the angles, then the slides
     return duals[..., np.argsort(order), :]
 
 
@@ -302,7 +302,7 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     return [next(angles if turns else shifts) for turns in KINDS[at.joint.kind]]
 
 
-#: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
+#: Angles read at a worse condition do not predict later samples: poses closed to 1e-13 leave errors of 1e-5 rad.
 SURE = 1e8
 
 
@@ -310,8 +310,8 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
     """Read the coordinates of a cut joint as floats; unlike `cut_coordinates` it passes gimbal lock.
 
     Args:
-        near: Of all angles that mean the same, those nearest to these are taken, whichever triple they are of; without
-            them angles are within half a turn. Shape (n, f).
+        near: The equivalent angles nearest to these are chosen, from either triple; without
+            `near`, angles are within half a turn. Shape (n, f).
 
     Returns:
         Shape (n, f).
@@ -326,6 +326,6 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
 
 
 def _rotation(at: JointPose) -> tuple[Array, float]:
-    """Rotation of the child's frame relative to the parent's, in the joint's `triad`."""
+    """Return the rotation of the child's frame relative to the parent's, in the joint's `triad`."""
     A, hand = triad(at.joint)
     return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

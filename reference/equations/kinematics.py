@@ -1,6 +1,6 @@
 """Kinematics of the spanning tree: poses, unit screws, twists and their biases (sections 2 to 4 of the paper).
 
-`tree_pose` and what follows from it take any kind of number; `pose` and `gaps` are for arrays of given coordinates.
+`tree_pose` and the functions that use it take any scalar type; `pose` and `gaps` take arrays of given coordinates.
 Closed loops are in `closure`.
 """
 
@@ -34,7 +34,7 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(q: Array, ops: Ops) -> Coordinates:
-    """Complete joint coordinates with their sines and cosines."""
+    """Add sines and cosines to joint coordinates."""
     return Coordinates(q, ops.sin(q), ops.cos(q))
 
 
@@ -43,9 +43,9 @@ class Step(NamedTuple):
 
     Attributes:
         near, far: Bodies before and after the joint, 0 being ground.
-        columns: Its coordinates.
+        columns: Columns of its coordinates.
         sign: -1 where the joint is entered from its child.
-        freedoms: (turns, axis) of each.
+        freedoms: (turns, axis) of each freedom.
     """
 
     edge: Edge
@@ -75,10 +75,10 @@ class Crossing(NamedTuple):
 
     Attributes:
         R: Orientation of the next frame in this one; None where they are parallel.
-        p: Origin of the next frame that is fixed to this one; None where it moves or is the same.
-        axis: Axis of the freedom, in both frames.
-        travel: Along that axis; None for a rotation.
-        column, sign: Coordinate, and -1 where it counts from the next frame to this one.
+        p: Origin of the next frame if fixed in this one; None if it moves or coincides.
+        axis: Axis of the freedom, the same in both frames.
+        travel: Displacement along that axis; None for a rotation.
+        column, sign: Column of the coordinate, and -1 if it is measured from the next frame to this one.
     """
 
     R: Array | None
@@ -114,7 +114,7 @@ def ways(lay: Layout, at: Coordinates) -> list[Way]:
 
 
 def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
-    """Freedoms of a joint in order of passage, the last first if entered from its child."""
+    """List the freedoms of a joint in order of passage, reversed if entered from its child."""
     found = list[Crossing]()
     for column, (turns, axis), (value, cosine) in zip(columns, freedoms, values, strict=True):
         value = sign * value
@@ -125,7 +125,7 @@ def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value
 
 @lru_cache(maxsize=4096)
 def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
-    """Transition between a body and a frame fixed in it; empty where they coincide."""
+    """Return the transition between a body and a frame fixed in it; empty if they coincide."""
     R, p = (frame.R.T, -frame.p) if leave else (frame.R, frame.p)
     turn = () if np.array_equal(R, np.eye(3)) else (Crossing(R),)
     shift = (Crossing(None, p),) if p.any() else ()
@@ -133,7 +133,7 @@ def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
 
 
 def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Array, Array]], Array, Array]:
-    """Traverse a way from a frame: directions and points of the axes, eqs. (18)-(20), and the end, eq. (24)."""
+    """Traverse an edge from a frame; return axis directions and points, eqs. (18)-(20), and the end, eq. (24)."""
     lines = list[tuple[Array, Array]]()
     for crossing in way:
         if crossing.axis is not None:
@@ -178,7 +178,7 @@ class TreePose:
         return times(transpose(self.R[..., body, :, :]), v)
 
     def joint(self, joint: Joint) -> JointPose:
-        """The frames of a joint on its two bodies."""
+        """Return the frames of a joint on its two bodies."""
         index = self.lay.mechanism.body_index
         sides = [
             placed(self.R[..., index[body], :, :], self.p[..., index[body], :], frame) for body, frame in joint.sides
@@ -187,12 +187,12 @@ class TreePose:
 
 
 def zeros(like: Array, *shape: int) -> Array:
-    """Zeros with the leading shape of vectors. Shape (..., n) -> (..., *shape)."""
+    """Return zeros with the leading shape of vectors. Shape (..., n) -> (..., *shape)."""
     return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
 
 
 def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) -> list[Value]:
-    """The coordinates of one joint."""
+    """Return the coordinates of one joint."""
     return [
         (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
         for c, (turns, _) in zip(columns, freedoms, strict=True)
@@ -200,10 +200,10 @@ def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) ->
 
 
 def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
-    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and the frame beyond them, eq. (24).
+    """Return unit screws of a joint's freedoms, eqs. (18)-(20), (..., f, 6), and the frame beyond them, eq. (24).
 
     Args:
-        R, p: Its frame on the parent.
+        R, p: Joint frame on the parent.
         values: Value of each freedom.
     """
     lines, R_end, p_end = traverse(crossings(joint.freedoms, range(len(values)), values), R, p)
@@ -225,10 +225,10 @@ def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
 
 
 def twists(at: TreePose, w: Array) -> Array:
-    """Twists of the bodies: sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
+    """Compute body twists: sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
 
     Args:
-        w: Rates of the tree's coordinates. Shape (..., n_q).
+        w: Rates of the tree coordinates. Shape (..., n_q).
     """
     V = zeros(w, len(at.lay.mechanism.body_index), 6)
     for _, near, far, columns, sign, _ in walk(at.lay):
@@ -237,11 +237,11 @@ def twists(at: TreePose, w: Array) -> Array:
 
 
 def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
-    """Sum the brackets of one joint's screws in eq. (44), by eq. (37) for each freedom.
+    """Sum the brackets of one joint's screws in eq. (44), using eq. (37) for each freedom.
 
     Args:
-        V: Twist of the body before it. Shape (..., 6).
-        terms: ``S_j w_j`` of its freedoms.
+        V: Twist of the body before the joint. Shape (..., 6).
+        terms: ``S_j w_j`` of the joint's freedoms.
     """
     bias: Any = 0.0
     for term in terms:
@@ -251,7 +251,7 @@ def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
 
 
 def pose(lay: Layout, q: Array) -> TreePose:
-    """Poses by the tree's joints, and screws of all joints, those of cut joints from their given coordinates.
+    """Compute poses from the tree joints, and screws of all joints, using the given coordinates of cut joints.
 
     Args:
         q: Joint coordinates; the loops need not be closed. Shape (n, n_q).
@@ -263,13 +263,13 @@ def pose(lay: Layout, q: Array) -> TreePose:
 
 
 def gaps(lay: Layout, q: Array) -> Array:
-    """Distance of cut joints from the place that their given coordinates claim.
+    """Return the displacement of cut joints from the placement given by their coordinates.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
 
     Returns:
-        Small displacement, as a twist at O, from the child's pose by the tree to that by the cut joint. Shape
+        Small displacement, as a twist at O, from the child's pose in the tree to that given by the cut joint. Shape
         (n, n_cut, 6).
     """
     at, found = tree_pose(lay, coordinates(q, NUMPY)), np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
@@ -282,7 +282,7 @@ def gaps(lay: Layout, q: Array) -> Array:
 
 
 def _cross_cut_joint(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
-    """Screws of a cut joint and the frame beyond them, from its given coordinates, see `joint_screws`."""
+    """Return screws of a cut joint and the frame beyond them, given its coordinates, see `joint_screws`."""
     frames, columns = at.joint(joint), at.lay.columns[joint.name]
     return joint_screws(
         joint, frames.R_parent, frames.p_parent, joint_values(joint.freedoms, columns, coordinates(q, NUMPY))
@@ -293,7 +293,7 @@ _lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()
 
 
 def length(lay: Layout) -> float:
-    """Largest distance [m] between joint points and centres of mass at home; 1 if there is none."""
+    """Return the largest distance [m] between joint points and centres of mass at home; 1 if it is zero."""
     if lay.mechanism not in _lengths:
         _lengths[lay.mechanism] = _length(lay)
     return _lengths[lay.mechanism]

@@ -1,6 +1,6 @@
-"""Number types: elementary functions and linear solves over float arrays and over nodes of a trace.
+"""Scalar types: elementary functions and linear solves over float arrays and over nodes of a trace.
 
-Nothing but this module depends on the kind of number.
+Only this module depends on the scalar type.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Block = tuple[slice, Sequence[int], Array]
 class System(Protocol):
     """``A x = b`` with a matrix (..., m, n) of full column rank, m >= n, and consistent right sides.
 
-    The first columns belong to unknowns that move; the others, at rest, matter to the transposed system alone.
+    The first columns belong to moving unknowns; the others, at rest, affect the transposed system only.
 
     Attributes:
         exact: Whether `response` is exact.
-        A: The matrix without dimension, of floats. Shape (..., m, n).
+        A: The dimensionless matrix, for floats. Shape (..., m, n).
         inverse: Inverse over moving unknowns, for floats. Shape (..., moving, m).
         condition, whole_condition: Condition over moving unknowns, and over all, for floats. Shape (...).
     """
@@ -50,17 +50,17 @@ class System(Protocol):
     def response(self, unit: Array, *, whole: bool = False) -> Array:
         """Sum the squared effects on each unknown of errors `unit` in the rows, shape (m,). Shape (..., n).
 
-        Of unknowns that move only, unless `whole`. Of floats exact; else what the pivots say, half to twice as much
-        where that of the given coordinates is added.
+        Only moving unknowns count unless `whole`. Exact for floats, else estimated from pivots, within a factor of two
+        once the effect of the given coordinates is added.
         """
 
 
 @dataclass(frozen=True)
 class Ops:
-    """Functions of one kind of number.
+    """Functions of one scalar type.
 
     Attributes:
-        system: Makes a `System` from blocks, units of the rows, sizes of the unknowns, how many of these move, and the
+        system: Builds a `System` from blocks, units of the rows, sizes of the unknowns, the number that move, and the
             leading shape.
     """
 
@@ -83,7 +83,7 @@ class Dense:
     """A system over floats, solved sample by sample.
 
     Attributes:
-        A: The matrix without dimension. Shape (..., m, n).
+        A: The dimensionless matrix. Shape (..., m, n).
     """
 
     exact = True
@@ -145,7 +145,7 @@ class Dense:
 
 
 class Sparse:
-    """A system over objects, eliminated in an order that is chosen once, see `Factors`."""
+    """A system over objects, eliminated in an order chosen once, see `Factors`."""
 
     exact = False
 
@@ -185,12 +185,12 @@ def _objects(values: Any) -> Array:
 
 
 def is_zero(x: Any) -> bool:
-    """True if a number is structurally zero, whatever the inputs of a trace."""
+    """True if a number is structurally zero for all inputs of a trace."""
     return isinstance(x, float | int) and x == 0.0
 
 
 def absent(x: Array) -> bool:
-    """True if all numbers are zero, structurally or at every sample."""
+    """True if all entries are zero, structurally or at every sample."""
     return all(map(is_zero, x.flat)) if x.dtype == object else not x.any()
 
 

@@ -1,7 +1,7 @@
-"""The recursion along the tree: accelerations of the bodies outward, forces inward (eqs. (36), (44), (49)-(55)).
+"""Recursion along the tree: body accelerations outward, forces inward (eqs. (36), (44), (49)-(55)).
 
-Accelerations and wrenches belong to the origin of each body and are written in its own axes, where centres of mass,
-axes and tensors are constants: of a program's operations folding removes most. Screws at O, as eq. (44) has them, give
+Accelerations and wrenches refer to the origin of each body and are expressed in its own axes, where centres of mass,
+axes and tensors are constants, so folding removes most operations of a program. Screws at O, as in eq. (44), give
 the same.
 """
 
@@ -19,7 +19,7 @@ from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import Crossing, TreePose, Way, zeros
 from screwgauge.reference.equations.screws import Array, cross, dot, join, scale, times, transpose
 
-#: All bodies but the ground.
+#: All bodies except ground.
 MOVING = slice(1, None)
 
 
@@ -49,12 +49,12 @@ class FrameMotion(NamedTuple):
     a: Array
 
     def at(self, r: Array) -> Array:
-        """Acceleration of a point of the frame, eqs. (29), (49). Shape (..., 3)."""
+        """Return the acceleration of a point of the frame, eqs. (29), (49). Shape (..., 3)."""
         return np.asarray(self.a + times(self.turning.E, r))
 
 
 def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
-    """Motion of the next frame; the cross product is the bracket of eq. (36), in eqs. (42), (43), (48).
+    """Return the motion of the next frame; the cross product is the bracket of eq. (36), in eqs. (42), (43), (48).
 
     Args:
         w, beta: Rates and second derivatives of all coordinates. Shape (..., n_q).
@@ -85,25 +85,25 @@ def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Arr
 
 
 def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
-    """Accelerations of all bodies, eqs. (38)-(44), from rates and second derivatives of coordinates, (..., n_q)."""
+    """Compute body accelerations, eqs. (38)-(44), from rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
     for step, start, *parts in pose.ways:
         motion = each[step.near]
-        for crossing in chain(start if step.near else (), *parts):  # the ground rests
+        for crossing in chain(start if step.near else (), *parts):  # ground is at rest
             motion = out(crossing, motion, w, beta)
         each[step.far] = motion
     return BodyAccelerations(pose, each)
 
 
 def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Array, Array]]]:
-    """Forces along the tree's coordinates that give the bodies their wrenches, eqs. (53)-(55).
+    """Compute the forces along the tree coordinates that produce the wrenches on the bodies, eqs. (53)-(55).
 
     Args:
         wrenches: About the origins of the bodies, in their axes. Shape (..., b, 6).
 
     Returns:
-        Those forces, shape (..., n_q), and of each joint force and moment of parent on child in its frame of the child,
+        The forces, shape (..., n_q), and for each joint the force and moment of parent on child in its child frame,
         shape (..., 3).
     """
     total = [(W[..., :3], W[..., 3:]) for W in np.moveaxis(wrenches, -2, 0)]
@@ -124,7 +124,7 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
 
 
 def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array) -> Array:
-    """Wrench about a body's origin in its axes, from a world force and moment. Shape (..., 6).
+    """Return the wrench about a body's origin in its axes, given a world force and moment. Shape (..., 6).
 
     Args:
         place: Point of application, in body axes. Shape (3,).
@@ -134,7 +134,7 @@ def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array)
 
 
 def at_origin(pose: TreePose, wrenches: Array) -> Array:
-    """Wrenches about O in the world, from those about the origins of the bodies in their axes. Shape (..., b, 6)."""
+    """Transform wrenches about body origins in body axes to O in world axes. Shape (..., b, 6)."""
     f, m = (pose.to_world(part, slice(None)) for part in (wrenches[..., :3], wrenches[..., 3:]))
     return join(f, m + cross(pose.p, f))
 
@@ -152,7 +152,7 @@ class BodyAccelerations:
     """Motion of all bodies in their own axes.
 
     Attributes:
-        each: Ground first.
+        each: Motion of each body, ground first.
     """
 
     pose: TreePose
@@ -171,17 +171,17 @@ class BodyAccelerations:
         return self.bodies.at(self.pose.lay.mechanism.mass_centres)
 
     def angular(self, body: int) -> Array:
-        """Angular acceleration of a body in the world. Shape (..., 3)."""
+        """Return the angular acceleration of a body in world axes. Shape (..., 3)."""
         return self.pose.to_world(self.each[body].turning.b, body)
 
     def linear(self, body: int, place: Array) -> Array:
-        """World acceleration of a body-fixed point. Shape (..., 3)."""
+        """Return the world acceleration of a body-fixed point. Shape (..., 3)."""
         return self.pose.to_world(self.each[body].at(place), body)
 
     def needs(self, g: Array) -> Array:
-        """Wrenches about body origins that this motion requires against inertia and gravity, eqs. (51)-(55).
+        """Return the wrenches about body origins that this motion requires against inertia and gravity, eqs. (51)-(55).
 
-        Euler's equations, eq. (52), are in the second moments of mass P: ``J b + w x J w`` is the axial vector of
+        Euler's equations, eq. (52), use the second moments of mass P: ``J b + w x J w`` is the axial vector of
         ``E P - (E P)^T``.
 
         Returns:

@@ -1,7 +1,7 @@
-"""Conditioning: amplification of rounding by the equations at a pose, without dimension.
+"""Conditioning: dimensionless amplification of rounding by the equations at a pose.
 
-A row that closes a loop changes with the coordinates as that loop is long, however long the mechanism is; of the
-mechanism's length is only what the poses of its bodies are rounded to.
+A row that closes a loop changes with the coordinates in proportion to the loop's length, not the mechanism's; the
+mechanism's length only sets the rounding of body poses.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from screwgauge.reference.rotations import widest
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """Lengths of the loops, and the coordinates of each.
+    """Lengths and coordinates of the loops.
 
     Attributes:
         loops: Largest distance between joint points around each loop at home [m], see `Layout.loop`. Shape (n_cut,).
-        size: Unit of each joint coordinate: 1 for angles, for distances the shortest of its loops. Shape (n_q,).
+        size: Unit of each joint coordinate: 1 for angles, the length of its shortest loop for distances. Shape (n_q,).
         owner: First loop of each joint coordinate, 0 if there is none. Shape (n_q,).
-        stretch: Length of the mechanism over that of its shortest loop.
+        stretch: Length of the mechanism divided by that of its shortest loop.
     """
 
     loops: Array
@@ -63,7 +63,7 @@ def _extent(lay: Layout) -> Extent:
 
 
 def gain(at: Closed, *, whole: bool = False) -> Any:
-    """Squared norm of the inverse of M over its worst loop, scaled by each loop's own length. Shape (...).
+    """Return the squared norm of the inverse of M for the worst loop, scaled with each loop's own length. Shape (...).
 
     Args:
         whole: Whether coordinates at rest count, as they do for constraint forces.
@@ -83,7 +83,7 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Squared norm of the map to actuator forces, coordinates in their units. Shape (...)."""
+    """Return the squared norm of the map to actuator forces, with coordinates in their units. Shape (...)."""
     drives = len(at.mechanism.actuator_names)
     m = min(drives, len(at.driven)) if at.surplus else drives
     squares = at.drive.response(np.ones(m)).sum(-1)
@@ -91,9 +91,9 @@ def drive_gain(at: Dynamics) -> Any:
 
 
 def idle_gain(at: Forward) -> Any:
-    """Squared inertia of the bodies that idle coordinates turn, at the mechanism's length, over the resisting inertia.
+    """Return the squared inertia of the bodies moved by idle coordinates, relative to the resisting inertia.
 
-    Of the worst of them, times the condition of all. It is as `idle_rounding`, in few operations. Shape (...).
+    The worst coordinate counts, times the condition of all: a cheap substitute for `idle_rounding`. Shape (...).
     """
     mechanism, L, m = at.mechanism, at.loops.length, len(at.idle)
     whole = mechanism.masses * L**2 + np.trace(mechanism.inertias, axis1=1, axis2=2)
@@ -105,9 +105,9 @@ def idle_gain(at: Forward) -> Any:
 
 
 def idle_rounding(at: Forward) -> Array:
-    """Errors of the accelerations of idle coordinates over eps, without dimension, over floats. Shape (n, m).
+    """Return dimensionless acceleration errors of idle coordinates divided by eps, for floats. Shape (n, m).
 
-    The magnitudes of all that cancels: a rod that spins freely weighs on its bearings a thousand times what turns it.
+    Sums the magnitudes of terms that cancel: a freely spinning rod loads its bearings a thousand times more.
     """
     loops, system, idle = at.loops, at.system, [*at.idle]
     columns, unit = loops.columns[: loops.moving], loops.sizes[loops.y_columns]
@@ -122,7 +122,7 @@ def idle_rounding(at: Forward) -> Array:
 
 
 def chart_condition(cut: CutJoint) -> Any:
-    """Condition number of the angles of a cut joint, 1 where they are good, infinite in gimbal lock. Shape (...)."""
+    """Return the condition number of a cut joint's angles, 1 at best, infinite in gimbal lock. Shape (...)."""
     if cut.at.joint.angles < 3:
         return 1.0
     cosine = cut.values[1][1]
@@ -130,19 +130,19 @@ def chart_condition(cut: CutJoint) -> Any:
 
 
 def chart_conditions(at: Closed) -> Array:
-    """Condition numbers of the angles of each cut joint, over floats. Shape (n, n_cut)."""
+    """Return condition numbers of the angles of each cut joint, for floats. Shape (n, n_cut)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         conditions = [chart_condition(cut) + np.zeros(len(at.q)) for cut in at.cuts]
     return np.stack(conditions, axis=1) if conditions else np.zeros((len(at.q), 0))
 
 
 def chart_gain(at: Closed) -> Any:
-    """Squared condition number of the angles of cut joints, 1 each at its best. Shape (...)."""
+    """Return the squared condition number of the angles of cut joints, 1 each at best. Shape (...)."""
     middle = [cut.values[1][1] for cut in at.cuts if cut.at.joint.angles == 3]
     return sum((1.0 / (c * c) for c in middle), start=0.0)
 
 
 def squares(x: Array, sizes: Array) -> Any:
-    """Sum of squared ratios of numbers to their sizes. Shape (..., m) -> (...)."""
+    """Return the sum of squared ratios of values to their sizes. Shape (..., m) -> (...)."""
     scaled = x * (1.0 / sizes)
     return (scaled * scaled).sum(-1)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import FEW
-from screwgauge.reference.rotations import cross as cross  # the vector product, for who works with screws
+from screwgauge.reference.rotations import cross as cross  # vector product, re-exported for users of screws
 
 Array = NDArray[Any]
 """Floats of any precision, or objects with arithmetic."""
@@ -21,12 +21,12 @@ _SWAPPED = [3, 4, 5, 0, 1, 2]
 
 
 def dot(a: Array, b: Array) -> Any:
-    """Scalar product along the last axis."""
+    """Return the scalar product along the last axis."""
     return (a * b).sum(-1)
 
 
 def scale(s: Any, v: Array) -> Array:
-    """Multiply vectors by one number each. Shapes (...), (..., m)."""
+    """Multiply each vector by a scalar. Shapes (...), (..., m)."""
     return np.asarray(np.asarray(s)[..., None] * v)
 
 
@@ -34,11 +34,11 @@ def times(M: Array, v: Array) -> Array:
     """Multiply matrices by vectors. Shapes (..., m, n), (..., n)."""
     if M.size <= FEW or object in (M.dtype, v.dtype):
         return np.asarray((M @ v[..., None])[..., 0])
-    return np.asarray(np.einsum("...ij,...j->...i", M, v))  # in about half the time
+    return np.asarray(np.einsum("...ij,...j->...i", M, v))  # takes about half the time
 
 
 def transpose(M: Array) -> Array:
-    """Matrices with rows and columns exchanged."""
+    """Transpose stacked matrices."""
     return M.swapaxes(-1, -2)
 
 
@@ -68,14 +68,14 @@ def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
 
 
 def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
-    """Rodrigues' formula, ``e e^T + cos (1 - e e^T) + sin [e x]``, of which eqs. (19)-(21) are cases. (..., 3, 3)."""
+    """Evaluate ``e e^T + cos (1 - e e^T) + sin [e x]``, Rodrigues; eqs. (19)-(21) are cases. (..., 3, 3)."""
     E, F, K = _generators(axis.tobytes(), axis.dtype.str)
     return np.asarray(E + np.asarray(cosine)[..., None, None] * F + np.asarray(sine)[..., None, None] * K)
 
 
 @lru_cache(maxsize=1024)
 def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
-    """``e e^T``, ``1 - e e^T`` and ``[e x]``, cached because joint axes repeat."""
+    """Return ``e e^T``, ``1 - e e^T`` and ``[e x]``, cached because joint axes repeat."""
     e = np.frombuffer(axis, dtype=dtype)
     (x, y, z), E = e, np.outer(e, e)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=e.dtype)
@@ -83,7 +83,7 @@ def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
 
 
 def unit_screws(turns: Array, directions: Array, points: Array) -> Array:
-    """Unit screws of axes, some of which turn, eqs. (2), (18). Shapes (m,), (..., m, 3), (..., m, 3) -> (..., m, 6)."""
+    """Build unit screws, eqs. (2), (18); some turn. Shapes (m,), (..., m, 3), (..., m, 3) -> (..., m, 6)."""
     S = np.zeros((*directions.shape[:-1], 6), dtype=directions.dtype)
     e = directions[..., turns, :]
     S[..., turns, :3], S[..., turns, 3:] = e, cross(points[..., turns, :], e)
@@ -92,31 +92,31 @@ def unit_screws(turns: Array, directions: Array, points: Array) -> Array:
 
 
 def force(f: Array, r: Array) -> Array:
-    """Wrench of a force `f` acting at the point `r`, eq. (9). Shape (..., 6)."""
+    """Return the wrench of a force `f` acting at the point `r`, eq. (9). Shape (..., 6)."""
     return join(f, cross(r, f))
 
 
 def couple(m: Array) -> Array:
-    """Wrench of a moment `m`. Shape (..., 6)."""
+    """Return the wrench of a moment `m`. Shape (..., 6)."""
     return join(0.0 * m, m)
 
 
 def power(W: Array, V: Array) -> Any:
-    """Power of a wrench on a twist, their reciprocal product, eq. (8)."""
+    """Return the power of a wrench on a twist, their reciprocal product, eq. (8)."""
     return dot(W, V[..., _SWAPPED])
 
 
 def powers(W: Array, V: Array) -> Array:
-    """Power of each of m wrenches on each of n twists. Shapes (..., m, 6), (..., n, 6) -> (..., m, n)."""
+    """Return the power of each of m wrenches on each of n twists. Shapes (..., m, 6), (..., n, 6) -> (..., m, n)."""
     return np.asarray(W @ transpose(V[..., _SWAPPED]))
 
 
 def lie_bracket(X: Array, Y: Array) -> Array:
-    """Lie bracket of two twists, eq. (36) with its first row mended: ``[w1 x w2; w1 x v2 - w2 x v1]``."""
+    """Return the Lie bracket of two twists, eq. (36) with its first row corrected: ``[w1 x w2; w1 x v2 - w2 x v1]``."""
     w1, w2 = X[..., :3], Y[..., :3]
     return join(cross(w1, w2), cross(w1, Y[..., 3:]) - cross(w2, X[..., 3:]))
 
 
 def velocity_at(V: Array, r: Array) -> Array:
-    """Velocity [m/s] of a body's point at `r`, eq. (28)."""
+    """Return the velocity [m/s] of a body's point at `r`, eq. (28)."""
     return np.asarray(V[..., 3:] + cross(V[..., :3], r))

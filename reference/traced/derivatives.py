@@ -1,4 +1,4 @@
-"""Derivatives of traced numbers, recorded in the same trace, which folds constants and shares expressions."""
+"""Derivatives of traced values, recorded in the same trace, which folds constants and shares expressions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from screwgauge.reference.traced.trace import OPERATIONS, Node, NotTraceableErro
 
 
 def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Scalar]:
-    """Rates of change of numbers, by forward mode.
+    """Compute the rates of change of values in forward mode.
 
     Args:
-        rates: Rate of each number that changes by itself, an input or not; all others follow or stand still.
+        rates: Rate of each independently changing node, an input or not; all others follow or are constant.
 
     Raises:
         NotTraceableError: A number is made by an operation without derivative.
@@ -29,7 +29,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
 
     Args:
         weighted: (number, weight) pairs; weights count as constants.
-        by: Numbers that none of the others in `by` is made of.
+        by: Nodes, none of which depends on another.
 
     Raises:
         NotTraceableError: A number is made by an operation without derivative.
@@ -53,7 +53,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
 
 
 def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> list[Scalar]:
-    """Substitute floats, sample arrays or nodes for some operands of traced numbers."""
+    """Substitute floats, sample arrays or nodes for some operands of traced values."""
     known: dict[int, Scalar] = {node.index: number for node, number in numbers.items()}
     for node in _nodes_below(outputs, known):
         args = [known.get(x.index, x) if isinstance(x, Node) else x for x in node.args]
@@ -63,7 +63,7 @@ def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> lis
 
 
 def _compute(op: str, args: Sequence[Scalar]) -> Scalar:
-    """Apply an operation to numbers of any kind."""
+    """Apply an operation to operands of any scalar type."""
     trace = next((x.trace for x in args if isinstance(x, Node)), None)
     if trace is None:
         return OPERATIONS[op](*args)
@@ -71,7 +71,7 @@ def _compute(op: str, args: Sequence[Scalar]) -> Scalar:
 
 
 def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
-    """Nodes below some numbers in creation order, without those below `known`."""
+    """Return the nodes that some outputs depend on, in creation order, without those below `known`."""
     found, ends = dict[int, Node](), set(known)
     stack = [x for x in outputs if isinstance(x, Node)]
     while stack:
@@ -83,10 +83,10 @@ def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[N
 
 
 def _slopes(node: Node) -> list[tuple[Scalar, Scalar]]:
-    """Operands of a node, and its derivative by each.
+    """Return the operands of a node with its derivative with respect to each.
 
     Raises:
-        NotTraceableError: It has none.
+        NotTraceableError: The node has no derivative.
     """
     a, b = (*node.args, 0.0)[:2]
     match node.op:

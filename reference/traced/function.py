@@ -11,19 +11,19 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Lanes, program
 from screwgauge.reference.traced.trace import Node, Scalar
 
-#: Samples that are worked on at a time.
+#: Number of samples processed at a time.
 LANES = 1024
 
 
 class Function:
-    """A traced function, evaluated over samples by NumPy, one call at a time.
+    """A traced function, evaluated over samples with NumPy, one call at a time.
 
     Attributes:
         operations: Number of operations per sample.
     """
 
     def __init__(self, inputs: Mapping[str, Sequence[Node]], outputs: Mapping[str, Sequence[Scalar]]) -> None:
-        """Compiles some outputs.
+        """Compile some outputs.
 
         Args:
             inputs: All inputs that outputs depend on, by name.
@@ -39,10 +39,10 @@ class Function:
         self._bound: tuple[Array, Array, Callable[[], bool]] | None = None
 
     def __call__(self, n: int, **given: Array) -> dict[str, Array]:
-        """Evaluates n samples.
+        """Evaluate n samples.
 
         Args:
-            given: Inputs by name, zero where they are left out. Shape (n, m), or (m,) for all samples.
+            given: Inputs by name, zero if omitted. Shape (n, m), or (m,) for all samples.
 
         Returns:
             Outputs by name. Shape (n, m) each.

@@ -1,4 +1,4 @@
-"""Machine code of programs by llvmlite, a vector of samples at a time."""
+"""Machine code of programs, generated with llvmlite, for a vector of samples at a time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.vector_math import FLOAT, VectorMath, number_of
 
 ENTRY = "samples"
-#: Programs of fewer operations hold sines and angles in line; a call costs all registers.
+#: Programs of fewer operations inline sines and arctangents; a call spills all registers.
 SMALL = 6000
-#: Cache lines prefetched before they are written to: a line that is not there yet holds up all others.
+#: Cache lines prefetched before they are written: a missing line delays all others.
 AHEAD = 40
 
 
 @cache
 def _host() -> tuple[Any, str, int]:
-    """llvmlite's binding, the CPU with its features, and numbers in a vector register.
+    """Return llvmlite's binding, the CPU with its features, and the number of values in a vector register.
 
     Raises:
         ImportError: llvmlite is not installed.
@@ -41,15 +41,15 @@ def _host() -> tuple[Any, str, int]:
 
 
 def cpu() -> str:
-    """Name the compiler, CPU and CPU features for which machine code is made."""
+    """Return the compiler, CPU and CPU features for which machine code is generated."""
     return _host()[1]
 
 
 def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
     """Build the program in LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
 
-    One block of samples is a function without loop, so that constants stay in memory instead of taking registers, and
-    its stack keeps to whole lines of the cache.
+    A function without loop processes one block of samples, so constants stay in memory and leave registers free, and
+    its stack is aligned to cache lines.
     """
     import llvmlite.ir as ir
 
@@ -135,14 +135,14 @@ def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
 def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
     """Compile a program for this CPU in a number type.
 
-    The program is simplified already: LLVM's own passes would double the time and gain nothing.
+    The program is already simplified: LLVM's passes would double the compile time without gain.
     """
     llvm, _, width = _host()
     return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width * 8 // dtype.itemsize, dtype))))
 
 
 def machine() -> Any:
-    """Target machine for this CPU."""
+    """Return the target machine for this CPU."""
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()
@@ -150,7 +150,7 @@ def machine() -> Any:
 
 
 class Native:
-    """Machine code with its entry; any number of threads may run it at once."""
+    """Machine code with its entry point; any number of threads may run it at once."""
 
     def __init__(self, program: Program, code: bytes, dtype: np.dtype[Any] = FLOAT) -> None:
         """Load object code of a number type.
@@ -176,9 +176,9 @@ class Native:
         """Return a function that runs all samples of some arrays, and returns False if any is in doubt.
 
         Args:
-            inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
-            weights: A sample is in doubt whose checks, times these, add up to more than 1, or of which an output is
-                not finite; none is by default.
+            inputs, outputs: Shapes (m, n) each, in the order of the program, with contiguous rows.
+            weights: A sample is in doubt if the sum of its checks times these weights exceeds 1, or if an output is
+                not finite; by default no sample is.
         """
         n = inputs[0].shape[1]
         if n < self.width:
@@ -194,7 +194,7 @@ class Native:
         return run
 
     def _pad(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
-        """Pad samples that do not fill a register by repeating the last."""
+        """Pad samples to a full register by repeating the last one."""
         given, results = (
             [np.empty((len(block), self.width), self.dtype) for block in blocks] for blocks in (inputs, outputs)
         )
@@ -211,10 +211,10 @@ class Native:
         return run
 
     def again(self) -> Native:
-        """Return a runner that may run at the same time: itself."""
+        """Return a runner that may run concurrently: itself."""
         return self
 
 
 def rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
-    """Addresses of the first number of each row."""
+    """Return the address of the first element of each row."""
     return np.concatenate([block.ctypes.data + block.strides[0] * np.arange(len(block)) for block in blocks])

@@ -1,7 +1,7 @@
-"""Programs of inverse dynamics with numbers of the mechanism and its applied forces as inputs.
+"""Inverse dynamics programs whose inputs include parameters of the mechanism and its applied forces.
 
-Loops close by steps of Newton's method from a prediction, whatever the mechanism has in closed form, and no coordinate
-is taken to be at rest where placements change. Derivatives are taken through the nodes of a trace at a closed pose;
+Loops are closed with Newton's method from a prediction, even if the mechanism has a closed form, and no coordinate
+is assumed at rest if placements change. Derivatives are taken through the nodes of a trace at a closed pose;
 the loops follow by the implicit function theorem, ``dq/dp = -M^-1 dr/dp``.
 """
 
@@ -28,12 +28,12 @@ from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, Scalar, Trace
 from screwgauge.reference.traced.tracing import dependent
 
-#: Emitted with every sample, as squares without dimension: the first two steps of Newton's method, the last one, the
-#: step that would follow it, and what all rows are open by.
+#: Emitted with every sample as dimensionless squares: the first two steps of Newton's method, the last step, the
+#: step that would follow, and the residual of all rows.
 CHECKS = ("first", "second", "step", "next", "open")
-#: Steps of Newton's method; further ones take the matrix of the last, which is as near as makes no difference by then.
+#: Newton steps with a new matrix; further steps reuse the last matrix, which is accurate enough by then.
 NEWTON = 2
-#: Nodes that a trace may have: derivatives make some times as many as quantities.
+#: Largest number of nodes of a trace: derivatives need several times as many as quantities.
 MOST = 1_000_000
 
 
@@ -42,7 +42,7 @@ class ClosedSamples:
     """Closed poses and motion of the nominal machine.
 
     Attributes:
-        y, yd, ydd: Independent coordinates and derivatives. Shape (n, k).
+        y, yd, ydd: Independent coordinates and their derivatives. Shape (n, k).
         q: All joint coordinates. Shape (n, n_q).
     """
 
@@ -56,15 +56,15 @@ class ClosedSamples:
 
 
 class Symbols:
-    """A trace of the equations at poses near the nominal ones, with numbers of the machine as inputs.
+    """A trace of the equations at poses near the nominal ones, with parameters of the machine as inputs.
 
     Inputs are y, yd, ydd, time, the dependent coordinates that Newton's method starts from, angles of joints that close
-    loops, which say what of several equal angles is meant, and the numbers.
+    loops, which select among equivalent angles, and the parameters.
 
     Attributes:
-        loops: Loops of the machine of symbols; no coordinate rests if placements are among the numbers.
-        predicted, near: Columns of the dependent coordinates, and of those angles.
-        at: The machine in motion after all steps.
+        loops: Loops of the symbolic machine; no coordinate is at rest if placements are among the parameters.
+        predicted, near: Columns of the dependent coordinates and of those angles.
+        at: The machine in motion after all Newton steps.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Symbols:
 
         Args:
             loops: Loops of the nominal machine.
-            nominal: Numbers that become inputs.
+            nominal: Parameters that become inputs, with nominal values.
             anchors: Samples at which pivots are chosen.
             steps: Number of Newton steps; 0 takes the pose as closed.
         """
@@ -123,7 +123,7 @@ class Symbols:
         return [self.at.q[c] for c in self.predicted]
 
     def checks(self) -> list[Scalar]:
-        """Checks of the steps, see `CHECKS`."""
+        """Return the checks of the Newton steps, see `CHECKS`."""
         if not self.predicted:
             return [0.0] * len(CHECKS)
         loops, residual = self.loops, self.at.residual(self.y)
@@ -138,7 +138,7 @@ class Symbols:
 
 
 def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
-    """Loops of a mechanism with other numbers, in the lengths and units of the nominal one."""
+    """Build the loops of a mechanism with other parameters, in the lengths and units of the nominal mechanism."""
     joints, lay = {joint.name: joint for joint in mechanism.joints}, loops.lay
     edges = tuple(Edge(joints[edge.joint.name], edge.near) for edge in lay.edges)
     other = Layout(mechanism, edges, tuple(joints[joint.name] for joint in lay.cuts))
@@ -150,7 +150,7 @@ def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SparseMatrix:
-    """A mostly zero matrix; a program computes the other entries.
+    """A mostly zero matrix whose nonzero entries are computed by a program.
 
     Attributes:
         places: Row and column of each output.
@@ -170,7 +170,7 @@ class SparseMatrix:
 
 
 def residual_slopes(symbols: Symbols) -> SparseMatrix:
-    """Derivative of the loops' rows by the numbers, at a closed pose (`Symbols` with no steps)."""
+    """Differentiate the loops' residuals by the parameters, at a closed pose (`Symbols` without steps)."""
     residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
     places, entries = list[tuple[int, int]](), list[Scalar]()
     for i, row in enumerate(residual):
@@ -182,13 +182,13 @@ def residual_slopes(symbols: Symbols) -> SparseMatrix:
 
 
 def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:
-    """Derivative of a weighted sum of quantities by the numbers, with loops closing anew.
+    """Differentiate a weighted sum of quantities by the parameters, with loops kept closed.
 
-    By the implicit function theorem: ``dr/dq dq/dp = -dr/dp``, so that the sum's slope by q is pulled back once
-    through the transposed equations of the loops, by the factors at hand.
+    By the implicit function theorem, ``dr/dq dq/dp = -dr/dp``, so the derivative of the sum by q is pulled back once
+    through the transposed loop equations, using the factors at hand.
 
     Args:
-        symbols: At a closed pose, traced without steps.
+        symbols: Trace at a closed pose, without Newton steps.
     """
     numbers, start = [*symbols.numbers], [*symbols.start]
     pairs = [*zip(values, weights, strict=True)]

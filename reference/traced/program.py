@@ -1,6 +1,6 @@
 """Straight-line programs: the ordered instructions that some outputs of a trace need, run with NumPy.
 
-Samples are evaluated in batches, in buffers that are used again. Machine code of the same programs is in `native`.
+Samples are evaluated in batches, in reused buffers. `native` generates machine code of the same programs.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Operand = int | float
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Instructions on samples, all alike.
+    """Instructions that apply equally to all samples.
 
     Attributes:
         inputs: Number of inputs per sample.
         code: (operation, operands); instruction number i makes value ``inputs + i``.
-        outputs: Values handed out.
-        checks: Number of final outputs that tell whether the sample is in doubt.
+        outputs: Values returned.
+        checks: Number of trailing outputs that decide whether the sample is in doubt.
     """
 
     inputs: int
@@ -64,7 +64,7 @@ class Program:
 
 
 def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
-    """Collect the instructions that outputs need; operands come shortly before their use.
+    """Collect the instructions that outputs need, with operands shortly before their use.
 
     Args:
         first: Nodes computed before all others, in this order.
@@ -107,16 +107,16 @@ def only(program: Program, outputs: Sequence[int]) -> Program:
     return Program(program.inputs, tuple(code), tuple(map(operand, kept)), program.checks)
 
 
-#: Numbers in a line of the cache.
+#: Number of values in a cache line.
 LINE = 8
-#: Bytes that a `Pool` keeps for answers to come; larger answers get theirs from the operating system every time.
+#: Bytes that a `Pool` keeps for later answers; larger answers are allocated from the operating system each time.
 KEPT = 1 << 26
 
 
 def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
     """Allocate an array of shape (n, m) with contiguous columns.
 
-    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
+    Columns start at cache lines, but not a multiple of pages apart: they would then share the same few lines.
     """
     wide = n + LINE - n % LINE
     room = np.empty(m * wide + LINE, dtype)
@@ -128,7 +128,7 @@ class Block:
     """Memory of one result.
 
     Attributes:
-        array: As its owner sees it, see `columns`.
+        array: The owner's array, see `columns`.
         known: Data of the owner.
     """
 
@@ -139,11 +139,11 @@ class Block:
         self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
-        """Lend the block's numbers to a caller. Shape (n, m).
+        """Lend the block's memory to a caller. Shape (n, m).
 
         Args:
-            back: Called when no array on them is left. All views refer to one array, on which they end as NumPy cannot
-                look through the memory below it; if it could, the block would never come back.
+            back: Called when no array on the memory is left. All views refer to one base array, because NumPy cannot
+                look through the memory below it; if it could, the block would never return.
         """
         n, m = self.array.shape
         lent, wide = np.frombuffer(self._room), self.array.strides[1] // self.array.itemsize
@@ -154,16 +154,16 @@ class Block:
 
 
 class Pool:
-    """Memory blocks of one shape; each returns when its last array is gone.
+    """Memory blocks of one shape; each block returns when its last array is released.
 
-    Memory that is new to the process costs more than the numbers written to it, as the operating system has to clear
-    every page. No block is lent twice at a time: arrays, and whatever they export, refer to the one that was lent, and
-    the block comes back with the end of that.
+    Memory new to the process costs more than writing the values, as the operating system has to clear
+    every page. No block is lent twice at a time: arrays and their exports refer to the lent array, and
+    the block returns when that array is released.
     """
 
     def __init__(self, kept: int = KEPT) -> None:
         self.kept, self.shape, self.free = kept, (0, 0), list[Block]()
-        self._lock = RLock()  # a block may come back while one is taken
+        self._lock = RLock()  # a block may return while another is taken
 
     def take(self, n: int, m: int) -> Block:
         """Take a free block of n rows and m columns."""
@@ -173,7 +173,7 @@ class Pool:
             return self.free.pop() if self.free else Block(n, m)
 
     def lend(self, block: Block) -> Array:
-        """Lend a block's numbers to a caller; it returns when they are released. Shape (n, m)."""
+        """Lend a block's memory to a caller; the block returns when the array is released. Shape (n, m)."""
         return block.lend(self._take_back)
 
     def _take_back(self, block: Block) -> None:
@@ -182,15 +182,15 @@ class Pool:
                 self.free.append(block)
 
 
-#: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
+#: Number of samples processed at a time: a NumPy call costs as much as some thousand operations in the cache.
 CHUNK = 6144
 
 
 def _maximum(a: Array, b: Array, out: Array) -> None:
-    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument
+    np.maximum(a, b, out=out)  # the only function without a third argument
 
 
-#: A square reads its number once.
+#: A square reads its operand once.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
@@ -205,10 +205,10 @@ def is_clear(outputs: Sequence[Array], weights: Array) -> bool:
 
 
 class Lanes:
-    """A program with its buffers; threads that run it wait for each other.
+    """A program with its buffers; concurrent threads wait for each other.
 
     Attributes:
-        code: Functions, and what picks their operands, the result last, from all rows: inputs, outputs, buffers and
+        code: Functions, and indices of their operands, the result last, among all rows: inputs, outputs, buffers and
             constants.
     """
 
@@ -221,7 +221,7 @@ class Lanes:
         self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
-        """Assign each value a free row, last used first because it is still cached. Returns the buffers."""
+        """Assign each value a free row, most recently used first because it is still cached. Returns the buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
         at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
@@ -244,7 +244,7 @@ class Lanes:
             if op == "mul" and rows[0] == rows[1]:
                 op, rows = "square", rows[:1]
             self.code.append((_FUNCTIONS[op], itemgetter(*rows, at[value])))
-            copy(at[value], places[1:])  # while it is in the cache
+            copy(at[value], places[1:])  # while the value is in the cache
         for row, x in enumerate(program.outputs, program.inputs):
             if isinstance(x, float) or x < program.inputs:
                 copy(place(x), [row])
@@ -253,7 +253,7 @@ class Lanes:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Bind as `screwgauge.reference.traced.native.Native.bind`; the numbers of a row may lie apart."""
+        """Bind as `screwgauge.reference.traced.native.Native.bind`; rows need not be contiguous."""
         codes, constants = [], [np.array(x, self.dtype) for x in self.constants]
         for start in range(0, inputs[0].shape[1], self.chunk):
             given, results = (
@@ -272,12 +272,12 @@ class Lanes:
         return run
 
     def again(self) -> Lanes:
-        """Copy the lanes so that both may run at the same time."""
+        """Copy the lanes so that both may run concurrently."""
         return Lanes(self.program, self.chunk, self.dtype)
 
 
 class Narrow:
-    """A float32 runner between float64 arrays: it rounds inputs and widens outputs."""
+    """A float32 runner for float64 arrays: it rounds inputs and widens outputs."""
 
     def __init__(self, inner: Any) -> None:
         self.program, self.inner = inner.program, inner
@@ -285,7 +285,7 @@ class Narrow:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Binds as `Lanes.bind`."""
+        """Bind arrays like `Lanes.bind`."""
         given, results = ([np.empty(x.shape, self.inner.dtype) for x in blocks] for blocks in (inputs, outputs))
         inner = self.inner.bind(given, results, weights)
 
@@ -301,5 +301,5 @@ class Narrow:
         return run
 
     def again(self) -> Narrow:
-        """Copy the runner so that both may run at the same time."""
+        """Copy the runner so that both may run concurrently."""
         return Narrow(self.inner.again())

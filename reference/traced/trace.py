@@ -1,8 +1,8 @@
 """Traces of scalar computations: expressions recorded by operator overloading, and sparse elimination of small systems.
 
-Folding follows the structure alone: zeros, ones, signs and constants. Expressions that merely agree in value are never
-merged: they may agree on one assembly mode and differ on another. Likewise a pivot has to keep its size at every sample
-that the order of elimination is chosen at, home among them; where none does, a trace may be one of several, each for
+Folding uses structure only: zeros, ones, signs and constants. Expressions that merely agree in value are never
+merged: they may agree on one assembly mode and differ on another. Likewise a pivot must keep its size at every sample
+used to choose the elimination order, including home; where no pivot does, a trace may be one of several, each for
 the samples at which its pivots are large, see `Trace.kept`. Programs made from traces are in `program`.
 """
 
@@ -21,7 +21,7 @@ from screwgauge.reference.rotations import Array
 Scalar = Any
 """A float, an array over samples, or a `Node`."""
 
-#: Function -> what computes it on arrays.
+#: Function -> its NumPy implementation.
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": np.sqrt,
     "sin": np.sin,
@@ -29,7 +29,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "atan2": np.arctan2,
     "max": np.maximum,
 }
-#: Operation -> what computes it on arrays.
+#: Operation -> its NumPy implementation.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -39,7 +39,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     **FUNCTIONS,
 }
 
-#: More operations are not traced by default: every thousand takes some 20 ms, and a program of them is no faster than
+#: Default limit of operations: each thousand takes some 20 ms to trace, and a larger program is no faster than
 #: arrays.
 MOST = 100_000
 
@@ -49,11 +49,11 @@ class NotTraceableError(ScrewgaugeError):
 
 
 class Node:
-    """A number of a trace.
+    """A value of a trace.
 
     Attributes:
         args: Operands, nodes and floats.
-        index: Its place in the order in which nodes were made.
+        index: Position in the order of creation.
     """
 
     __slots__ = ("args", "index", "op", "trace")
@@ -66,7 +66,7 @@ class Node:
         """Value of the node at the trace's samples, used only to choose pivots. Shape (n,)."""
         return self.trace.value(self.index)
 
-    # an array on the other side works element by element, and comes back with one of its numbers
+    # an array as the other operand is handled element by element, and calls back with one element
 
     def __add__(self, other: Scalar) -> Scalar:
         return NotImplemented if isinstance(other, np.ndarray) else self.trace.add(self, other)
@@ -113,11 +113,11 @@ def _negate(x: Scalar) -> bool:
 
 
 class Trace:
-    """The graph of all numbers computed from its inputs.
+    """The graph of all values computed from its inputs.
 
     Attributes:
-        most: Operations that it records at the most, those that no output needs among them.
-        kept: Samples at which the pivots chosen so far are large, if others may be left to further traces. Shape (n,).
+        most: Largest number of recorded operations, including those that no output needs.
+        kept: Samples at which the pivots chosen so far are large, if further traces may cover the others. Shape (n,).
     """
 
     def __init__(self, most: int = MOST) -> None:
@@ -129,7 +129,7 @@ class Trace:
         self._known: dict[tuple[Any, ...], Node] = {}
 
     def input(self, value: Array) -> Node:
-        """Add an input; `value` has its numbers at the trace's samples, shape (n,)."""
+        """Add an input; `value` holds its values at the trace's samples, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
 
@@ -139,7 +139,7 @@ class Trace:
         return len(self.inputs[0])
 
     def value(self, index: int) -> Array:
-        """Evaluate a node and all before it."""
+        """Evaluate a node and all preceding nodes."""
         with np.errstate(all="ignore"):
             for node in self.nodes[len(self._values) : index + 1]:
                 operands = [self._values[x.index] if isinstance(x, Node) else x for x in node.args]
@@ -215,14 +215,14 @@ class Trace:
         return self._make("div", a, b)
 
 
-#: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
+#: Fraction of its column's largest entry that a pivot must have at every sample; sparsity decides among candidates.
 LARGE = 0.05
-#: Below this, without dimension, a pivot is none.
+#: Dimensionless size below which an entry cannot be a pivot.
 SMALLEST = 1e-6
 
 
 class Factors:
-    """``A = L U`` in pivot order of rows and columns; rows without pivot remain.
+    """Factorisation ``A = L U`` in pivot order of rows and columns; rows without pivot remain.
 
     Attributes:
         pivots: (row, column) in the order of elimination.
@@ -238,10 +238,10 @@ class Factors:
         stages: Sequence[Collection[int]],
         smallest: float = SMALLEST,
     ) -> None:
-        """Eliminate the columns of one stage after the other.
+        """Eliminate the columns stage by stage.
 
         Args:
-            unit, size: Unit of each row and size of each unknown; divided by these, entries have no dimension.
+            unit, size: Unit of each row and size of each unknown, which make entries dimensionless.
 
         Raises:
             NotTraceableError: No pivot keeps its size.
@@ -253,7 +253,7 @@ class Factors:
         self.pivots: list[tuple[int, int]] = []
         self.inverse: list[Scalar] = []
         self.spare, self.unit, self.size, self.smallest = dict.fromkeys(range(len(unit))), unit, size, smallest
-        self.shares: dict[int, dict[int, float]] = {}  # of columns that have not changed since
+        self.shares: dict[int, dict[int, float]] = {}  # of unchanged columns
         for stage in stages:
             open_columns = set(stage)
             while open_columns:
@@ -262,7 +262,7 @@ class Factors:
                 open_columns.remove(column)
 
     def _choose(self, columns: Collection[int]) -> tuple[int, int]:
-        """Choose a pivot by Markowitz among the entries that are large in their column at every sample."""
+        """Choose a pivot by Markowitz's criterion among entries that are large in their column at every sample."""
         active = [key for key in self.left if key[1] in columns]
         in_row, in_column = (Counter(key[k] for key in active) for k in (0, 1))
         rows: dict[int, list[int]] = {}
@@ -283,7 +283,7 @@ class Factors:
         """Choose the entry that is large in its column at the most samples; the trace is invalid at the others.
 
         Raises:
-            NotTraceableError: There is none, or the trace has to be of use at all samples.
+            NotTraceableError: There is none, or the trace must be valid at all samples.
         """
         trace, best, pivot = self.trace, 0, None
         if trace is not None and trace.kept is not None:
@@ -299,14 +299,14 @@ class Factors:
         return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
-        """Least share of its column's largest entry, by row, for entries that are large at every sample."""
+        """Return, by row, the smallest ratio to the column's largest entry, for entries large at every sample."""
         shares, large = self._shares(rows, column)
         if self.trace is not None and self.trace.kept is not None:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
         return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
 
     def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Shares of some entries in their column's largest, and flags for large ones. Shape (len(rows), n)."""
+        """Return ratios of entries to their column's largest, and flags for large entries. Shape (len(rows), n)."""
         values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
         lead = np.ones(self.trace.count if self.trace else 1)
         scales = [self.size[column] / self.unit[row] for row in rows]

@@ -26,18 +26,18 @@ from screwgauge.reference.points import Point
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, NotTraceableError, Trace
 
-#: Emitted with every sample, as squares: gain of the closing system, without and with coordinates at rest, and of the
-#: actuators; how far Newton's method went; residual of the loops, and of the balance of all bodies; charts of cut
+#: Emitted with every sample, as squares: gain of the closing system, without and with resting coordinates, and of the
+#: actuators; distance covered by Newton's method; residual of the loops and of the balance of all bodies; charts of cut
 #: joints; rates; accelerations.
 CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
-#: Programs of one motion, each with its pivots.
+#: Largest number of programs of one motion, each with its pivots.
 MOST_ARCS = 6
-#: Square of the gain by pivots over the exact one, up to which an order is good for a sample.
+#: Square of the ratio of pivot-based to exact gain up to which a pivot order is good for a sample.
 GROWTH = 9.0
-#: Quantities that know the charts of joints that close loops.
+#: Quantities that depend on the charts of joints that close loops.
 CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
-#: Quantities that rest on the rates of the actuators.
+#: Quantities that depend on the rates of the actuators.
 DRIVEN = {"actuator_force", "axis_moment", "reaction", "jacobian"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Further outputs from the quantities and checks of a trace."""
@@ -45,16 +45,16 @@ Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 
 @dataclass(frozen=True, slots=True)
 class Traced:
-    """A program and the meaning of its numbers.
+    """A program and the meaning of its inputs and outputs.
 
     Attributes:
-        arcs: One program, or several that differ in their pivots only, where none are large over the whole motion; of
-            each the largest value of the check ``gain`` where its pivots are large.
-        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
+        arcs: One program, or several with different pivots if none are large over the whole motion; with
+            each, the largest value of the check ``gain`` where its pivots are large.
+        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: the corrected prediction
             and its rates.
-        predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
-        near: Angles of cut joints that have to be known to less than half a turn, the next inputs.
-        timed: Whether time is the next one.
+        predicted: Tree coordinates from which it starts, inputs after y, yd and ydd; none in closed form.
+        near: Angles of cut joints that must be known to less than half a turn, the next inputs.
+        timed: Whether time is the next input.
     """
 
     arcs: tuple[tuple[Program, float], ...]
@@ -71,16 +71,16 @@ class Traced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TracedQuantities:
-    """The outputs of a program.
+    """The requested outputs of a program.
 
     Attributes:
-        quantities: Names.
+        quantities: Names of quantities.
         axial: Whether redundant actuators obey the rule of eq. (56).
         shares: Share of each body carried by each coordinate of the open tree. Shape (b, n_q).
-        tree: Coordinates of that tree.
-        loaded: Whether the loads are inputs, the last: force and torque of each.
-        points: Named ones.
-        idle, resting: Numbers of the coordinates that no actuator drives, see `Dynamics`.
+        tree: Coordinates of the open tree.
+        loaded: Whether the loads are the last inputs: force and torque of each.
+        points: Named points.
+        idle, resting: Indices of the coordinates that no actuator drives, see `Dynamics`.
     """
 
     quantities: Collection[str]
@@ -100,15 +100,15 @@ def traced(
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
-    """Trace inverse dynamics, and again for samples at which no chosen pivots are large.
+    """Trace inverse dynamics, and trace again for samples at which no chosen pivots are large.
 
     Args:
-        samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
-        further: What else is to be put out, from all of it: it stands before the checks; ``first`` is only computed,
+        samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), used to choose pivots.
+        further: Returns further outputs, placed before the checks; ``first`` is only computed,
             in this order, before all others.
 
     Raises:
-        NotTraceableError: The mechanism or the question is beyond this.
+        NotTraceableError: Programs do not cover the mechanism or request.
     """
     folds, uncovered, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
     while len(uncovered[0]):
@@ -177,19 +177,19 @@ def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]
 
 
 def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
-    """Angles of cut joints with springs."""
+    """Return the angles of cut joints with springs."""
     sprung = tuple(x.coordinate for x in applied.springs if isinstance(x, JointSpring))
     columns = loops.lay.mechanism.columns(sprung)
     return [c for c in dict.fromkeys(columns) if c in loops.owner and loops.lay.turns[c]]
 
 
 def dependent(loops: Loops) -> list[int]:
-    """Tree coordinates that depend on the given ones."""
+    """Return the tree coordinates that depend on the given ones."""
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
 
 
 def _close(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
-    """Coordinates after steps of Newton's method."""
+    """Return the coordinates after steps of Newton's method."""
     q = loops.lay.mechanism.home.astype(object)
     for c, value in (*guess.items(), *zip(loops.y_columns, y, strict=True)):
         q[c] = value
@@ -208,7 +208,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 
 def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
-    """Components of each quantity, in order."""
+    """Return the components of each quantity, in order."""
     outputs = {}
     for name in wanted.quantities:
         if name in QUANTITIES:
@@ -221,7 +221,7 @@ def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
 def _checks(
     at: Response, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
 ) -> dict[str, list[Any]]:
-    """Diagnostics of each sample, see `CHECKS`."""
+    """Return the diagnostics of each sample, see `CHECKS`."""
     loops, by = at.loops, extent(at.loops.lay)
     driven, reacted = DRIVEN & outputs.keys(), "reaction" in outputs
     charted = CHARTED & outputs.keys()
@@ -243,13 +243,13 @@ def _checks(
     return {name: [numbers[name]] for name in CHECKS}
 
 
-#: Per-sample diagnostics, without dimension: squares of the last step of Newton's method, of the mean closure residual
-#: after it, and of an estimate of the condition number of the closed loops, what the inertia matrix was divided by,
-#: the square of the mean way to the prediction, and that of the correction over what it may be.
+#: Dimensionless per-sample diagnostics: squares of the last step of Newton's method, of the mean closure residual
+#: after it, and of an estimate of the condition number of the closed loops, the divisor of the inertia matrix,
+#: the squared mean distance to the prediction, and the square of the correction divided by its limit.
 FORWARD_CHECKS = ("moved", "residual", "condition", "inertia", "far", "strayed")
-#: Steps of Newton's method.
+#: Number of steps of Newton's method.
 FORWARD_STEPS = 2
-#: Share of the way predicted by which a pose may miss its prediction, another branch lying farther, and rounding.
+#: Fraction of the predicted step by which a pose may miss its prediction (other branches lie farther), and rounding.
 BEND, SLACK = 0.3, 1e-9
 
 
@@ -266,7 +266,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
         all that stores no energy, the closed pose of the state, and `FORWARD_CHECKS`.
 
     Raises:
-        NotTraceableError: The mechanism or what acts on it is beyond this.
+        NotTraceableError: Programs do not cover the mechanism or its applied forces.
     """
     if sprung := sprung_cuts(loops, applied):
         name = loops.lay.mechanism.coordinates[sprung[0]]
@@ -293,19 +293,19 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
     return program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), columns
 
 
-#: Factor and shift that make y of the prediction's pose, y and yd from the coordinates at the samples of a trace.
+#: Factor and shift that yield the prediction's y, and y and yd, from the coordinates at a trace's samples.
 PLACES = ((1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 
 
 def _mean(at: Closed, y: Array) -> Any:
-    """Squared mean closure residual."""
+    """Return the squared mean closure residual."""
     return squares(at.residual(y), at.loops.unit) * (1.0 / max(1, at.loops.given.start))
 
 
 def _correct(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
-    """Coordinates after steps of Newton's method, and the square of the last step.
+    """Return the coordinates after steps of Newton's method, and the square of the last step.
 
-    Where only rounding is left a step would move the pose by that, magnified: it fades out there.
+    Where only rounding is left, a step would move the pose by amplified rounding, so the step fades out.
     """
     step: Any = 0.0 * x
     for _ in range(FORWARD_STEPS):
@@ -317,7 +317,7 @@ def _correct(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coor
 
 
 def _condition(at: Closed) -> Any:
-    """Squared estimate of the condition number of the closed loops."""
+    """Return a squared estimate of the condition number of the closed loops."""
     loops = at.loops
     if not at.cuts and not len(loops.couplings):
         return 1.0

@@ -1,6 +1,6 @@
-"""Operations of LLVM on vectors of numbers, with vectorised sine, cosine and arctangent.
+"""LLVM operations on vectors of floats, with vectorised sine, cosine and arctangent.
 
-Sine and cosine reduce their angle by multiples of pi/2 given to 159 bits, so that no digit is lost up to `FARTHEST`;
+Sine and cosine reduce their angle by multiples of pi/2, known to 159 bits, so that no digit is lost up to `FARTHEST`;
 beyond they are NaN, which the per-sample checks detect.
 """
 
@@ -15,20 +15,20 @@ FARTHEST = 1e6  # [rad]
 #: pi/2 as a sum of doubles.
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 FLOAT = np.dtype(float)
-#: Arcs up to pi/8 are summed up; longer ones are counted from pi/4.
+#: The arctangent series is used up to pi/8; larger angles are reduced by pi/4.
 EIGHTH = math.tan(math.pi / 8.0)
 _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
 _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
 
 
 def _arc_coefficients(count: int = 11) -> list[float]:
-    """Coefficients of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2``, by interpolation up to pi/8."""
+    """Fit coefficients of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2``, by interpolation up to pi/8."""
     nodes = (1.0 + np.cos(np.pi * (np.arange(count) + 0.5) / count)) * (0.5 * 1.02 * EIGHTH**2)
     u = nodes.astype(np.longdouble)
     series = sum((np.longdouble((-1.0) ** k) / (2 * k + 1) * u ** (k - 1) for k in range(40, 0, -1)), u * 0)
     coefficients = np.zeros(0, dtype=np.longdouble)
     basis = np.ones(1, dtype=np.longdouble)
-    for k in range(count):  # Newton's divided differences, in wide numbers
+    for k in range(count):  # Newton's divided differences in extended precision
         value = series[k] - np.polynomial.polynomial.polyval(u[k], coefficients) if k else series[0]
         weight = value / np.polynomial.polynomial.polyval(u[k], basis)
         coefficients = np.polynomial.polynomial.polyadd(coefficients, weight * basis) if k else weight * basis
@@ -37,12 +37,12 @@ def _arc_coefficients(count: int = 11) -> list[float]:
 
 
 def number_of(ir: Any, dtype: np.dtype[Any]) -> Any:
-    """LLVM's type of a number."""
+    """Return the LLVM type of a NumPy type."""
     return ir.DoubleType() if dtype == FLOAT else ir.FloatType()
 
 
 def _half_pi(dtype: np.dtype[Any]) -> tuple[float, float, float]:
-    """pi/2 as a sum of numbers of a type, from large to small."""
+    """Return pi/2 as a sum of floats of a type, from large to small."""
     if dtype == FLOAT:
         return HALF_PI
     first = float(np.float32(HALF_PI[0]))
@@ -51,12 +51,12 @@ def _half_pi(dtype: np.dtype[Any]) -> tuple[float, float, float]:
 
 
 class VectorMath:
-    """Emits operations on vectors of numbers into a block.
+    """Emits operations on vectors of floats into a block.
 
     Args:
-        module, builder: llvmlite's.
-        width: Numbers in a vector.
-        inline: Whether sines and angles are written out wherever they occur; a call costs all registers.
+        module, builder: llvmlite module and builder.
+        width: Number of elements of a vector.
+        inline: Whether sines and arctangents are inlined; a call spills all registers.
         dtype: float64 or float32.
     """
 
@@ -76,7 +76,7 @@ class VectorMath:
         return self.ir.Constant(self.vector, [x] * self.width)
 
     def spread(self, x: Any) -> Any:
-        """Broadcast a number to all places."""
+        """Broadcast a number to all elements."""
         one = self.b.insert_element(self.ir.Constant(self.vector, self.ir.Undefined), x, self.ir.IntType(32)(0))
         places = self.ir.Constant(self.ir.VectorType(self.ir.IntType(32), self.width), [0] * self.width)
         return self.b.shuffle_vector(one, one, places)
@@ -88,7 +88,7 @@ class VectorMath:
         return self.b.call(known, x)
 
     def fetch(self, place: Any) -> None:
-        """Prefetch the cache line of a place for writing."""
+        """Prefetch the cache line of an address for writing."""
         byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
         kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
         prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
@@ -138,7 +138,7 @@ class VectorMath:
         return self.intrinsic("fma", a, b, c)
 
     def polynomial(self, coefficients: list[float], x: Any) -> Any:
-        """Evaluate a polynomial by Horner's scheme."""
+        """Evaluate a polynomial with Horner's scheme."""
         total = self.constant(coefficients[-1])
         for c in reversed(coefficients[:-1]):
             total = self.fma(total, x, self.constant(c))
@@ -153,11 +153,11 @@ class VectorMath:
         r = self.fma(back, middle, first)
         low = self.fma(back, rest, self.fma(back, middle, b.fsub(first, r)))
         u = b.fmul(r, r)
-        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
+        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits its correction needs
         sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
         half = b.fmul(u, self.constant(0.5))
         top = b.fsub(one, half)
-        slip = b.fsub(b.fsub(one, top), half)  # what rounding took from it
+        slip = b.fsub(b.fsub(one, top), half)  # the rounding error
         cosine = b.fadd(top, b.fadd(slip, b.fsub(b.fmul(b.fmul(u, u), self.polynomial(_COSINE, u)), b.fmul(r, low))))
         quarter = b.fptosi(turns, self.mask)
         whole = [self.ir.Constant(self.mask, [k] * self.width) for k in (0, 1, 2)]
