@@ -1,4 +1,4 @@
-"""Problems for engines: what acts on a mechanism, the task, the rule, and the wanted quantities."""
+"""Problems for engines: applied forces on a mechanism, task, redundancy rule, and requested quantities."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ Report = Callable[[str, float], None]
 
 
 def spread(n: int, most: int) -> Rows:
-    """Rows of `n` samples: at most `most`, evenly spread, both ends among them."""
+    """Return indices of at most `most` of `n` samples, evenly spread and including both ends."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))
 
 
 def given_columns(k: int, idle: Collection[int]) -> list[int]:
-    """Numbers of the independent coordinates whose motion is given: those below k that are not idle."""
+    """Return the indices, out of k, of the independent coordinates with given motion, which are not idle."""
     return [i for i in range(k) if i not in idle]
 
 
 def quiet(share: float) -> None:
-    """A progress that is not shown."""
+    """Ignore the progress."""
 
 
 def silent(step: str, share: float) -> None:
-    """A report that is not shown."""
+    """Ignore the progress report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ReadOnly:
-    """Data whose arrays cannot be written to."""
+    """Base class of data with read-only arrays."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -57,14 +57,14 @@ class _ReadOnly:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenMotion(_ReadOnly):
-    """Inverse dynamics: the independent coordinates over time.
+    """Inverse dynamics task: the independent coordinates as functions of time.
 
     Attributes:
         t: Time [s]. Shape (n,).
-        y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
-        drive: The motion as a function of time, where it is one.
-        idle: Numbers of the independent coordinates that no actuator drives: their motion follows from the forces. y
-            and yd are as they were integrated, ydd follows from these to rounding; an engine may solve it itself.
+        y, yd, ydd: Independent coordinates [rad or m] and their derivatives. Shape (n, n_independent).
+        drive: The motion as a function of time, if available.
+        idle: Indices of the independent coordinates that no actuator drives: their motion follows from the forces. y
+            and yd have been integrated, ydd follows from them up to rounding; an engine may solve for it itself.
     """
 
     t: Array
@@ -81,14 +81,14 @@ class GivenMotion(_ReadOnly):
         return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive, self.idle)
 
     def ordered(self, columns: list[int]) -> GivenMotion:
-        """The motion with its independent coordinates in another order."""
+        """Return the motion with its independent coordinates in another order."""
         drive = None if self.drive is None else partial(_reorder, self.drive, columns)
         idle = tuple(columns.index(i) for i in self.idle)
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive, idle)
 
 
 def _reorder(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
-    """A motion whose independent coordinates come in another order, at times [s]."""
+    """Return a motion at times [s] with its independent coordinates in another order."""
     return drive(t).ordered(columns)
 
 
@@ -98,7 +98,7 @@ class Integration:
 
     Attributes:
         name: ``DOP853`` for smooth motion, ``Radau`` or ``BDF`` for stiff ones.
-        rtol, atol: Tolerances of a step, for rad, m and their rates alike.
+        rtol, atol: Tolerances of a step, the same for rad, m and their rates.
         near: Condition number of the closed loops above which a pose is stepped over.
     """
 
@@ -110,13 +110,13 @@ class Integration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InitialValue(_ReadOnly):
-    """Simulation: a start, from which the motion is integrated.
+    """Simulation task: an initial state from which the motion is integrated.
 
     Attributes:
         start, rates: Independent coordinates [rad or m] and their rates at the start. Shape (k,).
         since: Time of the start [s].
-        t: Where the motion is wanted [s], increasing, from the start on. Shape (n,).
-        integration: Method and tolerances, for engines that integrate by the methods of scipy.
+        t: Increasing output times [s], not before the start. Shape (n,).
+        integration: Method and tolerances, for engines that integrate with scipy's methods.
     """
 
     start: Array
@@ -130,24 +130,24 @@ class InitialValue(_ReadOnly):
 
     @property
     def grid(self) -> Array:
-        """The wanted times, that of the start before them [s]. Shape (n,) or (n + 1,)."""
+        """The output times, preceded by the start time [s]. Shape (n,) or (n + 1,)."""
         return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
 
     def ordered(self, columns: list[int]) -> InitialValue:
-        """The initial value with its independent coordinates in another order."""
+        """Return the initial value with its independent coordinates in another order."""
         return replace(self, start=self.start[columns], rates=self.rates[columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class States(_ReadOnly):
-    """Sampled states of an open tree, taken as they are: nothing is closed first.
+    """Sampled states of an open tree, used unmodified: loops are not closed first.
 
     Attributes:
-        coordinates: Joint coordinates of the tree, as the arrays have them.
+        coordinates: Joint coordinates of the tree, in the order of the arrays.
         q, v: Coordinates [rad or m] and rates. Shape (n, n_v).
-        a: Accelerations, for inverse dynamics of the tree; None if these are wanted. Shape (n, n_v).
-        tau: All that acts along the coordinates besides gravity [N or N m], for accelerations; None if forces are
-            wanted. Shape (n, n_v).
+        a: Accelerations, for inverse dynamics of the tree; None if accelerations are requested. Shape (n, n_v).
+        tau: Total force along the coordinates except gravity [N or N m], for accelerations; None if forces are
+            requested. Shape (n, n_v).
     """
 
     coordinates: tuple[str, ...]
@@ -165,11 +165,11 @@ Task = GivenMotion | InitialValue | States
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The text of what was rounded to doubles, for whoever reads it exactly; None where the doubles are meant.
+    """Source text of values rounded to doubles, for exact readers; None where the doubles themselves are exact.
 
     Attributes:
         motion: Label -> table of the motion.
-        gravity: Three numbers.
+        gravity: Three components.
         loads: Tables of the loads.
     """
 
@@ -184,7 +184,7 @@ class ModelFiles:
 
     Attributes:
         model: Mechanism TOML, URDF or MJCF.
-        loops: The loops file of a URDF or MJCF: what these formats cannot express.
+        loops: The loops file of a URDF or MJCF, with the data that these formats cannot express.
     """
 
     model: Path
@@ -193,15 +193,15 @@ class ModelFiles:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A question to a loaded model, which closes its own loops. Frozen, and it pickles.
+    """A problem for a loaded model, which closes its own loops. Frozen and picklable.
 
     Attributes:
-        applied: What acts besides actuators.
-        task: What is given.
-        wanted: Names of quantities; nothing else is computed.
-        rule: What fixes redundant actuation: ``min_norm`` or ``spherical_axial``.
-        wording: The text that motion, gravity and loads were rounded from; only ``truth`` reads it.
-        points: Named ones, whose velocities are components of ``jacobian``.
+        applied: Applied forces other than actuator forces.
+        task: Given motion, initial value or states.
+        wanted: Names of the quantities to compute.
+        rule: Rule that resolves redundant actuation: ``min_norm`` or ``spherical_axial``.
+        wording: The source text of motion, gravity and loads before rounding; only ``truth`` reads it.
+        points: Named points, whose velocities are components of ``jacobian``.
     """
 
     applied: Applied
@@ -213,10 +213,10 @@ class Problem:
 
 
 def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
-    """Refuses a problem that is not that of a description.
+    """Reject a problem that does not fit a description.
 
     Raises:
-        ModelFileError: It has another number of independent coordinates, or loads on other bodies.
+        ModelFileError: The number of independent coordinates differs, or a loaded body does not exist.
     """
     task, k = problem.task, len(mechanism.independent)
     given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}

@@ -1,4 +1,4 @@
-"""The quantities that engines are compared in: names, meaning, and the natural scale of each unit."""
+"""The quantities in which engines are compared: names, meaning, and the natural scale of each unit."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ MAX_DIGITS = 17.0
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A quantity that engines compute.
+    """A quantity computed by engines.
 
     Attributes:
-        of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
+        of: Items with one component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
             ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``axis`` of a joint
             coordinate, ``resistance`` of one, ``rate`` of a body or point per actuator, ``observable``.
-        needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
+        needs: Prerequisite of its computation: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
-        ruled: Whether a rule fixes what redundant actuation leaves open.
-        body: Which motion of a body in world axes it is: one of `BODY_UNITS`.
-        named: Whether it is computed only where somebody names it.
+        ruled: Whether a rule resolves its redundancy.
+        body: Kind of body motion in world axes, one of `BODY_UNITS`.
+        named: Whether it is computed only if requested by name.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Quantity:
 
 #: Unit of each motion of a body: angular velocity and acceleration, velocity and acceleration of the centre of mass.
 BODY_UNITS = {"w": "rad/s", "b": "rad/s^2", "v": "m/s", "a": "m/s^2"}
-#: What the unit of a coordinate is followed by, by what a quantity of joints needs.
+#: Prerequisite of a joint quantity -> suffix of the coordinate's unit.
 RATE = {"q": "", "v": "/s", "a": "/s^2"}
 # 1e-11: rounding (2.2e-16) times the condition of the closure and force systems (up to 1e3 away from singular
 # poses) leaves about 12.5 digits; a wrong term leaves none. 1e-12 where nothing is solved: recursions only.
@@ -56,14 +56,14 @@ SOLVED, RECURSIVE = 1e-11, 1e-12
 
 @dataclass(frozen=True, slots=True)
 class NumberType:
-    """A type of floating-point numbers that a method computes in, and what of a difference it may explain.
+    """A floating-point type in which a method computes, and the differences that it may explain.
 
     Attributes:
-        eps: Distance from 1 to the next number.
+        eps: Distance from 1 to the next larger number.
         limit: Scaled error up to which rounding explains a difference: half of the digits, so that it cannot be
             mistaken for a modelling error of interest, nor the reverse.
-        zero: Share of its summands below which a number is zero within rounding.
-        sure: Scaled error that is admitted where rounding may make more than `limit`.
+        zero: Fraction of its terms below which a number is zero within rounding.
+        sure: Scaled error allowed where rounding may exceed `limit`.
     """
 
     name: str
@@ -79,12 +79,12 @@ FLOAT64 = NumberType("float64", float(np.finfo(np.float64).eps), limit=1e-8, zer
 _HALF = float(np.finfo(np.float32).eps) ** 0.5
 FLOAT32 = NumberType("float32", float(np.finfo(np.float32).eps), limit=_HALF, zero=_HALF, sure=_HALF)
 NUMBER_TYPES = {kind.name: kind for kind in (FLOAT64, FLOAT32)}
-#: Stands between the name of an engine and a number type: ``mjwarp@float32``.
+#: Separates the name of an engine from a number type: ``mjwarp@float32``.
 AS = "@"
 
 
 def number_type(method: str) -> NumberType:
-    """The number type that the name of a method has, float64 where it has none."""
+    """Return the number type in the name of a method, float64 if there is none."""
     return NUMBER_TYPES.get(method.partition(AS)[2], FLOAT64)
 
 
@@ -143,25 +143,25 @@ QUANTITIES = {
         Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
     )
 }
-#: Those of joint coordinates, and those of bodies; the motions of a body -> their quantities.
+#: Quantities of joint coordinates, and quantities of bodies; kind of body motion -> its quantities.
 OF_JOINTS = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "joint")
 OF_BODIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "body")
 BODY_MOTION = {QUANTITIES[name].body: name for name in OF_BODIES}
-#: What engines can compute when the motion is given, what of it if nobody chooses, and what when it is integrated.
+#: Quantities available for a given motion, the default selection of these, and quantities of a simulation.
 OF_MOTION = tuple(name for name in QUANTITIES if name != "observable")
 GIVEN = tuple(name for name in OF_MOTION if not QUANTITIES[name].named)
 SIMULATED = (*OF_JOINTS, "observable")
-#: Quantities that rest on the rule of redundant actuators.
+#: Quantities that depend on the rule for redundant actuators.
 RULED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.ruled)
 #: Quantities that need actuators for all freedoms.
 ACTUATED = RULED | {"jacobian"}
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
-#: How many of two coordinates are angles -> unit of the inertia between them.
+#: Number of angles among two coordinates -> unit of the inertia between them.
 INERTIA = ("kg", "kg m", "kg m^2")
-#: Unit of a rate per rate of an actuator -> the power of a length that it has.
+#: Unit of a rate per rate of an actuator -> its power of length.
 RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
-#: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.
+#: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as scale.
 FLOOR = 1e-6
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
 #: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
@@ -169,10 +169,10 @@ GROWTH = 1e3
 
 
 def pairs(units: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of inertia of the upper triangle of a mass matrix, row by row, as `np.triu_indices` has it.
+    """Return names and units of the upper triangle of a mass matrix, row by row, in the order of `np.triu_indices`.
 
     Args:
-        units: Label of each coordinate -> rad or m. Their order makes no difference to a name.
+        units: Label of each coordinate -> rad or m. Names do not depend on their order.
     """
     both = [*combinations_with_replacement(units, 2)]
     names = tuple(",".join(sorted(pair)) for pair in both)
@@ -189,7 +189,7 @@ def stages(quantities: frozenset[str]) -> str:
 
 
 def joint_units(joints: Sequence[Joint]) -> dict[str, str]:
-    """Unit of every joint coordinate, in the order of the description."""
+    """Return the unit of every joint coordinate, in the order of the description."""
     return {c: "rad" if turn else "m" for j in joints for c, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
 
 
@@ -203,7 +203,7 @@ def component_names(
     *,
     points: Sequence[Point] = (),
 ) -> Names:
-    """Names and units of every quantity.
+    """Return names and units of every quantity.
 
     Args:
         joints: All joints, in the order of the description.
@@ -244,7 +244,7 @@ def component_names(
 def _ratios(
     bodies: Sequence[str], points: Sequence[Point], actuators: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of rates per rate of each actuator. `actuators`: name -> rad or m."""
+    """Return names and units of rates per rate of each actuator. `actuators`: name -> rad or m."""
     turns = {"w": "rad", "v": "m"}
     rates = {f"{body}.{what}{axis}": unit for body in bodies for what, unit in turns.items() for axis in "xyz"}
     rates |= {f"{point.name}.v{axis}": "m" for point in points for axis in "xyz"}
@@ -253,7 +253,7 @@ def _ratios(
 
 
 def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
-    """Names and units as the description alone has them: without those of a tree, which an engine cuts.
+    """Return names and units that follow from the description alone, without those of an engine's tree.
 
     Args:
         points: Named ones.
@@ -264,51 +264,51 @@ def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
 
 
 def digits(scaled: float) -> float:
-    """Digits of agreement of a scaled error: 17 at most, 0 at least, NaN where there is no number."""
+    """Return the digits of agreement of a scaled error: between 0 and 17, NaN for NaN."""
     if not np.isfinite(scaled):
         return float("nan")
     return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS)) + 0.0 if scaled > 0.0 else MAX_DIGITS
 
 
 def integrated_tolerance(rtol: float, atol: float) -> float:
-    """Scaled error up to which two integrated motions agree."""
+    """Return the scaled error up to which two integrated motions agree."""
     return max(SOLVED, GROWTH * max(rtol, atol))
 
 
 def check_quantities(
     names: Iterable[str], where: str = "", known: Iterable[str] = tuple(QUANTITIES)
 ) -> tuple[str, ...]:
-    """The names in the order of the table.
+    """Return the names in the order of the table; reject unknown names.
 
     Args:
-        known: Those that there are to choose from.
+        known: Names to choose from.
 
     Raises:
-        ScrewgaugeError: There is none, or one of them is not among the known.
+        ScrewgaugeError: The list is empty, or a name is unknown.
     """
     wanted = check_choice("quantity", names, known, where)
     return tuple(name for name in QUANTITIES if name in wanted)
 
 
 def length(mechanism: Mechanism) -> float:
-    """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
+    """Return the largest distance [m] between joint points and centres of mass at home, 1 if it is zero."""
     return kinematics.length(graph.layout(mechanism))
 
 
 def arm(unit: str, length: float) -> float:
-    """Length that turns angles into lengths, forces into moments, masses into inertias, by the unit; else 1."""
+    """Return the length that converts angles to lengths, forces to moments, masses to inertias, by unit; else 1."""
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))
 
 
 def natural_scales(mechanism: Mechanism) -> dict[str, float]:
-    """S0 by unit, of a mechanism."""
+    """Return the natural scale S0 of each unit for a mechanism."""
     return scales_of(length(mechanism), mechanism.mass)
 
 
 def scales_of(L: float, M: float) -> dict[str, float]:
-    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, M, of a length [m] and a mass [kg]."""
+    """Return S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, M, of a length [m] and a mass [kg]."""
     return {
         "rad": 1.0,
         "m": L,

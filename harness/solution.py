@@ -1,4 +1,4 @@
-"""Solutions: values with conditions, estimates of their errors, work and cost."""
+"""Solutions: values with condition numbers, error estimates, work and cost."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from screwgauge.quantities import FLOAT64, NUMBER_TYPES, NumberType
 from screwgauge.reference.left_out import LeftOut
 from screwgauge.reference.rotations import Array
 
-#: Name of the known solution with which the engines of a simulated scene are compared.
+#: Name of the known solution against which the engines of a simulated scene are compared.
 REFERENCE = "reference"
-#: The engine that proves how far its numbers may be off: the measure of all others.
+#: The engine that proves bounds of its errors and serves as reference for all others.
 TRUTH = "truth"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """Values of a quantity over time. `array` has shape (n_sample, n_component)."""
+    """Values of a quantity over time, with `array` of shape (n_sample, n_component)."""
 
     components: tuple[str, ...]
     units: tuple[str, ...]
@@ -34,26 +34,26 @@ class Values:
         self.array.setflags(write=False)
 
     def __reduce__(self) -> tuple[type[Values], tuple[object, ...]]:
-        return Values, (self.components, self.units, self.array)  # a copy is read-only, too
+        return Values, (self.components, self.units, self.array)  # a copy is also read-only
 
     def pick(self, components: tuple[str, ...]) -> Values:
-        """Some components, in the order given."""
+        """Return some components, in the given order."""
         columns = [self.components.index(name) for name in components]
         return Values(components, tuple(self.units[i] for i in columns), self.array[:, columns].copy())
 
     def at(self, rows: slice | Rows) -> Values:
-        """Some samples."""
+        """Return the values at some samples."""
         return Values(self.components, self.units, self.array[rows])
 
 
 @dataclass(frozen=True, slots=True)
 class Mismatch:
-    """A difference of a model file from the description.
+    """A mismatch between a model file and the description.
 
     Attributes:
-        key: What has it, and which property: ``coupler.inertia``.
+        key: Element and property that differ: ``coupler.inertia``.
         sentence: Both values in words.
-        physical: Whether the machine is another one; rounding of printed digits, and where coordinates count from, are
+        physical: Whether the machine differs physically; rounding of printed digits and coordinate zeros are
             not.
     """
 
@@ -64,7 +64,7 @@ class Mismatch:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """A measured stage; `covers`: what the clock covers."""
+    """A measured stage; `covers` describes what the clock includes."""
 
     engine: str
     setting: str
@@ -80,8 +80,8 @@ class Cost:
     """Cost of a simulation, or of a pass over states.
 
     Attributes:
-        wall_s, cpu_s: Wall and processor time of the engine's own work [s]; NaN where it was not measured.
-        steps, evaluations: Steps taken, and accelerations computed.
+        wall_s, cpu_s: Wall and processor time of the engine's own work [s]; NaN if not measured.
+        steps, evaluations: Number of steps taken, and of accelerations computed.
     """
 
     wall_s: float
@@ -90,25 +90,25 @@ class Cost:
     evaluations: int = 0
 
 
-#: Whence an engine knows how far its numbers may be off.
+#: Sources of an engine's error estimate.
 ROUNDING, SOFTNESS, ENCLOSURE = "rounding of its largest summands", "softness of constraints", "enclosure"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Error:
-    """Error of one quantity, as its engine states it.
+    """Error of one quantity, as stated by its engine.
 
     Attributes:
-        scaled: At each sample, over the largest magnitude of the unit over all samples, worst unit; what is zero within
-            rounding is measured by its largest summand. Infinite where not one digit is right, or there is no number.
+        scaled: Error at each sample over the unit's largest magnitude over all samples, worst unit; a value zero within
+            rounding is measured by its largest term. Infinite where no digit is correct, or the value is missing.
             Shape (n,).
-        absolute: Unit -> what its `source` makes of a number that may be zero [unit].
-        condition: Condition number of all that it was solved from; NaN where it is not known. Shape (n,).
-        source: What makes the absolute error.
-        radius: Rigorous bounds of the distance to the true value; None of an engine that has none. The shape of the
+        absolute: Unit -> absolute error from `source`, for values that may be zero [unit].
+        condition: Condition number of the systems it was solved from; NaN if unknown. Shape (n,).
+        source: Source of the absolute error.
+        radius: Rigorous bounds of the distance to the true value; None if the engine has none. Same shape as the
             values.
-        precision: Name of the number type that makes them. Where it is another than float64, who loads the engine has
-            estimated the errors; those that an engine states are none of these.
+        precision: Name of the number type of the computation. If it is not float64, the caller of the engine has
+            estimated the errors; an engine's own statement does not count.
     """
 
     scaled: Array
@@ -120,17 +120,17 @@ class Error:
 
     @property
     def kind(self) -> NumberType:
-        """The number type that makes them."""
+        """The number type of the computation."""
         return NUMBER_TYPES[self.precision]
 
     @property
     def largest(self) -> float:
-        """The largest scaled error; infinite where one is not known."""
+        """The largest scaled error; infinite if any is unknown."""
         return float(np.nan_to_num(self.scaled, nan=np.inf, posinf=np.inf).max(initial=0.0))
 
     @property
     def worst_condition(self) -> float:
-        """The largest condition number; NaN where none is known."""
+        """The largest condition number; NaN if none is known."""
         return float("nan") if self.condition is None else float(np.max(self.condition))
 
 
@@ -140,23 +140,23 @@ class Solution:
 
     Attributes:
         values: Quantity -> values.
-        condition: Condition number of the closing system with the selection of y, as it was solved. Shape (n,).
-        notes: Sentences for the report, such as samples where a rule is singular.
-        errors: Quantity -> how far its numbers may be off. What it says above 1e-8 never makes two numbers agree, see
+        condition: Condition number of the closing system with the selection of y, as solved. Shape (n,).
+        notes: Messages for the report, such as samples where a rule is singular.
+        errors: Quantity -> its estimated error. An estimate above 1e-8 never makes two numbers agree, see
             `judging.allowance`.
-        assembly: All joint coordinates [rad or m] in the order of the description, which tell the assembly that was
-            solved, whatever was asked for; None where it is not known. Shape (n, n_q).
-        rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
+        assembly: All joint coordinates [rad or m] in the order of the description, which identify the assembly that was
+            solved, whichever quantities were requested; None if unknown. Shape (n, n_q).
+        rows: Indices of the solved samples, if not all; arrays are NaN at the others. Shape (n_solved,).
         setting: Method and settings, in words.
-        work: Of a simulation: what motors, loads and dampers have put in since the start [J]; NaN where it is not
+        work: For a simulation, work of motors, loads and dampers since the start [J]; NaN if not
             known. Shape (n,).
         stopped: Why a simulation ended early, empty if it did not.
-        cost: What it took, where the engine has measured it.
-        warnings: What the engine itself warned of, and what its model file says otherwise than the description or
-            beyond it; these are notes, too. With them, agreement is not plain.
-        otherwise: Mismatches of its model file, the largest first; nothing that an engine says of itself.
-        lacks: Quantity that its engine does not give -> why not. Who loads the engine writes it, never the engine.
-        left_out: What acts in a model file of the user's own, and in no other engine.
+        cost: Cost of the solution, if the engine measured it.
+        warnings: Warnings of the engine itself, and statements of its model file that contradict the description or go
+            beyond it; they are also notes. With warnings, agreement is qualified.
+        otherwise: Mismatches of its model file, largest first; engines do not set it.
+        lacks: Quantity that the engine does not give -> reason. The caller of the engine sets it, never the engine.
+        left_out: Forces that act in a user's own model file and in no other engine.
     """
 
     engine: str
@@ -178,7 +178,7 @@ class Solution:
     left_out: tuple[LeftOut, ...] = ()
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
-        """The solution with the components of some quantities in another order."""
+        """Return the solution with the components of some quantities in another order."""
         moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
         values = {name: self.values[name].pick(components) for name, components in moved.items()}
         errors = dict(self.errors)
@@ -190,17 +190,17 @@ class Solution:
 
     @property
     def n_solved(self) -> int:
-        """Number of samples that it solved."""
+        """Number of solved samples."""
         return len(self.condition) if self.rows is None else len(self.rows)
 
 
 def reference_first(solutions: Iterable[Solution]) -> list[Solution]:
-    """The solutions in their order, but for the truth, which comes first."""
+    """Return the solutions in order, except that the truth comes first."""
     return sorted(solutions, key=lambda one: one.engine != TRUTH)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:
-    """The samples, of n, that all of them solved."""
+    """Return the indices, out of n samples, of those that all solutions solved."""
     rows: Rows = np.arange(n)
     for solution in solutions:
         if solution.rows is not None:
@@ -210,7 +210,7 @@ def common_rows(n: int, *solutions: Solution) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An engine that is missing or raised. `traceback`: where, for those who ask."""
+    """An engine that is missing or raised an error; `traceback` holds the details on request."""
 
     engine: str
     reason: str
@@ -218,13 +218,13 @@ class Failure:
 
 
 def empty(n: int) -> Array:
-    """An array that shows what was never written. Shape (n,)."""
+    """Return an array of NaN, which reveals unwritten entries. Shape (n,)."""
     return np.full(n, np.nan)
 
 
 @dataclass(slots=True)
 class Clock:
-    """Adds up the time of each stage over the parts of a trajectory."""
+    """Clock that accumulates the time of each stage over the parts of a trajectory."""
 
     spent: dict[str, float] = field(default_factory=dict)
 
@@ -242,19 +242,19 @@ class Clock:
 
 
 class Stopwatch:
-    """Wall and processor time, without what is done aside."""
+    """Wall and processor time, excluding work within `aside`."""
 
     def __init__(self) -> None:
         self.wall, self.cpu = perf_counter(), process_time()
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Context whose time does not count."""
+        """Exclude the time spent in the context."""
         wall, cpu = perf_counter(), process_time()
         yield
         self.wall += perf_counter() - wall
         self.cpu += process_time() - cpu
 
     def cost(self, steps: int = 0, evaluations: int = 0) -> Cost:
-        """Time spent since the start."""
+        """Return the time spent since the start."""
         return Cost(perf_counter() - self.wall, process_time() - self.cpu, steps, evaluations)

@@ -1,1 +1,1 @@
-"""The engines: one folder or file each, the only place that imports its library."""
+"""The engines, one directory or file each, which alone imports the engine's library."""

@@ -15,7 +15,7 @@ from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
-PART = 2048  # samples worked on at a time: keeps memory constant and arrays in the cache
+PART = 2048  # samples processed at a time: keeps memory constant and arrays in the cache
 
 
 def assemble(
@@ -34,8 +34,8 @@ def assemble(
     Args:
         labels: Engine, version, setting.
         n: Number of samples.
-        solve_part: Takes the rows of a part.
-        names: Called afterwards: components of each quantity.
+        solve_part: Solves the rows of a part.
+        names: Called afterwards; returns the components of each quantity.
         length, mass: Length and mass of the mechanism [m, kg].
     """
     parts: list[SolvedPart] = []
@@ -60,7 +60,7 @@ class JointMotion:
     """Motion in the description's joint coordinates at m states.
 
     Attributes:
-        q, v, a: In its order, unwrapped, with rates and accelerations [rad or m, per s, per s^2]. Shape (m, n_q).
+        q, v, a: Unwrapped coordinates, rates, accelerations [rad or m, per s, per s^2]. Shape (m, n_q).
         condition: Condition number of the closed loops with the selection of the independent coordinates. Shape (m,).
     """
 
@@ -72,12 +72,12 @@ class JointMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulated:
-    """An integrated motion, which reached m of the n times of the grid.
+    """An integrated motion that reached m of the n grid times.
 
     Attributes:
         work: Work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (m,).
-        stopped: Why it ended early, empty if it did not.
-        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
+        stopped: Why the motion ended early, empty if it did not.
+        reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if requested.
     """
 
     read: JointMotion
@@ -88,13 +88,13 @@ class Simulated:
     reactions: tuple[tuple[str, ...], tuple[str, ...], Array] | None = None
 
     def solution(self, labels: tuple[str, str, str], joints: Sequence[Joint], task: InitialValue) -> Solution:
-        """Convert to a solution at the requested times, NaN beyond the end.
+        """Convert to a solution at the requested times, with NaN beyond the end.
 
         Args:
             labels: Engine, version, setting.
 
         Raises:
-            ClosureError: Not one wanted time was reached.
+            ClosureError: No requested time was reached.
         """
         engine, version, setting = labels
         extra, n = len(task.grid) - len(task), len(task)

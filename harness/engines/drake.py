@@ -1,4 +1,4 @@
-"""Drake on the URDF, for given motions: supplies its open tree's mechanics; the shared code closes the loops."""
+"""Drake on the URDF, for given motions: Drake supplies the open tree's mechanics; shared code closes the loops."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class DrakeTree(kit.OpenTree):
         self.closures, self.couplings = file.closures, file.couplings
         joints = [plant.get_joint(i) for i in plant.GetJointIndices()]
         moving = sorted((j for j in joints if j.num_velocities()), key=lambda j: int(j.velocity_start()))
-        for joint in moving:  # what joints lose is no part of the open tree
+        for joint in moving:  # joint losses are not part of the open tree
             joint.SetDampingVector(self.context, np.zeros(1))
         self.coordinates = tuple(j.name() for j in moving)
         above = {j.child_body().name(): j.parent_body().name() for j in joints}
@@ -58,7 +58,7 @@ class DrakeTree(kit.OpenTree):
         self.links = [plant.GetBodyByName(name) for name in self.bodies]
         inertias = [link.default_spatial_inertia() for link in self.links]
         self.masses = np.array([M.get_mass() for M in inertias])
-        self.com = np.nan_to_num([M.get_com() for M in inertias])  # massless bodies have none
+        self.com = np.nan_to_num([M.get_com() for M in inertias])  # massless bodies have no centre of mass
         about = [M.Shift(c).CalcRotationalInertia() for M, c in zip(inertias, self.com, strict=True)]
         self.matter = kit.Matter(self.masses, self.com, np.array([I.CopyToFullMatrix3() for I in about]))
         rotors = {one.coordinate: one.amount for one in kit.resistances(file.joints, ("rotor",))}
@@ -76,7 +76,7 @@ class DrakeTree(kit.OpenTree):
             yield i
 
     def poses(self, q: Array) -> kit.BodyPoses:
-        """Compute poses, and screws by Drake's Jacobians at the world's origin."""
+        """Compute poses, and screws from Drake's Jacobians at the world origin."""
         shape, world = (len(q), len(self.links) + 1), self.plant.world_frame()
         R, p, screws = np.tile(np.eye(3), (*shape, 1, 1)), np.zeros((*shape, 3)), np.zeros((len(q), 6, q.shape[1]))
         moves = np.zeros((shape[1], q.shape[1]))
@@ -100,7 +100,7 @@ class DrakeTree(kit.OpenTree):
         return A
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        """Inverse dynamics of the open tree, plus the armatures that a URDF cannot hold."""
+        """Compute inverse dynamics of the open tree, plus the armatures that a URDF cannot express."""
         tau = np.empty_like(q)
         for i in self._at(q, v):
             weights = MultibodyForces(self.plant)
@@ -109,7 +109,7 @@ class DrakeTree(kit.OpenTree):
         return tau + self.rotors * a
 
     def transmitted(self, at: kit.BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Compute joint wrenches by Newton and Euler from the tips inwards.
+        """Compute joint wrenches with the Newton-Euler equations from the tips inwards.
 
         Drake's own reactions need its forward dynamics, which massless crosses of composite joints make singular.
         """

@@ -1,12 +1,12 @@
-"""Error estimates: the trustworthy accuracy of each quantity of an engine at each sample.
+"""Error estimates: trustworthy accuracy of each quantity of an engine at each sample.
 
-Poses close to rounding, eps in each closing equation. That moves the unknowns by up to g eps, g being the norm of the
-inverse of the closing system, without dimension; the rates, which are solved with a matrix at that pose, by g^2 eps;
-the accelerations, in which those rates stand, by g^3 eps. Measured along b -> 0.3568 rad of the 3-UPS-UPU-S, distance
-1e-1 to 1e-12: projected engines lose exactly that, and their forces what of the accelerations is inertia. As powers
-of g overstate what a mechanism with heavy loads and slow motion loses, badly conditioned samples are not
+Poses close up to rounding, eps in each closing equation. That moves the unknowns by up to g eps, where g is the norm of
+the dimensionless inverse of the closing system; the rates, solved with a matrix at that pose, by g^2 eps;
+the accelerations, which contain the rates, by g^3 eps. Measured along b -> 0.3568 rad of the 3-UPS-UPU-S, distance
+1e-1 to 1e-12: projected engines lose exactly that, and their forces lose the inertial part. As powers
+of g overstate the loss of a mechanism with heavy loads and slow motion, ill-conditioned samples are not
 extrapolated but solved again: the pose is moved as rounding may have moved it, once in the worst direction, once in
-a general one, and what comes out is compared. Well-conditioned samples cost nothing; for them the powers are used.
+a general one, and the results are compared. For well-conditioned samples the powers are used, at no cost.
 """
 
 from __future__ import annotations
@@ -27,36 +27,36 @@ from screwgauge.solution import Clock, Error, Values
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
 #: have condition numbers of a thousand where nothing is wrong.
 CLEAR, CLEAR_FORCES = 30.0, 1e4
-#: Worst case over the two poses that are tried.
+#: Ratio of the worst case to the larger change over the two perturbed poses.
 SAFETY = 4.0
-#: Share of the tolerance from which powers of the gain say too much of what is zero.
+#: Fraction of the tolerance from which powers of the gain overestimate errors of zero values.
 SHARE = 0.01
 
 Units = Mapping[str, Sequence[str]]
 """Quantity -> unit of each component."""
 
-_POWER = {"q": 1, "v": 2, "a": 3, "f": 3}  # of g, by what a quantity needs
-#: Quantities that rest on accelerations.
+_POWER = {"q": 1, "v": 2, "a": 3, "f": 3}  # powers of g by the prerequisite of a quantity
+#: Quantities that depend on accelerations.
 ACCELERATED = tuple(name for name, quantity in QUANTITIES.items() if quantity.needs in "af")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trust:
-    """Condition numbers and sizes from which the errors of some samples are estimated.
+    """Condition numbers and scales used to estimate the errors of samples.
 
     Attributes:
         condition: Condition number of the closing system. Shape (n,).
-        gain: Norm of its inverse, without dimension: of the worst loop in its own length, or of all of them at once in
-            that of the mechanism, see `stretch`. Shape (n,).
-        charts: Condition number of the charts of cut joints, 1 at best; only joint coordinates suffer. (n,).
+        gain: Dimensionless norm of its inverse: for the worst loop in its own length, or for all loops at once in
+            the mechanism's length, see `stretch`. Shape (n,).
+        charts: Condition number of the charts of cut joints, 1 at best; affects joint coordinates only. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
-        speed, rush: Largest rate, in rad/s or lengths of the mechanism per s, and largest acceleration, or square of
+        speed, rush: Largest rate, in rad/s or mechanism lengths per s; acceleration scale: largest one, or square of
             that rate. Shape (n,).
-        load: Largest force [N], whose parts may cancel. Shape (n,).
-        open: Openings of the loops beyond rounding, without dimension. Shape (n,).
-        rushes: Quantity -> what stands in the place of `rush` for it, where its accelerations are sums of more. (n,).
-        stretch: What rounding of one closing equation is to the shortest loop over what it is to the mechanism, where
-            gains are those of loops. (n,).
+        load: Largest force term [N]; terms may cancel. Shape (n,).
+        open: Loop residuals beyond rounding, dimensionless. Shape (n,).
+        rushes: Quantity -> acceleration scale replacing `rush` where its accelerations have larger terms. (n,).
+        stretch: Rounding of one closing equation in terms of the shortest loop over that in terms of the mechanism, if
+            gains are per loop. (n,).
     """
 
     condition: Array
@@ -76,7 +76,7 @@ class Trust:
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
-        """Find samples whose errors powers of the gain would overestimate; `slack` scales these numbers."""
+        """Find samples whose errors powers of the gain would overestimate; `slack` scales the thresholds."""
         worst = np.maximum(self.gain, self.charts) / CLEAR
         for condition in self.forces.values():
             worst = np.maximum(worst, condition / CLEAR_FORCES)
@@ -84,7 +84,7 @@ class Trust:
         return rows
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
-        """Replace some samples by those of another solution."""
+        """Replace some samples with those of another solution."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))
@@ -106,17 +106,17 @@ class Trust:
         )
 
     def rush_of(self, quantity: str) -> Array | float:
-        """Largest summand of the accelerations of a quantity."""
+        """Return the largest acceleration term of a quantity."""
         return self.rushes.get(quantity, self.rush)
 
     def of(self, quantity: str) -> Array:
-        """Condition number of the systems that a quantity was solved from."""
+        """Return the condition number of the systems from which a quantity was solved."""
         condition = np.maximum(self.condition, self.forces.get(quantity, 0.0))
         return np.maximum(condition, self.charts) if quantity in OF_JOINTS else condition
 
 
 def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str, Array]:
-    """Merge condition numbers of quantities by their maximum. Shape (n,) each."""
+    """Merge condition numbers of quantities, taking the maximum. Shape (n,) each."""
     return {**some, **{name: np.maximum(number, some.get(name, 1.0)) for name, number in others.items()}}
 
 
@@ -126,7 +126,7 @@ class SolvedPart:
 
     Attributes:
         doubtful: Samples that were solved again.
-        moved: Quantity -> how far their components moved. Shape (n_doubtful, m).
+        moved: Quantity -> change of the components at these samples. Shape (n_doubtful, m).
     """
 
     values: dict[str, Array]
@@ -136,10 +136,10 @@ class SolvedPart:
 
 
 def shakes(A: Array, k: int) -> list[Array]:
-    """Perturbations of the unknowns by rounding: in the most sensitive direction and in a general one.
+    """Return perturbations of the unknowns as by rounding: in the most sensitive direction and in a general one.
 
     Args:
-        A: Closing system without dimension, its last k rows picking y, which is exact. Shape (n, m + k, n_unknown).
+        A: Dimensionless closing system, whose last k rows select y, which is exact. Shape (n, m + k, n_unknown).
 
     Returns:
         Two arrays of shape (n, n_unknown).
@@ -164,26 +164,26 @@ def examined(
     units: Units,
     length: float,
 ) -> SolvedPart:
-    """Complete a part of a solution: solve doubtful samples again, and refuse singular ones.
+    """Complete a part of a solution: solve doubtful samples again, and reject singular ones.
 
     Args:
         A, k: As for `shakes`.
         units, length: As for `vanishing`.
-        again: Solves samples with unknowns moved by a shake: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
-        clock: All that is done counts as the stage "error estimate".
+        again: Solves samples with perturbed unknowns: rows, (n_row, n_unknown) -> quantity -> (n_row, m).
+        clock: Counts all work as the stage "error estimate".
     """
     with clock.stage("error estimate"):
         spent = dict(clock.spent)
         doubtful: Rows = np.union1d(trust.doubtful(), vanishing(values, trust, units, length))
         moved = {name: np.zeros((len(doubtful), array.shape[1])) for name, array in values.items()}
-        with np.errstate(all="ignore"):  # next to a singular pose anything may come out, and is then refused
+        with np.errstate(all="ignore"):  # near a singular pose results may be arbitrary, and are then rejected
             for shake in shakes(A[doubtful], k) if doubtful.size else ():
                 for name, array in again(doubtful, shake).items():
                     away = np.abs(array - values[name][doubtful])
                     moved[name] = np.fmax(moved[name], np.where(np.isfinite(away), away, np.inf))
         clock.spent = spent
         for name, array in values.items():
-            # at a chart lock angles are arbitrary, but they close the loops; rates of that joint alone are none
+            # at a chart lock angles are arbitrary but close the loops; only that joint's rates are undefined
             condition = trust.condition if name in OF_JOINTS else trust.of(name)
             bad = ~(condition <= linear.SINGULAR)
             if bad.any():
@@ -192,10 +192,10 @@ def examined(
 
 
 def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
-    """Choose samples to solve again for all those at which a unit of a quantity vanishes beside its summands.
+    """Choose representative samples to solve again where a unit of a quantity vanishes relative to its terms.
 
-    What cancels is measured by its summands, which may be a million times the measure of the comparison; powers of the
-    gain, which know nothing of what cancels, would then admit far too much. One sample stands for all that have smaller
+    Cancelling values are measured by their terms, which may be a million times the comparison scale; powers of the
+    gain, which ignore cancellation, would then allow far too much. One sample represents all those with smaller
     powers, see `absolute`.
 
     Args:
@@ -217,31 +217,31 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
 def by_unit(
     name: str, array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
-    """Yield each unit of a quantity with its columns and the size of its numbers at each sample.
+    """Yield each unit of a quantity with its columns and the size of its values at each sample.
 
-    First alone, then with their summands, then with those that are numbers of another unit, of which they are made.
+    The sizes are those of the values alone, then with their terms, then with the values of another unit in them.
     """
     whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
     for unit in dict.fromkeys(units):
         columns = [i for i, has in enumerate(units) if has == unit]
         size, summands = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(name, unit, trust)
         most = (whole + summands) * arm(unit, length)
-        # masses do not cancel: what couples two coordinates is as large as the roots of their own inertia at the most
+        # masses do not cancel: a coupling inertia is at most the geometric mean of the two coordinates' own inertias
         yield unit, columns, size, most if unit in INERTIA else size + summands * arm(unit, length), most
 
 
 def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float, mass: float) -> Error:
     """Estimate the rounding error of a quantity.
 
-    What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
-    tolerance of that summand, the quantity is zero within rounding, and the summand measures it.
+    A value below `FLOOR` of its largest term, or without a correct digit, cannot be a scale: if the error is within the
+    tolerance of that term, the quantity is zero within rounding, and the term is its scale.
 
     Args:
         length, mass: Length and mass of the mechanism [m, kg].
 
     Returns:
-        The magnitude that scales it is at least `FLOOR` of the natural one, as in a scaled error. By unit the absolute
-        error is the largest at any sample, at most the tolerance of the largest summand.
+        The error, scaled by a magnitude of at least `FLOOR` of the natural one. By unit, the absolute
+        error is the largest at any sample, at most the tolerance of the largest term.
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
@@ -259,7 +259,7 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
         )
         largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * most_of_all
         rounding[unit] = min(bound, largest)
-        meant = error < DIGIT * size  # other numbers say nothing about the size of the quantity
+        meant = error < DIGIT * size  # non-finite values do not show the size of the quantity
         scale = float(size[meant].max(initial=0.0))
         if scale <= FLOOR * most_of_all and largest <= bound:
             error, scale = most, most_of_all
@@ -270,12 +270,12 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
 
 
 def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
-    """Estimated error of the worst of some components, in their unit.
+    """Return the estimated error of the worst of some components, in their unit.
 
     Args:
-        local: Size of their summands. Shape (n,).
-        zero: Whether they are zero against these: samples with smaller powers than those that were solved again are
-            then off by no more than these.
+        local: Size of their terms. Shape (n,).
+        zero: Whether they vanish relative to these terms: samples with smaller powers than those solved again
+            then have no larger errors.
 
     Returns:
         Shape (n,).
@@ -289,18 +289,18 @@ def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], 
         if zero and len(again):
             smaller = powers <= powers[again].max()
             error[smaller] = np.minimum(error[smaller], error[again].max())
-        if name != "joint_position":  # what stands on partial rates without a digit has none either
+        if name != "joint_position":  # a value that depends on partial rates without a correct digit has none either
             error[~(ROUNDED * linear.EPS * trust.stretch * trust.gain**2 < DIGIT)] = np.inf
     return np.asarray(error)
 
 
 def by_powers(name: str, trust: Trust) -> Scalar:
-    """Error of a well-conditioned sample relative to its largest summand."""
+    """Return the error of a well-conditioned sample relative to its largest term."""
     return (ROUNDED * linear.EPS + trust.open) * amplification(name, trust)
 
 
 def amplification(name: str, trust: Trust) -> Scalar:
-    """Amplification of rounding in a well-conditioned sample."""
+    """Return the amplification of rounding in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:
         g = apply("max", g, trust.charts)
@@ -311,7 +311,7 @@ def amplification(name: str, trust: Trust) -> Scalar:
 
 
 def summand(name: str, unit: str, trust: Trust) -> Scalar:
-    """Size of a component's summands: in rad, N or lengths of the mechanism."""
+    """Return the size of a component's terms in rad, N or mechanism lengths."""
     if unit in ("rad", "m") or unit in RATIOS:
         return 1.0
     if unit in INERTIA:

@@ -1,7 +1,7 @@
 """EXUDYN on the description: bodies in absolute coordinates (Euler parameters), every joint a GenericJoint.
 
 There is no spanning tree and no cut. Mass matrix, gravity, loads, springs between points, constraints, their derivative
-and their multipliers are EXUDYN's; what acts along joint coordinates has its virtual work here.
+and their multipliers are EXUDYN's; forces along joint coordinates are added here through their virtual work.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from exudyn.utilities import Force, MarkerBodyRigid, ObjectJointGeneric, RigidBo
 import screwgauge.plugins as kit
 from screwgauge.plugins import Array
 
-#: Slides and turns along x, y and z that a joint locks between frames on both sides, see `ExudynSystem._join`.
+#: Translations and rotations along x, y and z that a joint locks between its two frames, see `ExudynSystem._join`.
 LOCKED = {"R": "111110", "fixed": "111110", "C": "110110", "P": "110111", "E": "001110", "U": "111100", "S": "111000"}
 LOCKED |= {"F": "000000"}
-#: Weights of points along a line for the derivative: exact for polynomials of degree six, constraints have less.
+#: Finite-difference weights of points along a line: exact for polynomials up to degree six; constraints have less.
 STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
 
 
@@ -57,7 +57,7 @@ class ExudynSystem(kit.Stepped):
 
     Attributes:
         home: x at home. Shape (n_x,).
-        kept, rows: Algebraic equations that are gaps, one norm of parameters a body first; gaps of each joint.
+        kept, rows: Algebraic equations that are gaps, after one parameter norm per body; gaps of each joint.
     """
 
     def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, integrator: str) -> None:
@@ -81,10 +81,10 @@ class ExudynSystem(kit.Stepped):
         self.mbs.Assemble()
         self.solver, self.settings = exu.MainSolverImplicitSecondOrder(), exu.SimulationSettings()
         self.settings.solution.file.write = False
-        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # which passes redundant constraints
+        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # accepts redundant constraints
         self.settings.linearSolver.ignoreSingularJacobian = True
         self.solver.InitializeSolver(self.mbs, self.settings)
-        # the function for total coordinates frees what it does not own where there are more than a hundred (1.13.6)
+        # the function for total coordinates frees foreign memory for more than a hundred coordinates (1.13.6)
         self.home = np.array(self.mbs.systemData.GetODE2Coordinates(exu.ConfigurationType.Reference))
         self.kept, self.rows, L = [*range(bodies)], list[list[int]](), kit.length(mechanism)
         for number, locked in joints:
@@ -101,9 +101,9 @@ class ExudynSystem(kit.Stepped):
         return int(self.mbs.AddMarker(MarkerBodyRigid(bodyNumber=number, localHT=frame)))
 
     def _join(self, joint: kit.Joint) -> tuple[int, list[int]]:
-        """Add a joint between frames with z along its last axis; return the object's number and the locked axes."""
+        """Add a joint between frames with z along its last axis; return the object's index and the locked axes."""
         z, locked = joint.axes[-1], [int(on) for on in LOCKED[joint.kind]]
-        y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # y of the parent stays across z
+        y = joint.axes[0] if len(joint.axes) == 2 else np.linalg.svd(z[None])[2][1]  # parent's y stays orthogonal to z
         frame = np.stack([np.cross(y, z), y, z], axis=1)
         markers = [self._mark(body, at.p, at.R @ frame) for body, at in joint.sides]
         return int(self.mbs.AddObject(ObjectJointGeneric("", markers, locked))), locked
@@ -114,16 +114,16 @@ class ExudynSystem(kit.Stepped):
         self.mbs.systemData.SetODE2Coordinates_t(xd + 0.0 * x)
 
     def _constraints(self, x: Array) -> tuple[Array, Array]:
-        """Gaps and their derivative. Shape (n_x,) -> (m,), (m, n_x)."""
+        """Return the gaps and their derivative. Shape (n_x,) -> (m,), (m, n_x)."""
         self._put(x)
         self.solver.ComputeAlgebraicEquations(self.mbs)
         gaps, n = np.array(self.solver.GetSystemResidual())[len(x) :], len(x)
-        self.solver.SetSystemJacobian(np.zeros((n + len(gaps),) * 2))  # it adds
+        self.solver.SetSystemJacobian(np.zeros((n + len(gaps),) * 2))  # the function adds to the array
         self.solver.ComputeJacobianAE(self.mbs, 1.0, 0.0, 1.0, False)
         return gaps[self.kept], np.array(self.solver.GetSystemJacobian())[n:, :n][self.kept]
 
     def place(self, x: Array) -> kit.Placement:
-        """Map coordinates to poses and gaps; Euler parameters are normalised, since else gaps depend on their norm."""
+        """Map coordinates to poses and gaps; Euler parameters are normalised because gaps depend on their norm."""
         parts = x.reshape(len(x), -1, 7).copy()
         norms = np.linalg.norm(parts[..., 3:], axis=2)
         parts[..., 3:] /= norms[..., None]
@@ -132,7 +132,7 @@ class ExudynSystem(kit.Stepped):
         return kit.Placement(*kit.absolute_poses(parts), gaps, G)
 
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Second derivatives of the gaps and body accelerations at constant rates, where E(e') e' vanishes."""
+        """Return second derivatives of the gaps and body accelerations at constant rates, where E(e') e' vanishes."""
         out = np.empty((len(x), len(self.kept)))
         for i, (at, v) in enumerate(zip(x, xd, strict=True)):
             h = 0.2 / max(float(np.abs(v).max()), 1e-9)
@@ -140,7 +140,7 @@ class ExudynSystem(kit.Stepped):
         return out, np.zeros((len(x), len(self.numbers), 6))
 
     def dynamics(self, x: Array, xd: Array, applied: kit.Applied) -> tuple[Array, Array]:
-        """Mass matrix, and applied forces with velocity terms."""
+        """Return the mass matrix, and applied forces with velocity terms."""
         M, acting = np.empty((len(x), x.shape[1], x.shape[1])), np.empty_like(x)
         vectors = [np.broadcast_to(v, (len(x), 3)) for load in applied.loads for v in (load.force, load.torque)]
         for i, state in enumerate(zip(x, xd, strict=True)):
@@ -159,7 +159,7 @@ class ExudynSystem(kit.Stepped):
         self.mbs.systemData.SetODE2Coordinates_t(xd, exu.ConfigurationType.Initial)
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Step by EXUDYN's own integrator."""
+        """Make steps with EXUDYN's own integrator."""
         how, kind = self.settings.timeIntegration, getattr(exu.DynamicSolverType, self.integrator)
         how.startTime, how.endTime, how.numberOfSteps = t, t + n * h, n
         try:

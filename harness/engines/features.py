@@ -1,4 +1,4 @@
-"""Features of mechanisms and scenes that an engine may lack, and the sentence that refuses them."""
+"""Features of mechanisms and scenes that an engine may lack, and the message that rejects them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from screwgauge.engines.registry import Engine
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import Mechanism
 
-#: Feature -> what it is. A kind of joint is one.
+#: Feature -> its description. Kinds of joints are features.
 FEATURES = {
     "R": "revolute joint",
     "P": "prismatic joint",
@@ -23,7 +23,7 @@ FEATURES = {
     "axes": "load in axes of its body",
 }
 
-#: Task -> what it is. `Engine.refuses` may say why an engine does not take one.
+#: Task -> its description. `Engine.refuses` may state why an engine does not accept a task.
 TASKS = {
     "GivenMotion": "given motion: inverse dynamics",
     "InitialValue": "simulation",
@@ -50,7 +50,7 @@ def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
 
 
 def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
-    """Name the features that an engine lacks; empty if it supports all."""
+    """Return a message naming the features that an engine lacks; empty if it supports all."""
     for feature, whose in features(mechanism, applied).items():
         if why := engine.refuses.get(feature):
             return f"{engine.name} takes no {FEATURES[feature]}, which {whose} has or is: {why}"

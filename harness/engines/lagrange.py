@@ -1,6 +1,6 @@
 """The engine `lagrange`: Lagrange's equations in all joint coordinates, an independent second formulation.
 
-They are made of positions of bodies alone, see `virtual_work`.
+They are derived from positions of bodies alone, see `virtual_work`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 import screwgauge.plugins as kit
 from screwgauge.engines.virtual_work import Equations, axial
 
-#: Operations that a trace records at the most; those of a program are a tenth.
+#: Largest number of operations that a trace records; a program has a tenth of these.
 MOST = 1_000_000
-#: A rate below this is rest, where dry friction counts as none [rad/s or m/s].
+#: A rate below this counts as rest, where dry friction is taken as zero [rad/s or m/s].
 REST = 1e-9
 
 Samples = tuple[kit.Array, kit.GivenMotion, kit.Applied]
@@ -28,12 +28,12 @@ Answers = dict[str, kit.Array]
 
 
 def load(files: kit.ModelFiles) -> Lagrange:
-    """Loads a description."""
+    """Load a description."""
     return Lagrange(kit.load_mechanism(files.model), str(files.model))
 
 
 class Lagrange:
-    """A description."""
+    """A loaded description."""
 
     def __init__(self, mechanism: kit.Mechanism, where: str) -> None:
         self.mechanism, self.where, self.independent = mechanism, where, tuple(mechanism.independent)
@@ -42,7 +42,7 @@ class Lagrange:
         """Solve a given motion.
 
         Raises:
-            ScrewgaugeError: The problem is not that of the description, or its motion cannot be followed.
+            ScrewgaugeError: The problem does not fit the description, or its motion cannot be followed.
         """
         kit.check_fits(problem, self.mechanism, self.where)
         if not isinstance(problem.task, kit.GivenMotion):
@@ -68,18 +68,18 @@ class Lagrange:
 
 
 def times(A: kit.Array, x: kit.Array) -> kit.Array:
-    """Products of stacked matrices and vectors."""
+    """Multiply stacked matrices by vectors."""
     return np.asarray(np.matmul(A, x[..., None])[..., 0])
 
 
 class SolvedMotion:
-    """All quantities of samples that continue the previous ones.
+    """All quantities at samples that continue the previous samples.
 
     Attributes:
         q, v, a: All joint coordinates and their derivatives. Shape (n, n_q).
-        back: Coordinates per gap. Shape (n, n_q, m).
-        K: Coordinates per independent one. Shape (n, n_q, k).
-        conditions: Condition numbers of the equations of forces, once these are solved. Shape (n,).
+        back: Derivative of the coordinates by the gaps. Shape (n, n_q, m).
+        K: Derivative of the coordinates by the independent ones. Shape (n, n_q, k).
+        conditions: Condition numbers of the force equations, once solved. Shape (n,).
     """
 
     def __init__(self, equations: Equations, branch: kit.Branch, samples: Samples, rule: str) -> None:
@@ -100,7 +100,7 @@ class SolvedMotion:
         ydd, idle = self.motion.ydd, [*self.motion.idle]
         if idle:
             given = ydd * ~np.isin(np.arange(ydd.shape[1]), idle)
-            still, M = copy(self), self.inertia[..., idle]  # nothing that needs accelerations is known yet
+            still, M = copy(self), self.inertia[..., idle]  # no quantity that needs accelerations is known yet
             still.motion, B = replace(self.motion, ydd=given, idle=()), self.K[:, self.mechanism.actuated_columns]
             x, condition = kit.idle_accelerations(B, M, still.generalized_force, idle)
             ydd = given + x @ np.eye(ydd.shape[1])[idle]
@@ -113,12 +113,12 @@ class SolvedMotion:
         return self.equations.motion(self.n, q=self.q, v=self.v, a=self.a)
 
     def matrices(self, name: str) -> kit.Array:
-        """Orientations of bodies or their time derivatives, ground included. Shape (n, n_body + 1, 3, 3)."""
+        """Return orientations of bodies or their time derivatives, ground included. Shape (n, n_body + 1, 3, 3)."""
         ground = np.eye(3) * (name == "pose") + np.zeros((self.n, 1, 1, 1))
         return np.concatenate([ground, self.moved[name].reshape(self.n, -1, 12)[..., :9].reshape(self.n, -1, 3, 3)], 1)
 
     def spin(self, name: str) -> kit.Array:
-        """Angular velocities or accelerations of bodies, from orientation derivatives. Shape (n, 3 n_body)."""
+        """Return angular velocities or accelerations of bodies from orientation derivatives. Shape (n, 3 n_body)."""
         products = self.matrices(name)[:, 1:] @ self.matrices("pose")[:, 1:].swapaxes(2, 3)
         return np.stack(axial(products), axis=-1).reshape(self.n, -1)
 
@@ -136,7 +136,7 @@ class SolvedMotion:
 
     @cached_property
     def along(self) -> kit.Array:
-        """Forces along joint coordinates besides actuators, minus rotor inertia. Shape (n, n_q)."""
+        """Forces along joint coordinates other than actuator forces, minus rotor inertia. Shape (n, n_q)."""
         out, at = np.zeros_like(self.q), self.mechanism.coordinates.index
         for spring, c in ((x, at(x.coordinate)) for x in self.applied.springs if isinstance(x, kit.JointSpring)):
             out[:, c] -= spring.pull(self.q[:, c], self.v[:, c])
@@ -165,7 +165,7 @@ class SolvedMotion:
 
     @cached_property
     def actuator_force(self) -> kit.Array:
-        """Actuator forces of smallest norm, or by the rule of a joint's line."""
+        """Actuator forces of minimum norm, or by the rule of a joint's line."""
         given = [i for i in range(self.K.shape[2]) if i not in self.motion.idle]
         A = self.K[:, self.mechanism.actuated_columns][..., given].swapaxes(1, 2)
         b = self.generalized_force[:, given]
@@ -191,11 +191,11 @@ class SolvedMotion:
         return out
 
     def multipliers(self, needs: kit.Array, f: kit.Array) -> kit.Array:
-        """Forces along the gaps that balance the rest beside actuators, of smallest norm. Shape (n, m)."""
+        """Return minimum-norm forces along the gaps that balance the forces actuators leave. Shape (n, m)."""
         return times(self.back.swapaxes(1, 2), needs - self.driven(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:
-        """Force and moment of each joint on its child, about its point on the child. Shape (n, n_joint, 6)."""
+        """Return force and moment of each joint on its child, about the joint's point there. Shape (n, n_joint, 6)."""
         forces, equations = self.multipliers(needs, f), self.equations
         found = equations.transmitted(self.n, **state, multipliers=forces)["wrenches"].reshape(self.n, -1, 6)
         each = {joint.name: found[:, i] * (1 if out else -1) for i, (joint, out) in enumerate(equations.tree)}
@@ -213,7 +213,7 @@ class SolvedMotion:
 
     @property
     def jacobian(self) -> kit.Array:
-        """The quantity `jacobian`, from derivatives of poses by each independent coordinate."""
+        """The quantity `jacobian`, computed from derivatives of poses by each independent coordinate."""
         twists, R = np.zeros((self.n, len(self.mechanism.body_index), 6, self.K.shape[2])), self.matrices("pose")
         com = np.array([body.com for body in self.mechanism.bodies])
         for j, v in enumerate(np.moveaxis(self.K, 2, 0)):

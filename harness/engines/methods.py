@@ -16,25 +16,25 @@ from screwgauge.reference.rotations import Array
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
 METHODS: dict[str, type[OdeSolver]] = {"DOP853": DOP853, "Radau": Radau, "BDF": BDF}
-#: More steps than this are not made anew: the motion does not lead through such poses, it leads there.
+#: Largest number of retried steps: with more, the motion leads to such poses rather than past them.
 MOST = 100
-#: Factors on the size of a step that met such a pose, one after the other.
+#: Factors applied in turn to the size of a step that met such a pose.
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
-#: Order of the error by which a method chooses its steps: an error of `tol` asks for steps of tol^(1/order) of the time
-#: in which the motion changes. BDF, whose order varies, is taken for the lower one of the two.
+#: Order of the error with which a method chooses its steps: an error of `tol` needs steps of tol^(1/order) of the time
+#: in which the motion changes. BDF, whose order varies, counts with the lower order.
 ORDER = {"DOP853": 8, "Radau": 4, "BDF": 4}
-#: However fast a phase of the motion is, it is over after the steps for so many of such times.
+#: Largest number of such times that a fast phase of the motion may last.
 PHASES = 10.0
-#: More steps than these take the better part of an hour. The fastest phases of `cart-pole` foretell 2e4 of them.
+#: More steps than this take most of an hour. The fastest phases of `cart-pole` predict 2e4 steps.
 ENDLESS = 1e6
 
 
 class Pace:
     """Distinguishes permanently shrunken steps from a fast phase of the motion, at any scale.
 
-    Next to some singular poses accelerations vary with rounding, or with what an engine regularises, over ways that no
-    motion has: the error is within tolerance only in steps so short that they lead nowhere, and nothing ends them.
+    Near some singular poses accelerations vary with rounding, or an engine's regularisation, over distances that no
+    motion has: the error is within tolerance only for steps so short that the integration makes no progress.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:
@@ -43,15 +43,15 @@ class Pace:
         self.times: deque[float] = deque(maxlen=self.window)
 
     def endless(self, t: float) -> bool:
-        """Record the time [s] that a step has reached; return whether steps like the last ones never reach the end."""
+        """Record the time [s] reached by a step; return True if steps like the last ones never reach the end."""
         self.times.append(t)
         return len(self.times) == self.window and (t - self.times[0]) * ENDLESS < (self.end - t) * self.window
 
 
-#: Rates to both sides of rest at which friction is looked at [rad/s or m/s], and the share of a second over which rates
-#: change to tell their accelerations.
+#: Rates on both sides of rest at which friction is examined [rad/s or m/s], and the interval [s] over which rates
+#: are followed to estimate their accelerations.
 BESIDE, MOMENT = 1e3 * REST, 1e-6
-#: Rate per rate of the state below which a coordinate is at a dead point, where it turns round and nothing rests.
+#: Rate per rate of the state below which a coordinate is at a dead centre, where it reverses and nothing sticks.
 DEAD = 1e-6
 
 State = tuple[float, Array]
@@ -65,7 +65,7 @@ def straight(before: State, after: State) -> Callable[[float], Array]:
 
 
 class DryFriction:
-    """Detects joints that come to rest and stick, which the law of rates cannot describe.
+    """Detector of joints that come to rest and stick, which a rate-dependent friction law cannot describe.
 
     Friction holds where it stops the joint from either side of rest.
     """
@@ -86,7 +86,7 @@ class DryFriction:
         """Return why the motion cannot continue over a step; empty if it can.
 
         Args:
-            between: State at a time of the step.
+            between: Returns the state at a time within the step.
         """
         if not self.names or not np.isfinite([before[1], after[1]]).all():
             return ""
@@ -106,7 +106,7 @@ class DryFriction:
         return ""
 
     def _row(self, state: Array, c: int) -> Array:
-        """Derivative of a coordinate's rate by the rates in a state; zero by other entries. Shape (2 n + 1,)."""
+        """Differentiate a coordinate's rate by the rates in a state; zero by other entries. Shape (2 n + 1,)."""
         n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
             row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
@@ -119,7 +119,7 @@ class DryFriction:
 
 
 def check_method(name: str) -> type[OdeSolver]:
-    """Return the method of a name.
+    """Return the integration method with a given name.
 
     Raises:
         UnknownNameError: There is none.
@@ -131,7 +131,7 @@ def check_method(name: str) -> type[OdeSolver]:
 def keep_passed(
     solver: OdeSolver, between: DenseOutput, times: Array, kept: Sized, keep: Callable[[float, Array], None]
 ) -> None:
-    """Store the motion at the wanted times that the last step passed; `kept` counts the stored ones."""
+    """Store the motion at the output times that the last step passed; `kept` counts the stored samples."""
     while len(kept) < len(times) and times[len(kept)] <= solver.t:
         t = float(times[len(kept)])
         keep(t, solver.y if t == solver.t else between(t))

@@ -20,8 +20,8 @@ class JointStates:
     Attributes:
         kind: An entry of `reading.FREEDOMS`.
         frame: Frame carried by a ball or free joint, in the world at home. Shape (4, 4).
-        q: Of a hinge or slide as the file counts; of a ball or free joint of its frame, in that frame at home:
-            of a free one the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
+        q: For a hinge or slide, as the file counts; for a ball or free joint, that of its frame in the frame at home:
+            for a free joint the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
         qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
     """
 
@@ -37,13 +37,13 @@ class Answers:
     """The library's answers along the reading's velocities.
 
     Attributes:
-        covers: Forces in `tau` besides inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
+        covers: Forces in `tau` other than inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
         tau: Inverse dynamics. Shape (n, n_freedom).
         mass_matrix: Shape (n, n_freedom, n_freedom).
-        bias: At zero accelerations. Shape (n, n_freedom).
-        gravity: Shape (n, n_freedom).
+        bias: Forces at zero accelerations. Shape (n, n_freedom).
+        gravity: Gravity forces. Shape (n, n_freedom).
         velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
-        acceleration: Their derivatives. Shape (n, n_body, 6).
+        acceleration: Time derivatives of `velocity`. Shape (n, n_body, 6).
     """
 
     covers: frozenset[str]
@@ -55,8 +55,8 @@ class Answers:
     acceleration: Array
 
 
-#: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats, and whether
-#: the file is taken whole or without what no reading holds.
+#: Queries a library: file, requested bodies, joints in their order, whether the base of a URDF floats, and whether
+#: the file is used whole or without the forces that readings omit.
 Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]
 
 

@@ -21,8 +21,8 @@ from screwgauge.solution import Solution
 from screwgauge.truth import LACKS, MOST
 
 GROUP = "screwgauge.engines"
-TEXT = 1000  # characters of a text in the description of an engine
-LONGEST = 300.0  # s that the import of its module may take: libraries of GPUs take a minute on a busy machine
+TEXT = 1000  # largest number of characters of a text in an engine's description
+LONGEST = 300.0  # time limit [s] for importing its module: GPU libraries take a minute on a busy machine
 CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",
@@ -34,8 +34,8 @@ _WORDS: dict[type[Task], str] = {
 class EngineModel(Protocol):
     """A loaded model file that solves any number of problems.
 
-    It may have an attribute `independent`: labels of its independent coordinates, if they are to be in another order
-    than that of the description, and `lacks`: quantities that it cannot give of this model -> why not.
+    It may have an attribute `independent`: labels of its independent coordinates, if their order differs from
+    that of the description, and `lacks`: quantities that it cannot give for this model -> reason.
     """
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
@@ -48,27 +48,27 @@ class EngineModel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """Entry of an engine.
+    """Registry entry of an engine.
 
     Attributes:
         meaning: Description in a few words.
         source: ``module:function``, imported only when used; ``function(files, **settings) -> EngineModel``.
             Settings are its keywords, or the fields of ``Settings`` in its module.
-        tasks: The kinds of task that it takes.
-        package: Distribution that has to be installed.
-        reads: Ending of its model file.
+        tasks: The kinds of task that it accepts.
+        package: Distribution that must be installed.
+        reads: File extension of its model file.
         cut: Generated model that it reads, ``minimal`` or ``full``; empty if it reads the description.
-        lacks: Quantity that it cannot give -> why not. All other quantities it has to give.
-        most: Samples that it solves at the most, see `problem.spread`; 0 for all. Of engines of other packages missing
-            samples count as missing, whatever they say.
-        refuses: What it does not know -> why not: kinds of joints and other `features.FEATURES`, with which no
-            mechanism is put to it; or a task that it does not take.
-        extra: Extra of Screwgauge that brings its package; empty if `package` itself is to be installed.
-        apart: Whether each problem is solved in a process of its own: what a library prints, changes or breaks there
-            costs its own answer only. Engines of other packages always are.
-        precisions: Number types that it can compute given motions in, see `NUMBER_TYPES`. Where a method is named with
-            another than float64, ``mjx@float32``, the function takes it as the setting `precision`.
-        precision: The number type that it is asked for.
+        lacks: Quantity that it cannot give -> reason. It must give all other quantities.
+        most: Largest number of samples solved, see `problem.spread`; 0 for all. In engines of other packages, missing
+            samples always count as missing.
+        refuses: Unsupported item -> reason: kinds of joints and other `features.FEATURES`, for which no
+            mechanism is passed to it; or a task that it does not accept.
+        extra: Extra of Screwgauge that installs its package; empty if `package` itself is to be installed.
+        apart: Whether each problem is solved in its own process: what a library prints, changes or breaks there
+            affects only its own answer. Engines of other packages always run so.
+        precisions: Number types in which it can compute given motions, see `NUMBER_TYPES`. If a method is named with
+            a type other than float64, ``mjx@float32``, the function takes it as the setting `precision`.
+        precision: The requested number type.
     """
 
     name: str
@@ -103,11 +103,11 @@ class Engine:
         """Load a model file.
 
         Args:
-            settings: The engine's own, see its folder.
+            settings: The engine's own settings, see its directory.
 
         Raises:
-            ImportError: Its package is not installed.
-            UnknownNameError: It has no such setting.
+            ImportError: The engine's package is not installed.
+            UnknownNameError: The engine has no such setting.
             ScrewgaugeError: The file cannot be loaded.
         """
         if self.precision != FLOAT64.name:
@@ -128,7 +128,7 @@ class Engine:
         """Return the engine in the number type of a name like ``mjx@float32``; only given motions if not float64.
 
         Raises:
-            DescriptionError: It does not compute in that type.
+            DescriptionError: The engine does not compute in that type.
         """
         if name not in self.methods:
             what = f"engine '{self.name}' computes in {' or '.join(self.precisions)}"
@@ -138,7 +138,7 @@ class Engine:
         return replace(self, name=name, precision=self.methods[name], tasks=self.tasks & {GivenMotion})
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
-        """Reject settings that their receiver has no parameters for."""
+        """Reject settings for which their receiver has no parameters."""
         parameters = signature(takes).parameters.values()
         if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
             return
@@ -175,7 +175,7 @@ def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) ->
 
 
 def _treeless(name: str, meaning: str, why: str, package: str, **more: Any) -> Engine:
-    """Build the entry of an engine of given motions without an open tree; `why` it has none."""
+    """Build the entry of an engine for given motions without an open tree; `why` states the reason."""
     lacks = dict.fromkeys(("tree_force", "tree_force_soft"), why)
     refuses = {"InitialValue": _GIVEN_ONLY, "States": why}
     return Engine(name, meaning, f"{_HERE}.{name}:load", _GIVEN, package, lacks=lacks, refuses=refuses, **more)
@@ -258,11 +258,11 @@ def engines() -> dict[str, Engine]:
 def get_engine(name: str, where: str = "") -> Engine:
     """Return an engine by name; ``mjx@float32`` also names a number type other than float64.
 
-    One of another package that cannot be described gives the reason when it is loaded.
+    An engine of another package that cannot be described states the reason when it is loaded.
 
     Raises:
-        UnknownNameError: There is none of that name.
-        DescriptionError: It does not compute in that number type.
+        UnknownNameError: There is no engine of that name.
+        DescriptionError: The engine does not compute in that number type.
     """
     return _named(name.partition(AS)[0]).in_precision(name, where)
 
@@ -275,7 +275,7 @@ def _named(name: str) -> Engine:
     return _load_description(further_entries()[name])
 
 
-#: Loads an engine where its module can do no harm, and prints its description last.
+#: Loads an engine where its module can do no harm, then prints its description.
 _DESCRIBE = """
 import json, os, sys
 sys.path[:], value, said = json.loads(sys.argv[1]), sys.argv[2], os.dup(1)
@@ -289,9 +289,9 @@ os._exit(0)
 
 @lru_cache
 def _load_description(entry: EntryPoint) -> Engine:
-    """Return the engine of another package, from the description that a separate process prints.
+    """Return the engine of another package, using the description printed by a separate process.
 
-    Whatever is none stands for an engine that is loaded, and fails, when it is used.
+    An invalid description yields an engine that is loaded, and fails, on use.
     """
     try:
         command = python("-c", _DESCRIBE, json.dumps(safe_path()), entry.value)
@@ -311,10 +311,10 @@ def _load_description(entry: EntryPoint) -> Engine:
 
 
 def description(value: str) -> str:
-    """Write the description of an engine as JSON.
+    """Return the description of an engine as JSON.
 
     Args:
-        value: ``module:object`` of its entry.
+        value: ``module:object`` of the engine's entry point.
     """
     engine = _check_description(EntryPoint("", value, GROUP).load())
     told = {each.name: getattr(engine, each.name) for each in fields(engine)}
@@ -326,7 +326,7 @@ def _check_description(engine: object) -> Engine:
     """Return an engine with a complete, printable description; reject others.
 
     Raises:
-        TypeError, ValueError: It has not.
+        TypeError, ValueError: The description is incomplete or not printable.
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"{type(engine).__name__} is no Engine")
@@ -356,11 +356,11 @@ def check_engines(
     """Return the names in the given order without repetitions.
 
     Args:
-        task: A kind of task that all of them have to take.
-        others: Names of what is no engine and may stand with them.
+        task: A kind of task that all engines must accept.
+        others: Further allowed names that are not engines.
 
     Raises:
-        ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
+        ScrewgaugeError: The list is empty, a name is not an engine, or an engine does not accept such tasks.
     """
     named = names if isinstance(names, str) or not isinstance(names, Iterable) else [*names]
     bases = named if named is names else [str(name).partition(AS)[0] for name in named]

@@ -1,8 +1,8 @@
 """Rounding error of a narrow number type in a given motion, for any engine: by type, conditioning and operations.
 
-Each operation rounds by half an eps at the most, and n of them, as often up as down, by about the root of n. Poses
-close to rounding; how far that moves all else is seen from poses that are moved by as much, as in `error_estimate`.
-The description alone is asked, by the array solver in float64: nothing that the engine says of itself counts.
+Each operation rounds by at most half an eps, and n operations, as often up as down, by about the root of n. Poses
+close up to rounding; perturbing poses by as much shows the effect on other quantities, as in `error_estimate`.
+Only the description is used, with the array solver in float64; the engine's own statements do not count.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from screwgauge.solution import Error
 #: Operations for each joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
 #: No traced program of a built-in mechanism has more, with those that solve for all coordinates.
 PER_COORDINATE = 450
-#: Samples at which idle coordinates are looked at.
+#: Number of samples at which idle coordinates are examined.
 MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
-    """Number of operations per sample of forces: along the joints, and to solve for all coordinates."""
+    """Return the number of operations per sample of forces: along the joints, and to solve for all coordinates."""
     n = len(mechanism.coordinates)
     return PER_COORDINATE * n + n**3 / 3
 
 
 def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) -> dict[str, Error]:
-    """Rounding error of each quantity; `Error.scaled` is relative to the largest summand, of positions to 1 or L.
+    """Estimate the rounding error of each quantity, `Error.scaled` relative to the largest term, 1 or L for positions.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -50,10 +50,10 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
 
 
 def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
-    """Rounding error of accelerations that depend on idle coordinates, for any solver: quantity -> unit -> error.
+    """Estimate rounding of accelerations that depend on idle coordinates, for any solver: quantity -> unit -> error.
 
-    A rod that spins freely weighs on its bearings a thousand times what turns it: what cancels is large, and so is its
-    rounding, whatever else of the motion is.
+    A freely spinning rod loads its bearings a thousand times more than its axis: cancelling terms are large, and so is
+    their rounding, whatever the rest of the motion.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -69,14 +69,14 @@ def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, f
     return {name: {unit: errors[name] * arm(unit, work.loops.length) for unit in units[name]} for name in units}
 
 
-#: Condition, shape (n,); unit -> error and largest summand [unit], shape (n,) each.
+#: Condition, shape (n,); unit -> error and largest term [unit], shape (n,) each.
 Sizes = tuple[Array, Mapping[str, tuple[Array, Array]]]
 
 
 def _part(work: Work, motion: GivenMotion, kind: NumberType) -> dict[str, Sizes]:
-    """Errors of some samples by quantity."""
+    """Return the errors of some samples by quantity."""
     closed = work.close(motion, work.predict(motion))
-    with np.errstate(all="ignore"):  # next to a singular pose nothing is known
+    with np.errstate(all="ignore"):  # near a singular pose the error is unknown
         values, trust, A = work.beyond(closed, motion)
         noises = [noise * (kind.eps / linear.EPS) for noise in shakes(A, motion.y.shape[1])]
         shaken = [work.shaken(closed, motion, noise) for noise in noises]

@@ -1,8 +1,8 @@
-"""Lagrange's equations in all joint coordinates, from body positions only: programs of the engine `lagrange`.
+"""Lagrange's equations in all joint coordinates, derived from body positions only: programs of the engine `lagrange`.
 
-Time derivatives are taken by forward mode. One reverse sweep of the virtual work of inertia, weight, loads and
+Time derivatives are taken in forward mode. One reverse sweep of the virtual work of inertia, weight, loads and
 multipliers gives the equations of the coordinates, and those of six virtual displacements at each joint of the tree,
-which are what that joint transmits. There are no twists, recursions, or charts of joints that close loops.
+which give the wrench that the joint transmits. There are no twists, recursions, or charts of joints that close loops.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ Pose = tuple[Any, Any]
 
 
 def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
-    """Joints of an open tree in order, each with a flag if its parent is the inner body, and the remaining joints.
+    """List the joints of an open tree in order, flagged if the parent is the inner body, and the remaining joints.
 
-    No body has fewer joints between itself and ground in another tree.
+    The tree is the one with the fewest joints between each body and ground.
     """
     tree, rest, known = list[tuple[kit.Joint, bool]](), [*mechanism.joints], [kit.GROUND]
     for body in known:
@@ -35,17 +35,17 @@ def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], lis
 
 
 def skew(v: Any) -> Any:
-    """Cross-product matrix of a vector. Shape (3, 3)."""
+    """Return the cross-product matrix of a vector. Shape (3, 3)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]], dtype=object)
 
 
 def axial(M: Any) -> list[Any]:
-    """Vector of a matrix's skew part. (..., 3, 3) -> three numbers."""
+    """Return the axial vector of a matrix's skew part. (..., 3, 3) -> three numbers."""
     return [0.5 * (M[..., i, j] - M[..., j, i]) for i, j in ((2, 1), (0, 2), (1, 0))]
 
 
 def at(pose: Pose, p: Any) -> Any:
-    """World point of a body-fixed point. Shape (3,)."""
+    """Return the world position of a body-fixed point. Shape (3,)."""
     return pose[1] + pose[0] @ p
 
 
@@ -57,11 +57,11 @@ class Equations:
         inputs: Coordinates q, their derivatives v and a, gravity g, force and torque of each load, pull of each spring
             between points, multipliers of the gaps, and the virtual displacements: shift and turn at each joint of the
             tree, of all that hangs on it, about the joint's point of the child.
-        gaps: Shifts and small turns by which joints that close loops are open, six a joint, and after them what
-            couplings leave over.
+        gaps: Residual displacements and small rotations of joints that close loops, six per joint, followed by the
+            residuals of couplings.
         pose: R and p of each body without virtual displacements.
         flat, second: R row by row and centre of mass of each body, and their second time derivatives.
-        rate: Time derivatives of numbers that depend on q, where q changes at constant rates.
+        rate: Time derivatives of values that depend on q, for constant rates of q.
     """
 
     def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, trace: kit.Trace) -> None:
@@ -86,7 +86,7 @@ class Equations:
         return self._function(gaps=self.gaps, rates=self.rate(self.gaps))
 
     def closed(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
-        """Gaps, (n, m), and their derivatives, (n, m, n_q), by rates at unit rates of all coordinates."""
+        """Return gaps, (n, m), and their derivatives, (n, m, n_q), as gap rates at unit coordinate rates."""
         n, m = q.shape
         found = self.closing(n * m, q=q.repeat(m, axis=0), v=np.tile(np.eye(m), (n, 1)))
         return found["gaps"][::m], found["rates"].reshape(n, m, len(self.gaps)).swapaxes(1, 2)
@@ -152,7 +152,7 @@ class Equations:
         return kit.apply("sqrt", (b - a) @ (b - a))
 
     def _across(self, joint: kit.Joint) -> Pose:
-        """Pose of the joint's child frame in its parent frame."""
+        """Return the pose of the joint's child frame in its parent frame."""
         R, p = np.eye(3).astype(object), np.zeros(3).astype(object)
         for column, (turns, axis) in zip(self.mechanism.columns(joint.coordinates), joint.freedoms, strict=True):
             if turns:
@@ -163,7 +163,7 @@ class Equations:
         return R, p
 
     def _poses(self, moved: Sequence[Any]) -> dict[str, Pose]:
-        """Poses of all bodies after virtual displacements."""
+        """Return the poses of all bodies after virtual displacements."""
         pose: dict[str, Pose] = {kit.GROUND: (np.eye(3).astype(object), np.zeros(3).astype(object))}
         for (joint, out), x in zip(self.tree, np.array(moved, dtype=object).reshape(-1, 6), strict=True):
             ((near, inner), (far, outer)), (A, s) = joint.sides if out else joint.sides[::-1], self._across(joint)

@@ -1,10 +1,10 @@
-"""Tolerances: the largest accepted difference of two numbers, with its reasons; granted nowhere else.
+"""Tolerances: the largest accepted difference of two values, with reasons; no other module grants any.
 
-The scene admits what it likes: a tolerance, the error that a table states. Whoever is judged admits errors of its own,
-too, but what an engine says explains a difference up to `LIMIT` only; beyond that the difference is not decided.
+A scene may allow any error: a tolerance, or the error stated for a table. A judged engine also states its own errors,
+but an engine's statement explains a difference only up to `LIMIT`; beyond that the difference is undecided.
 Where a scene or command names a method with a number type, ``mjwarp@float32``, errors of that type are estimated from
-the description, and no more than half of its digits is admitted. What integration leaves is measured by further runs,
-and explains no more than `MOST`.
+the description, and at most half of its digits are allowed. Integration error is measured with further runs
+and explains at most `MOST`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from screwgauge.solution import SOFTNESS, Error, Solution
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
 #: of the comparison.
 LIMIT = FLOAT64.limit
-#: Largest scaled error that is put down to integration: behind more, a mistake of a thousandth could hide.
+#: Largest scaled error attributed to integration: a larger one could hide a mistake of a thousandth.
 MOST = 1e-4
-#: How the reason of a pair begins that agrees by what integration leaves.
+#: Start of the reason of a pair that agrees within integration error.
 WITHIN = "within the error of integration"
-#: How the reason of a pair begins that agrees in the digits of a number type with fewer than float64.
+#: Start of the reason of a pair that agrees in the digits of a number type narrower than float64.
 NARROW = "compared as"
 
 
@@ -41,7 +41,7 @@ class Left:
     Attributes:
         scale: Scale of the errors.
         errors: Engine -> its estimated error, scaled. Shape (n,).
-        binding: The scene states how large the difference may be, whatever integration leaves.
+        binding: Whether the scene states the allowed difference, regardless of integration error.
     """
 
     scale: float
@@ -76,9 +76,9 @@ class Granted:
 
     Attributes:
         usual: Limit at any sample.
-        limits: At each sample, by the condition there; without what integration leaves. Shape (n,).
+        limits: Limit at each sample given its condition number, without integration error. Shape (n,).
         doubts: Limit up to which a difference is undecided, the engines' own admission if larger. Shape (n,).
-        why: Why `usual` is more than the tolerance of the scene; empty where it is so for soft constraints.
+        why: Why `usual` exceeds the tolerance of the scene; empty if due to soft constraints.
         left: Integration error.
     """
 
@@ -94,11 +94,11 @@ class Allowance:
     """Accepted errors by their source.
 
     Attributes:
-        tolerance_of: Quantity -> scaled error up to which two engines agree, as the scene has it.
-        binding: Quantities of which the scene itself states the tolerance: no error of integration is admitted besides.
-        stated: Table -> quantity -> what its numbers may be off by [their units], as the scene says.
-        integration: Engine -> what its integration leaves, as further runs show.
-        summands: Makes unit -> size of what is summed up at the states of the scene: what is less than rounding of that
+        tolerance_of: Quantity -> scaled error up to which two engines agree, as given by the scene.
+        binding: Quantities whose tolerance the scene itself states: no integration error is allowed in addition.
+        stated: Table -> quantity -> error of its values stated by the scene [their units].
+        integration: Engine -> integration error measured with further runs.
+        summands: Returns unit -> size of the terms at the states of the scene: a value below the rounding of its terms
             is zero.
     """
 
@@ -127,7 +127,7 @@ class Allowance:
         """
         tolerance, usual = self.tolerance_of(quantity), QUANTITIES[quantity].tolerance
         errors = [one.errors.get(quantity, Error(np.zeros(n))) for one in pair]
-        # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
+        # a scene that requires less than the usual tolerance also requires less rounding
         strict = min(1.0, tolerance / usual)
         source = max(errors, key=lambda error: error.absolute.get(unit, 0.0))
         zero = strict * source.absolute.get(unit, 0.0)

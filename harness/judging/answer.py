@@ -1,4 +1,4 @@
-"""Answer of one engine at the judged samples, and residuals of equations in it."""
+"""Answer of one engine at the judged samples, and residuals of equations evaluated on it."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class Answer:
     """Answer of one engine at n samples.
 
     Attributes:
-        applied: Applied forces besides actuators.
+        applied: Applied forces other than actuator forces.
         rule: Rule that fixes redundant actuation.
         t: Times [s]. Shape (n,).
         values: Quantity -> values.
         work: Work of motors, loads and dampers [J], shape (n,); None if unknown.
-        joints: All joint coordinates and two derivatives; those that it lacks count as zero. Shape (3, n, n_q).
+        joints: All joint coordinates and two derivatives, zero if missing. Shape (3, n, n_q).
         motion: Motion of the tree in these states.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
-        admitted: Largest scaled error that the engine admits of any of its numbers.
+        admitted: Largest scaled error that the engine states for any of its values.
         kind: Number type that the scene or command names.
-        softness: Unit -> what soft constraints of the engine make of a force of its tree.
-        looser: Quantity -> scaled error that the scene admits where that is more than `tolerance`.
-        points: Named ones.
+        softness: Unit -> effect of the engine's soft constraints on a force of its tree.
+        looser: Quantity -> scaled error allowed by the scene, if larger than `tolerance`.
+        points: Named points.
     """
 
     engine: str
@@ -64,7 +64,7 @@ class Answer:
     points: tuple[Point, ...] = ()
 
     def __getitem__(self, quantity: str) -> Array:
-        """Values of a quantity. Shape (n, n_component)."""
+        """Return the values of a quantity. Shape (n, n_component)."""
         return self.values[quantity].array
 
     @property
@@ -82,17 +82,17 @@ class Answer:
         return set(quantities) <= set(self.values)
 
     def loosened(self, quantity: str, unit: str) -> float:
-        """Scale of an error that the scene tolerates in a quantity: its largest magnitude in a unit."""
+        """Return the scale of an error that the scene allows in a quantity: its largest magnitude in a unit."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
         values = self.values[quantity]
         return largest(values.array[:, [has == unit for has in values.units]])
 
     def fastest(self, order: int, unit: str) -> float:
-        """Largest derivative of a joint coordinate, or squared rate beside accelerations, converted to a unit; for
+        """Return the largest derivative of a joint coordinate (or squared rate, for accelerations) in a unit; for
         coordinates the natural scale.
 
-        Coordinates of the other kind are turned into it by the length of the mechanism.
+        The mechanism's length converts coordinates of the other kind.
         """
         if not order:
             return self.scales[unit]
@@ -108,13 +108,13 @@ class Answer:
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
     ) -> SizedResidual:
-        """Largest residual of an equation, with component and time.
+        """Build the largest residual of an equation, with component and time.
 
         Args:
             components: Names of the columns.
             missing: Residual of the equation. Shape (n, m).
-            size: Scale of the residual, one number or one for each component, shape (m,): the largest summand.
-            of: Quantities that the equation is about. What the scene admits of one of them is the tolerance.
+            size: Scale of the residual, one number or one for each component, shape (m,): the largest term.
+            of: Quantities in the equation. An error that the scene allows in one of them is the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
         scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
@@ -199,5 +199,5 @@ def timed(problem: Problem) -> GivenMotion | InitialValue:
 
 
 def largest(*arrays: Array) -> float:
-    """Largest finite magnitude; 0 if there is none."""
+    """Return the largest finite magnitude; 0 if there is none."""
     return max((float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays), default=0.0)

@@ -1,9 +1,9 @@
 """Assembly modes of the engines' solutions, and conversion of joint angles between charts.
 
-Two engines in two assembly modes answer different questions; that is one sentence, not a difference of forces. A
-spherical joint has two triples of angles for each orientation, any angle has its whole turns, and in gimbal lock only a
-sum of two angles means anything. Which of them an engine reads depends on how it follows the motion and where it cuts
-the loops, not on how the mechanism moves: angles that mean the same orientation are brought to read the same."""
+Two engines in two assembly modes answer different questions, which is one message, not a difference of forces. A
+spherical joint has two triples of angles for each orientation, angles may differ by full turns, in gimbal lock only a
+sum of two angles is meaningful. An engine's reading depends on how it follows the motion and where it cuts
+the loops, not on how the mechanism moves, so angles of the same orientation are converted to the same values."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from screwgauge.solution import Solution, Values, common_rows, reference_first
 #: Positions of a joint that differ by more are not the same [rad or lengths of the mechanism]: far above rounding,
 #: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance of assemblies.
 APART = 1e-3
-#: Loops that stay open by more are those of other geometry than the description's [rad or lengths of the mechanism].
+#: Loops with a larger residual have a geometry other than the description's [rad or mechanism lengths].
 CLOSED = 1e-8
 
 
 def joint_places(joint: Joint, q: Array, length: float) -> Array:
-    """Relative placement of a joint's child, independent of angle charts: rotation and displacement over a length.
+    """Return a joint's relative placement, independent of angle charts: rotation, and displacement divided by a length.
 
     Args:
-        q: Its coordinates. Shape (n, m).
+        q: Coordinates of the joint. Shape (n, m).
 
     Returns:
         Shape (n, 12).
@@ -52,7 +52,7 @@ def joint_places(joint: Joint, q: Array, length: float) -> Array:
 
 
 def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
-    """Joint coordinates that identify the assembly, NaN at unsolved samples; None if there are none."""
+    """Return joint coordinates that identify the assembly, NaN at unsolved samples; None if there are none."""
     if solution.assembly is not None:
         return solution.assembly
     given = solution.values.get("joint_position")
@@ -66,9 +66,9 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Pairs of engines in two assemblies, or both in another one than home's, each with a sentence.
+    """Return pairs of engines in two assemblies, or both in an assembly other than home's, each with a message.
 
-    Joint positions that do not close the loops of the description are another matter: those of another geometry.
+    Joint positions that do not close the description's loops do not count: their geometry differs.
     """
     if isinstance(problem.task, States):
         return {}
@@ -87,9 +87,9 @@ def other_assemblies(
 def _away_from_home(
     mechanism: Mechanism, task: GivenMotion | InitialValue, known: Sequence[tuple[Solution, Array]]
 ) -> dict[frozenset[str], str]:
-    """Pairs with an engine whose given motion is in another assembly than home's, which `screw` follows.
+    """Return pairs with an engine whose given motion is in an assembly other than home's, which `screw` follows.
 
-    A simulation may leave it: where coordinates do not determine the motion, its own inertia does.
+    A simulation may leave it: where coordinates do not determine the motion, inertia does.
     """
     if isinstance(task, InitialValue) or any(one.engine == "screw" for one, _ in known):
         return {}
@@ -137,24 +137,24 @@ def _describe_difference(mechanism: Mechanism, t: Array, pair: tuple[Array, Arra
     return f"{when}: {name} ({coordinate} {q_b[first, c]:.4g} against {q_a[first, c]:.4g})"
 
 
-#: Angles that stay farther apart in any reading [rad] mean another orientation, or are no angles: they stay.
+#: Angles farther apart in any reading [rad] belong to another orientation or are not angles; they are kept.
 NEAR = 0.1
 
 _POSITION = "joint_position"
-#: What turns its sign with the middle axis of a triple: rates, and forces along coordinates.
+#: Quantities that change sign with the middle axis of a triple: rates, and forces along coordinates.
 _ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "tree", "axis") and name != _POSITION)
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
     """Rewrite joint angles, and rates and forces along these, in the reference's chart.
 
-    The reference is the first that has all joint positions, the truth before others.
+    The reference is the first solution with all joint positions, with the truth before others.
 
     Args:
         solutions: Name -> solution, in the order of the run.
 
     Returns:
-        The same in the same order. Where an engine's angles were the other triple, its notes say so.
+        The converted solutions in the same order. If an engine's angles were the other triple, its notes say so.
     """
     ordered = reference_first(solutions.values())
     complete = (one for one in ordered if _POSITION in one.values and _has(one.values[_POSITION], mechanism))
@@ -195,7 +195,7 @@ def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solu
 
 
 def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
-    """Known joint coordinates of a solution, NaN elsewhere. Shape (n, n_q)."""
+    """Return the known joint coordinates of a solution, NaN elsewhere. Shape (n, n_q)."""
     given = one.values.get(_POSITION)
     if given is None and one.assembly is not None:
         return one.assembly
@@ -207,12 +207,12 @@ def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
 
 
 def _angles(joint: Joint) -> list[str]:
-    """Names of a joint's angles: the last three of six freedoms."""
+    """Return the names of a joint's angles: the last three of six freedoms."""
     return [name for name, (turns, _) in zip(joint.coordinates, joint.freedoms, strict=True) if turns]
 
 
 def _read_angles(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Read a joint's angles in others' chart, and flag samples with the other triple. Shapes (n, m) and (n,)."""
+    """Read a joint's angles in the chart of `near`, and flag samples with the other triple. Shapes (n, m) and (n,)."""
     known = np.isfinite(near)
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
     if angles.shape[1] < 3:

@@ -1,4 +1,4 @@
-"""Comparison of solutions, pair by pair and quantity by quantity; no engine counts as the truth."""
+"""Comparison of solutions, pair by pair and quantity by quantity; no engine is assumed correct."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Failure, Solution, Values, common_rows, reference_first
 
-#: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
+#: The first component with this fraction of the largest error is named, so that rounding does not decide.
 ALIKE = 1.0 - 1e-9
-#: Stands for a rule where redundant constraints leave a force open: any value balances, so none is judged.
+#: Marks a force left undetermined by redundant constraints: any value balances, so none is judged.
 UNDETERMINED = "undetermined"
 
 
@@ -39,7 +39,7 @@ def compare(
     """Compute errors of every pair of solutions in one angle chart (see `charts`).
 
     Args:
-        failures: Engines that have none; their pairs are rows that say why.
+        failures: Engines without solution; rows of their pairs state the reason.
         mobility: Uniqueness of forces.
         allowance: Accepted differences.
         refusals: Samples without numbers, and why.
@@ -79,7 +79,7 @@ def compare(
         for failure in failures.values():
             for name in solution.values:
                 pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
-    # of what has no unique value there is no verdict
+    # no verdict without a unique value
     return frame(errors, ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float}), frame(pairs, PAIR_COLUMNS)
 
 
@@ -100,13 +100,13 @@ def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResi
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
-    """Scale S of the scaled error: largest magnitude of the reference in this unit, at least 1e-6 of the natural
+    """Return the scale S of errors: largest magnitude of the reference in this unit, at least 1e-6 of the natural
     one."""
     return max(largest(values.array[:, [i for i, u in enumerate(values.units) if u == unit]]), FLOOR * natural)
 
 
 def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
-    """Component -> the rule that fixes it, and True if it is unique under any rule; "" stands for all others."""
+    """Return component -> (rule that fixes it, True if unique under any rule); "" stands for all others."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
     driven = dict[str, str]()
@@ -123,7 +123,7 @@ def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -
 def _compare_with_tolerance(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
     """Add the rule that fixes a component, and compare its errors with the tolerance.
 
-    What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
+    A component without unique value has no tolerance, and is neither right nor wrong unless it is NaN.
     """
     rule, unique = rules.get(row.component, rules[""])
     if rule == UNDETERMINED and np.isfinite(row.error):
@@ -134,7 +134,7 @@ def _compare_with_tolerance(row: SizedResidual, rules: Mapping[str, tuple[str, b
 def _components(
     quantity: str, unit: str, a: Solution, b: Solution, t: Array, granted: Granted
 ) -> Iterator[SizedResidual]:
-    """Errors of each common component of a unit at samples that both engines solved.
+    """Yield errors of each common component of a unit at samples that both engines solved.
 
     The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
     most beyond what it may be, if one is. Their reason is what integration has of them.
@@ -213,5 +213,5 @@ def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Re
 
 
 def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
-    """Row of a pair without numbers, with the reason."""
+    """Build the row of a pair without values, with the reason."""
     return SizedResidual(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

@@ -1,6 +1,6 @@
-"""Coverage: the share of each kind of term in the compared numbers, and parameters without influence on them.
+"""Coverage: the share of each kind of term in the compared values, and parameters without influence on them.
 
-Engines agree on a term that is not there, too. Looked at are the terms of the equations, and the mass, centre of mass
+Engines also agree on terms that vanish. Coverage examines the terms of the equations, and the mass, centre of mass
 and inertia of each body and the point of each load: the columns of the regressor of the compared forces.
 """
 
@@ -34,14 +34,14 @@ from screwgauge.witness.kinematics import unit_twists
 Row = dict[str, Any]
 """A row of the coverage."""
 
-MOST = 51  # samples that are looked at
+MOST = 51  # number of samples examined
 #: Numbers in the regressor; fewer samples where it had more, none where that leaves fewer than `FEWEST`.
 NUMBERS, FEWEST = 3_000_000, 3
-#: Share of the largest column of the regressor, or of a quantity, below which a column, or a term, is rounding.
+#: Fraction of the largest regressor column, or of a quantity, below which a column, or a term, is rounding.
 NOTHING = 1e-9
 #: Share of inertia in the forces below which a motion tests statics.
 STATICS = 0.01
-#: Poses at which any velocity is tried, and a tolerance that makes every effect visible.
+#: Number of poses at which random velocities are tried, and a tolerance that makes every effect visible.
 ANY, TINY = 6, 1e-300
 #: Names of terms that vanish.
 _NAMES = {
@@ -63,9 +63,9 @@ class Coverage:
             The terms of the Lie bracket are what is lost where these are left out.
         parameters: Rows parameter, effect, smallest, tested: largest scaled change of a compared force by a parameter
             that is wrong by its whole size, and the share of that size from which an error is out of tolerance.
-        hidden: Names of those parameters and terms that no motion through these poses shows.
+        hidden: Names of parameters and terms that no motion through these poses reveals.
         planar: Whether all joints move in one plane.
-        missing: Why there is nothing to say, empty if there is.
+        missing: Why coverage is unknown; empty if it is known.
     """
 
     shares: tuple[Row, ...] = ()
@@ -163,9 +163,9 @@ def coverage(
         return Coverage(missing=f"Coverage is not stated of as many as {len(mechanism.bodies)} bodies.")
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
     try:
-        with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
+        with np.errstate(all="ignore"):  # NaN at some samples may be finite at others
             return _Composition(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
-    except ScrewgaugeError as error:  # engines met it, too, and say so
+    except ScrewgaugeError as error:  # engines met it too, and report it
         return Coverage(missing=f"Coverage is not known: {error}.")
 
 
@@ -199,7 +199,7 @@ class _Composition:
         self.planar = normal_of_plane(twists) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
-        """Coverage of the motion; names what remains hidden in any other motion, too."""
+        """Return the coverage of the motion, naming what stays hidden in any other motion as well."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))
@@ -211,7 +211,7 @@ class _Composition:
         return Coverage(shares, parts, "", hidden, self.planar)
 
     def _shares(self, rows: slice) -> tuple[tuple[Row, ...], dict[tuple[str, str], float]]:
-        """Shares of all terms at some rows, and the largest magnitude of each force and unit."""
+        """Return the shares of all terms at some rows, and the largest magnitude of each force and unit."""
         (names, forces), found, sizes = self.terms, [*self._accelerations(rows)], dict[tuple[str, str], float]()
         whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
         for quantity, unit, array in forces:
@@ -222,7 +222,7 @@ class _Composition:
         return tuple(found), sizes
 
     def _accelerations(self, rows: slice) -> Iterator[Row]:
-        """Loss of accelerations without the Lie bracket."""
+        """Yield the loss of accelerations without the Lie bracket."""
         for (quantity, unit), array in self.whole.items():
             if quantity in self.wanted:
                 size = max(largest(array[rows]), FLOOR * self.scales[unit])
@@ -232,7 +232,7 @@ class _Composition:
     def _effects(
         self, rows: slice, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
     ) -> Iterator[Row]:
-        """Effect of each parameter on the compared forces."""
+        """Yield the effect of each parameter on the compared forces."""
         names, forces = self.parameters
         effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
         for quantity, unit, array in forces:
@@ -247,13 +247,13 @@ class _Composition:
 
 
 def _any_poses(y: Array) -> Rows:
-    """Rows at which random velocities are tried; empty if all poses share a coordinate. Shape (k,)."""
+    """Return rows at which to try random velocities; empty if all poses share a coordinate. Shape (k,)."""
     n = ANY if np.ptp(y, axis=0).all() else 0
     return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
 
 
 def _randomise(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
-    """Motion through the same poses with random velocities and accelerations, scaled by gravity."""
+    """Return a motion through the same poses with random velocities and accelerations, scaled by gravity."""
     units, rng = [mechanism.units[i] for i in mechanism.independent_columns], np.random.default_rng(0)
     scales = natural_scales(mechanism)
     yd, ydd = (rng.normal(size=motion.y.shape) * [scales[unit + per] for unit in units] for per in ("/s", "/s^2"))
@@ -261,7 +261,7 @@ def _randomise(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
 
 
 def _by_unit(of: tuple[Array, Array, Array], units: Sequence[str]) -> dict[tuple[str, str], Array]:
-    """(quantity, unit) -> values."""
+    """Return (quantity, unit) -> values."""
     has, (joints, angular, com) = np.array(units), of
     return {
         **{("joint_acceleration", f"{unit}/s^2"): joints[:, has == unit] for unit in dict.fromkeys(units)},

@@ -73,7 +73,7 @@ class CoveredMotion:
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> tuple[Array, Array, Array]:
-        """Accelerations lost without some of the `velocity_products`. Shape (n, n_freedom, 6)."""
+        """Return accelerations lost without some of the `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products
@@ -90,7 +90,7 @@ def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, 
     """Build the mechanism in motion.
 
     Args:
-        motion: At these poses.
+        motion: The motion at these poses.
         q: Joint coordinates of closed poses. Shape (n, n_q).
     """
     tree = mechanism_tree(mechanism, spanning_tree(mechanism), natural_scales(mechanism)["m"])
@@ -110,7 +110,7 @@ def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iter
     Args:
         needed: Wrenches that joints and actuators must exert on each body: what bodies need themselves, and what
             applied forces, rotors and friction add, which open trees lack but for rotors. Shape (2, p, n, n_body, 6).
-        counted: Determined reactions; the others are not compared.
+        counted: Determined reactions; other reactions are not compared.
     """
     wanted, table, (own, applied) = at.problem.wanted, _Table(), needed
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
@@ -123,7 +123,7 @@ def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iter
 
 
 def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]:
-    """Forces along the tree coordinates of the minimal model files."""
+    """Return forces along the tree coordinates of the minimal model files."""
     mechanism, (_, columns) = at.mechanism, minimal_tree(layout(at.mechanism))
     joints = {joint.name for joint in mechanism.joints if {*mechanism.columns(joint.coordinates)} & {*columns}}
     tree, bodies, shares = open_tree(mechanism, spanning_tree(mechanism), joints)
@@ -133,7 +133,7 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
 
 
 def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
-    """Generalised and actuator forces, and the determined reactions."""
+    """Solve for generalised and actuator forces, and the determined reactions."""
     mechanism, wanted, partial = at.mechanism, at.problem.wanted, at.admissible.partial
     Q = np.einsum("pnbx,nbxk->nkp", whole, at.admissible.bodies, optimize=True)
     table = {"generalized_force": (_units(mechanism, mechanism.independent_columns), Q)}
@@ -150,7 +150,7 @@ def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
 
 
 def _balance(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
-    """Reactions, then actuator forces, from the balance of every body and the redundancy rule."""
+    """Solve for reactions, then actuator forces, from the balance of every body and the redundancy rule."""
     tree, com, q = at.tree, at.motion.com, at.states.q
     units = [unit for name in ("reaction", "actuator_force") for unit in unit_wrenches(tree, at.motion, q, name)]
     if at.axial:  # eq. (56)
@@ -173,7 +173,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
-    """Names of the kinds of terms, and body needs by each; the bracket's parts are parts of `inertial`."""
+    """Return the names of the kinds of terms, and body needs due to each; the bracket's parts belong to `inertial`."""
     applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
     split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))
@@ -197,7 +197,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
 
 
 def _needs_of_applied(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
-    """Body needs due to applied forces. Shape (n, n_body, 6)."""
+    """Return body needs due to applied forces. Shape (n, n_body, 6)."""
     return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
 
 
@@ -209,7 +209,7 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
-    """Names of inertial parameters, load points, rotors and friction, and derivatives of body needs by each.
+    """Return names of inertial parameters, load points, rotors and friction, and derivatives of body needs by each.
 
     By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
@@ -234,7 +234,7 @@ def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:
         yield f"mass of {body.name}", i, (weight, 0.0), _NONE
         if not body.mass:
             continue
-        # what acts at the centre of mass goes with it
+        # loads at the centre of mass move with it
         own = [load for load in applied.loads if load.body == body.name and load.point is None]
         carried = sum((load_in_world(load, now.t, R)[0] for load in own), 0.0 * w)
         for axis, r in zip(_AXES, np.moveaxis(L * R, 2, 0), strict=True):

@@ -1,7 +1,7 @@
 """Undriven coordinates: residuals between their motion and the motion that forces produce.
 
-Their accelerations are solved here once more, by the witness. Integrated over some steps of the given motion, they have
-to lead from its rates to its rates.
+The witness solves for their accelerations independently. Integrated over some steps of the given motion, they must
+reproduce the change of its rates.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.grid import GridMotion
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
-#: Steps that are looked at, and points of each at which accelerations are solved.
+#: Number of steps examined, and of points in each at which accelerations are solved.
 STEPS, POINTS = 5, 8
-#: Largest share of the time in which anything turns by a radian that a step takes: eight points leave rounding.
+#: Largest step as a fraction of the time in which anything turns by a radian: eight points leave only rounding.
 SHARE = 0.05
 #: How often steps are made shorter, and what the last term of accelerations may be of them, so that they are.
 SHORTER, FINE = 12, 1e-10
@@ -35,7 +35,7 @@ _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 
 
 def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
+    """Return motions of y that move no actuator, one per idle coordinate. Shape (n, k, m)."""
     B = admissible.partial[:, answer.mechanism.actuated_columns]
     given = given_columns(B.shape[2], idle)
     N = np.zeros((len(B), B.shape[2], len(idle)))
@@ -45,10 +45,10 @@ def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -
 
 
 def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Effect of idle accelerations on the others, from the engine's own body motions. Shape (n, n_q).
+    """Return the effect of idle accelerations on the others, from the engine's own body motions. Shape (n, n_q).
 
     Args:
-        answer: With the accelerations that are given.
+        answer: Answer with the given accelerations.
     """
     n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
     for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
@@ -62,7 +62,7 @@ def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int])
 
 
 def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> float:
-    """Smallest inertia of some independent coordinates at any sample [kg m^2]."""
+    """Return the smallest inertia of some independent coordinates at any sample [kg m^2]."""
     mechanism, L = answer.mechanism, answer.scales["m"]
     size = np.array([arm(mechanism.units[column], L) for column in mechanism.independent_columns])
     own = np.diagonal(residuals.inertia_of(answer, admissible), axis1=1, axis2=2) * size**2
@@ -70,10 +70,10 @@ def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[i
 
 
 def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
-    """Residuals of the engine's own accelerations of idle coordinates, and of their motion.
+    """Yield residuals of the engine's own accelerations of idle coordinates, and of their motion.
 
     Args:
-        answer: With all joint coordinates, rates and accelerations.
+        answer: Answer with all joint coordinates, rates and accelerations.
         given: The motion at the same samples.
     """
     if given.idle:
@@ -84,7 +84,7 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
 
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
-    """Work of body needs on motions that move no actuator, which must vanish."""
+    """Yield the work of body needs on motions that move no actuator, which must vanish."""
     missing, terms = _work(answer, _admissible(answer), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
@@ -96,7 +96,7 @@ def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
 
 
 def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Work of body needs on motions that move no actuator, shape (n, m), and its largest terms, (m,).
+    """Return the work of body needs on motions that move no actuator, shape (n, m), and its largest terms, (m,).
 
     Rounding of these motions works against the whole weight, though a rod that spins weighs on its bearings alone.
     """
@@ -110,7 +110,7 @@ def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> 
 
 
 def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMotion]) -> Residuals:
-    """Change of idle rates over a step minus the integral of their accelerations."""
+    """Yield the change of idle rates over a step minus the integral of their accelerations."""
     rows = np.unique(np.linspace(0, len(given) - 1, STEPS).astype(int))
     h = _steps(answer, given)[rows]
     x, weights = np.polynomial.legendre.leggauss(POINTS)
@@ -134,7 +134,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
 
 
 def _steps(answer: Answer, given: GivenMotion) -> Array:
-    """Durations of steps from each sample, at most to the next one, backwards from the last [s]. Shape (n,)."""
+    """Return durations of steps from each sample, at most to the next, backwards from the last [s]. Shape (n,)."""
     fall = (G0 / answer.scales["m"]) ** 0.5
     speed = max(fall, answer.fastest(1, "rad/s"), answer.fastest(2, "rad/s^2") ** 0.5)
     h = np.full(len(given), SHARE / speed)
@@ -146,7 +146,7 @@ def _steps(answer: Answer, given: GivenMotion) -> Array:
 
 
 def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
-    """Answer at other states of a motion, closed from the poses of some samples. Shape (n,)."""
+    """Build the answer at other states of a motion, closed from the poses of some samples. Shape (n,)."""
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     joints[0] = answer.q[rows]
@@ -170,7 +170,7 @@ def _admissible(answer: Answer) -> AdmissibleMotion:
 
 
 def _accelerations(answer: Answer, given: GivenMotion) -> tuple[Array, Array]:
-    """Solved accelerations of idle coordinates, shape (n, m), and their largest summands, shape (m,)."""
+    """Solve for accelerations of idle coordinates, shape (n, m); also return their largest terms, shape (m,)."""
     idle, admissible = [*given.idle], _admissible(answer)
     missing, terms = _work(answer, admissible, idle)
     M = residuals.inertia_of(answer, admissible)[..., idle]

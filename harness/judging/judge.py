@@ -42,12 +42,12 @@ def judge(
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
     again: Sequence[Solution] = (),
 ) -> pd.DataFrame:
-    """Residuals of all answered quantities, one row per residual and unit; what else they need is computed for a given
+    """Compute residuals of answered quantities, one row per residual and unit; missing data are computed for a given
     motion.
 
     Args:
-        problem: The problem; its gravity counts, whatever a model file has.
-        refused: Samples without numbers: what an engine does not say cannot be judged.
+        problem: The problem; its gravity overrides that of a model file.
+        refused: Samples without values, which cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
         again: The same simulation with looser tolerances.
@@ -91,7 +91,7 @@ def _few(rows: Rows) -> Rows:
 
 
 def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
-    """Residuals of body motions and forces, and of accelerations without velocities.
+    """Yield residuals of body motions and forces, and of accelerations without velocities.
 
     Args:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
@@ -120,7 +120,7 @@ def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals
 
 
 def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Residuals of forces of the closed mechanism, at a few samples if some forces were not requested."""
+    """Yield residuals of forces of the closed mechanism, at a few samples if some forces were not requested."""
     required = residuals.required_wrenches(some)
     full = residuals.balanced(some, required[0])
     every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
@@ -135,10 +135,10 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
 
 
 def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
-    """Closure of every loop and coupling in position, velocity and acceleration, and deviation of y from the motion.
+    """Yield closure residuals of loops and couplings in position, velocity and acceleration, and deviations of y.
 
     Args:
-        given: The motion, if there is one; second derivatives of its idle coordinates follow from the forces.
+        given: The given motion, if any; second derivatives of its idle coordinates follow from the forces.
         orders: Orders of the derivatives, as far as the answer has them.
     """
     mechanism = answer.mechanism
@@ -170,7 +170,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
 
 
 def body_motions(answer: Answer) -> Residuals:
-    """Reported body motions minus those of the joint coordinates."""
+    """Yield reported body motions minus those computed from the joint coordinates."""
     for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]
@@ -182,15 +182,15 @@ def body_motions(answer: Answer) -> Residuals:
 
 
 def admitted_by(answer: Answer) -> AdmissibleMotion:
-    """Motions admitted by the loops at the poses of an answer."""
+    """Return the motions that the loops admit at the poses of an answer."""
     mechanism = answer.mechanism
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
 def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
-    """Size of the summands at the states of a given motion, by unit: rates, accelerations, forces.
+    """Return the size of the terms at the states of a given motion, by unit: rates, accelerations, forces.
 
-    Of several answers the smallest counts, so that none can make its own errors small.
+    The smallest size over several answers counts, so that no engine can make its own errors look small.
     """
     found = list[dict[str, float]]()
     for solution in solutions:
@@ -218,7 +218,7 @@ def _summands(answer: Answer) -> dict[str, float]:
 def answer_in_motion(
     mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
 ) -> tuple[Answer, AdmissibleMotion]:
-    """Complete answer to a given motion at some samples, and the motions admitted by its loops."""
+    """Return the complete answer to a given motion at some samples, and the motions admitted by its loops."""
     answer = answer_at(mechanism, problem, solution, rows)
     admissible = admitted_by(answer)
     if isinstance(problem.task, GivenMotion):
@@ -227,7 +227,7 @@ def answer_in_motion(
 
 
 def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
-    """Complete an answer by joint velocities and accelerations from its poses and the motion."""
+    """Complete an answer with joint velocities and accelerations computed from its poses and the motion."""
     joints = answer.joints.copy()
     if not answer.has("joint_velocity"):
         joints[1] = admissible.joints(given.yd)

@@ -12,7 +12,7 @@ import pandas as pd
 
 from screwgauge.quantities import digits
 
-#: Stands for the second engine where equations judge one alone.
+#: Replaces the second engine where equations judge a single engine.
 JUDGE = "judge"
 
 
@@ -23,7 +23,7 @@ class Residual:
     Attributes:
         quantity: Or the name of an equation, of which `b` is ``judge``.
         a, b: Engines, models or methods.
-        error: Largest scaled error; NaN where there is no number.
+        error: Largest scaled error; NaN if a value is missing.
         tolerance: Limit of agreement; `reason` explains it, or why it is exceeded.
         ok: None of what has no unique value.
         component, t: Place and time [s] of the maximum; NaN without a time.
@@ -64,10 +64,10 @@ class SizedResidual(Residual):
     """A residual with its sizes.
 
     Attributes:
-        max_abs, rms: Largest and root mean square error [unit]; scaled where it is of several units.
+        max_abs, rms: Largest and root mean square error [unit]; scaled if of several units.
         scale: Divisor of the errors [unit].
         rule: Rule that fixes the quantity if it is redundant.
-        unique: Whether its value is the same whatever the rule.
+        unique: Whether its value is the same under any rule.
         undecided: At how many samples it is out of tolerance by no more than whoever is judged admits; 0 where it is by
             more at any.
     """
@@ -113,7 +113,7 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
     """Build a table with a row for each item.
 
     Args:
-        columns: Column -> attribute of an item, dotted where it is one of an attribute.
+        columns: Column -> attribute of an item, dotted if nested.
     """
     return pd.DataFrame(
         [[attrgetter(name)(item) for name in columns.values()] for item in items], columns=list(columns)

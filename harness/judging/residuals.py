@@ -36,23 +36,23 @@ from screwgauge.witness.wrenches import (
     wrench_columns,
 )
 
-#: Forces that work on every motion that the loops allow.
+#: Forces that do work on motions that the loops allow.
 WORKING = ("generalized_force", "actuator_force", "axis_moment")
 
 
 def body_motion(answer: Answer, what: str) -> Array:
-    """Body motion of a quantity in `BODY_MOTION`, computed from the joint coordinates. Shape (n, n_body, 3)."""
+    """Compute the body motion of a quantity in `BODY_MOTION` from the joint coordinates. Shape (n, n_body, 3)."""
     return np.asarray(getattr(answer.motion.com, what))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
-    """Wrenches that joints and actuators must exert on each body: force, and moment about the centre of mass.
+    """Return wrenches that joints and actuators must exert on bodies: force, and moment about the centre of mass.
 
-    From the body motions that the engine reports, or those that follow from its joint coordinates; attitudes always
-    follow from these.
+    Uses the body motions that the engine reports, or those computed from its joint coordinates; orientations always
+    follow from the coordinates.
 
     Args:
-        loaded: With loads, springs and motors, and not for inertia and gravity alone.
+        loaded: Whether to include loads, springs and motors besides inertia and gravity.
 
     Returns:
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
@@ -85,32 +85,32 @@ def _vectors(array: Array) -> Array:
 
 
 def level_sizes(sizes: Array, length: float) -> Array:
-    """Raise sizes of forces and moments to at least each other's, converted by the mechanism's length.
+    """Raise the smaller of the force and moment scales to match the larger, converting by the mechanism's length.
 
     Args:
         sizes: Largest force [N] and moment [N m]. Shape (..., 2).
-        length: [m].
+        length: Length of the mechanism [m].
     """
     force = np.maximum(sizes[..., 0], sizes[..., 1] / length)
     return np.stack([force, force * length], axis=-1)
 
 
 def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
-    """Unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
+    """Yield unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
     for quantity in quantities:
         yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
 
 
 def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
-    """An answer's value of a unit wrench [N or N m]. Shape (n, 1)."""
+    """Return an answer's value of a unit wrench [N or N m]. Shape (n, 1)."""
     values = answer.values[quantity]
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """Residual of the balance of each body under the reported reactions and actuator forces.
+    """Yield the balance residual of each body under the reported reactions and actuator forces.
 
-    It is measured by the largest force on the body, or moment over the length of the mechanism: rounding of a force is
+    It is scaled by the largest force on the body, or moment divided by the mechanism's length: rounding of a force is
     rounding of its moment, though its lever may be zero at this body.
     """
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
@@ -131,28 +131,28 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
 
 
 def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """Power of motion, gravity and loads minus that of the actuators."""
+    """Yield the power of motion, gravity and loads minus that of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
     moved = np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     taken, terms = required * moved, np.repeat(sizes, 3, axis=1) * moved
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
-    # at a dead centre the sum is zero and only its terms tell how large rounding is
+    # at a dead centre the sum is zero and only its terms show the size of rounding
     size, about = largest(given, terms, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
 def _loose(answer: Answer, rates: Array) -> Array:
-    """Actuator power as the scale of tolerated errors; rates are (n, n_actuator, ...)."""
+    """Return the actuator power as scale of allowed errors; rates are (n, n_actuator, ...)."""
     forces = [answer.loosened("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
 def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
-    """Work of the required wrenches on every admissible motion minus that of generalised and actuator forces.
+    """Yield the work of required wrenches on admissible motions minus that of generalised and actuator forces.
 
     Moments about the joints' own axes count without the springs and motors there, which the wrenches contain. Where an
-    answer has no forces the first must vanish, whatever the reactions. It is measured by its largest term.
+    answer has no forces the former must vanish, whatever the reactions. It is scaled by its largest term.
     """
     mechanism = answer.mechanism
     joints, bodies = admissible.partial, admissible.bodies
@@ -179,14 +179,14 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
 
 
 def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
-    """Inertia of all bodies and rotors in the admitted motions. Shape (n, k, k)."""
+    """Return the inertia of all bodies and rotors in the admitted motions. Shape (n, k, k)."""
     partial = admissible.partial
     M = inertia(answer.motion) + np.diag(answer.mechanism.rotors)
     return np.asarray(partial.swapaxes(1, 2) @ M @ partial)
 
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Reported inertia minus that of all bodies in the admitted motions, composed from the tips inwards."""
+    """Yield reported inertia minus that of all bodies in the admitted motions, composed from the tips inwards."""
     mechanism, length = answer.mechanism, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
@@ -201,7 +201,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
 
 
 def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
-    """Reported rates per rate of each actuator minus those of the admitted motions; `idle` coordinates rest."""
+    """Yield reported minus admitted rates per rate of each actuator; `idle` coordinates rest."""
     mechanism, com, points = answer.mechanism, answer.motion.com, answer.points
     v, w = np.split(admissible.bodies, 2, axis=2)  # shapes (n, n_body, 3, k)
     spots = [(i, -body.com) for i, body in enumerate(mechanism.bodies)]
@@ -223,7 +223,7 @@ def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]
 
 
 def resistance(answer: Answer) -> Residuals:
-    """Reported shares minus forces of rotors, damping and dry friction at the joints' rates and accelerations."""
+    """Yield reported minus computed forces of rotors, damping and dry friction at the joints."""
     reported = answer.values["resistance"]
     for unit in dict.fromkeys(reported.units):
         some = [one for one in answer.mechanism.resistances if one.unit == unit]
@@ -237,9 +237,9 @@ TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
 def tree_forces(answer: Answer) -> Residuals:
-    """Reported forces minus the work of gravity and inertia when a single joint of the tree moves.
+    """Yield reported forces minus the work of gravity and inertia when a single joint of the tree moves.
 
-    The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
+    The tree consists of the named joints. A joint that leads to a body already reached leads to a copy of that
     body; the body and its copies have equal shares of its mass.
     """
     mechanism, needed = answer.mechanism, dict[tuple[str, ...], Array]()
@@ -264,13 +264,13 @@ def tree_forces(answer: Answer) -> Residuals:
             left = values.array[:, units == unit] - right
             some = [name for name, has in zip(names, units, strict=True) if has == unit]
             size = max(largest(right), load * arm(unit, answer.scales["m"]))
-            if quantity == "tree_force_soft":  # soft constraints turn the closure that rounding leaves into force
+            if quantity == "tree_force_soft":  # soft constraints convert the closure residual of rounding into force
                 size = max(size, answer.softness.get(unit, 0.0) / answer.tolerance)
             yield answer.residual(quantity, unit, some, left, size, (quantity,))
 
 
 def _tree_force(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:
-    """Force along each open-tree coordinate of some joints, shape (n, n_q), and the largest term [N]."""
+    """Return the force along each open-tree coordinate of some joints, shape (n, n_q), and the largest term [N]."""
     tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
     still = np.zeros_like(answer.q)
     required, sizes = required_wrenches(answer, loaded=False)
@@ -285,12 +285,12 @@ def _is_ruled(answer: Answer) -> bool:
 
 
 def balanced(answer: Answer, required: Array) -> Answer:
-    """Complete an answer by reactions and actuator forces from the balance of the bodies.
+    """Complete an answer with reactions and actuator forces from the balance of the bodies.
 
-    Reactions follow only for a rule that is about them, and nothing where both are missing.
+    Reactions follow only under a rule about reactions, and nothing follows if both are missing.
 
     Args:
-        required: From `required_wrenches`. Shape (n, n_body, 6).
+        required: Wrenches from `required_wrenches`. Shape (n, n_body, 6).
     """
     about = _is_ruled(answer) and answer.rule == "spherical_axial"
     wanted = ["actuator_force"] * answer.has("reaction") + ["reaction"] * (answer.has("actuator_force") and about)
@@ -299,7 +299,7 @@ def balanced(answer: Answer, required: Array) -> Answer:
 
 
 def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
-    """Solve the balance of all bodies for one quantity, the other one known."""
+    """Solve the balance of all bodies for reactions or actuator forces, given the other quantity."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
     right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
     tree, com = answer.tree, answer.motion.com
@@ -313,15 +313,15 @@ def _solve(answer: Answer, required: Array, quantity: str) -> Answer:
 
 
 def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """Residual of the rule that fixes redundant actuator forces."""
+    """Yield the residual of the rule that fixes redundant actuator forces."""
     if _is_ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible, sizes)
 
 
 def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """Part of the actuator forces that moves nothing; it vanishes for smallest norm.
+    """Yield the part of the actuator forces without effect on motion; it vanishes at minimum norm.
 
-    They are orthogonal to every preload, which does no work on any admissible motion.
+    Minimum-norm forces are orthogonal to every preload, which does no work on any admissible motion.
     """
     mechanism, f = answer.mechanism, answer["actuator_force"]
     rates = admissible.partial[:, mechanism.actuated_columns]
@@ -337,7 +337,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Res
 
 
 def _axial(answer: Answer) -> Residuals:
-    """Component of the spherical joint's force across its line (eq. 56)."""
+    """Yield the component of the spherical joint's force across its line (eq. 56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
         return
@@ -356,9 +356,9 @@ def _axial(answer: Answer) -> Residuals:
 
 
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
-    """Energy gained since the first sample minus the work done since [J], if that work is known.
+    """Yield the energy gained since the first sample minus the work done since [J], if known.
 
-    It is measured by the largest of its parts: kinetic, gravity, springs, work.
+    It is scaled by the largest of its terms: kinetic, gravity, springs, work.
 
     Args:
         looser: The same motion integrated with looser tolerances: what of the balance that changes is integration.
@@ -378,7 +378,7 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
 
 
 def _balance(answer: Answer) -> tuple[Array, float] | None:
-    """Energy missing at each sample, shape (n, 1), and the largest term of the balance [J]."""
+    """Return the energy residual at each sample, shape (n, 1), and the largest term of the balance [J]."""
     applied, work = answer.applied, answer.work
     resists = resistances(answer.mechanism.joints, LOSSES)
     if not (applied.motors or applied.loads or resists or any(spring.damping for spring in applied.springs)):
@@ -393,7 +393,7 @@ def _balance(answer: Answer) -> tuple[Array, float] | None:
 
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
-    """Kinetic energy, and potential energies of gravity and springs [J]. Shape (n,) each."""
+    """Return kinetic energy, and potential energies of gravity and springs [J]. Shape (n,) each."""
     gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
     springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
     rotors = 0.5 * answer.states.qd**2 @ answer.mechanism.rotors

@@ -1,4 +1,4 @@
-"""Trustworthy accuracy: estimated errors, singular poses on the way, integration errors, refused samples.
+"""Trustworthy accuracy: estimated errors, singular poses passed, integration errors, rejected samples.
 
 Conditioning and integration are what engines estimate of their errors; of a simulation, the same motion integrated less
 exactly shows how large that of integration is. Samples without numbers get the singularity that is the reason, by the
@@ -41,8 +41,8 @@ class Guarded:
     """Estimated accuracy of one quantity of an engine over all solved samples.
 
     Attributes:
-        condition: Largest condition number of what it was solved from.
-        estimate: Largest estimated error, infinite where not one digit is right or there is no number.
+        condition: Largest condition number of the systems it was solved from.
+        estimate: Largest estimated error, infinite if no digit is correct or the value is missing.
         flagged: Number of samples above that limit, those without a number among them.
         worst_t: Time of the largest estimate [s].
     """
@@ -148,7 +148,7 @@ def _largest_difference(a: Values, b: Values, unit: str) -> Array:
     difference = a.array[:, columns] - b.array[:, columns]
     if unit == "rad":
         difference = within_half_turn(difference)
-    return np.asarray(np.maximum.accumulate(np.abs(difference).max(axis=1)))  # what is NaN stays so
+    return np.asarray(np.maximum.accumulate(np.abs(difference).max(axis=1)))  # NaN persists
 
 
 #: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
@@ -158,12 +158,12 @@ SHOWN = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refusal:
-    """Quantities that an engine refuses at some samples for one reason.
+    """Quantities that an engine rejects at some samples for one reason.
 
     Attributes:
         rows: The samples. Shape (n,).
         what: The singularity, without a full stop.
-        sentence: The same with pose, times and what is missing.
+        sentence: The singularity with pose, times and missing quantities.
     """
 
     engine: str

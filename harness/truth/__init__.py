@@ -4,10 +4,10 @@ Independent of `screwgauge.reference`: only the tables of a description, their n
 of the positions come from there. Needs python-flint (the extra ``truth``).
 """
 
-#: Samples that the engine solves at the most.
+#: Largest number of samples that the engine solves.
 MOST = 201
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
-#: Quantity that it does not give -> why.
+#: Quantity that the engine does not give -> reason.
 LACKS = {
     **_OPEN,
     "mass_matrix": "its Newton-Euler equations are solved whole",

@@ -1,8 +1,8 @@
 """The engine `truth`: ball arithmetic with a rigorous radius for every value.
 
-It reads the text of the description and of the scene exactly, takes the doubles of the times as they are, and solves
-at most so many of the samples as its entry says, spread evenly. Of the float64 solver it uses the positions, as a guess
-that nothing rests on: they are certified anew.
+It reads the text of the description and of the scene exactly, takes the doubles of the times as exact, and solves
+at most the number of samples in its entry, spread evenly. From the float64 solver it takes the positions, as a guess
+without effect on the result: they are certified independently.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class TruthModel:
         """Compute every quantity in balls.
 
         Raises:
-            NotCertified: Not one of the samples could be certified.
+            NotCertified: No sample could be certified.
             RoutesDisagree: Two enclosures of one force are disjoint.
         """
         motion = self._checked(problem)

@@ -1,7 +1,7 @@
 """Number types of the truth: exact text as balls (arb), matrices of them, and power series in time (jets).
 
 Decimals become exact rationals, expressions enclosures. A jet is the list of its Taylor coefficients ``[x, x',
-x''/2]``, as many of them as are wanted; all derivatives of the truth come from multiplying such series, no formula
+x''/2]``, to the requested order; all derivatives of the truth come from multiplying such series, and no formula
 for a velocity or an acceleration is written down anywhere.
 """
 
@@ -32,7 +32,7 @@ _FUNCTIONS: dict[str, Callable[..., arb]] = {
 _FUNCTIONS["atan2"] = arb.atan2
 
 
-#: A decimal of so many digits may be a rounded one.
+#: A decimal with this number of digits may be rounded.
 LONG = 15
 #: Rounding of a computed double, as a share of it: four units of its last place.
 ROUNDED = 2.0**-50
@@ -102,7 +102,7 @@ def vector(values: Any) -> Vector:
 
 
 def unit_vector(values: Any) -> Vector:
-    """Normalise a vector, since the text may give rounded decimals."""
+    """Normalise a vector, because the text may give rounded decimals."""
     return normalized(vector(values))
 
 
@@ -125,7 +125,7 @@ def rotation_matrix(value: Any) -> arb_mat:
 
 
 def _orthonormal(rows: Any) -> arb_mat:
-    """Orthonormalise a matrix of decimals by Gram and Schmidt; they are orthonormal only to their last digit."""
+    """Orthonormalise a matrix with the Gram-Schmidt method; its decimals are orthonormal only to their last digit."""
     first = unit_vector(rows[0])
     second = vector(rows[1])
     along = dot(first, second)
@@ -139,7 +139,7 @@ def placement(table: Mapping[str, Any]) -> arb_mat:
 
 
 def rigid(R: arb_mat, p: Vector) -> arb_mat:
-    """Homogeneous matrix of a rotation and an origin. Shape (4, 4)."""
+    """Build the homogeneous matrix of a rotation and an origin. Shape (4, 4)."""
     rows = R.tolist()
     return arb_mat([*([*rows[i], p[i]] for i in range(3)), [0, 0, 0, 1]])
 
@@ -176,7 +176,7 @@ def solve(A: arb_mat, b: arb_mat) -> arb_mat:
 
 
 def skew(v: Vector) -> arb_mat:
-    """Matrix of the cross product. Shape (3, 3)."""
+    """Return the matrix of the cross product. Shape (3, 3)."""
     x, y, z = v
     return arb_mat([[0, -z, y], [z, 0, -x], [-y, x, 0]])
 
@@ -200,12 +200,12 @@ Terms = Sequence[tuple[list[arb], list[list[arb]]]]
 
 
 def mul(a: list[Any], b: list[Any]) -> list[Any]:
-    """Product of two series of equal length."""
+    """Multiply two series of equal length."""
     return [reduce(add, (a[i] * b[k - i] for i in range(k + 1))) for k in range(len(a))]
 
 
 def sin_cos(q: Jet) -> tuple[Jet, Jet]:
-    """Sine and cosine of a series."""
+    """Return sine and cosine of a series."""
     s, c = q[0].sin_cos()
     sin, cos = [s], [c]
     if len(q) > 1:
@@ -242,7 +242,7 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Series ``[y, y', y''/2]`` of each coordinate at a time, whose double is exact."""
+    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, whose double is exact."""
     return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
@@ -257,6 +257,6 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
 
 
 def samples(motion: GivenMotion, i: int) -> list[Jet]:
-    """Series of each coordinate at one sample, whose doubles are exact."""
+    """Return the series of each coordinate at one sample, whose doubles are exact."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

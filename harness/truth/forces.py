@@ -21,7 +21,7 @@ from screwgauge.truth.linkage import AXES, Linkage, split
 
 
 class RoutesDisagree(NotCertified):
-    """Raised when the two routes give disjoint enclosures, so that one of them is wrong."""
+    """Raised when the two routes give disjoint enclosures, which proves one of them wrong."""
 
 
 BallLoad = tuple[int, Vector | None, Vector, Vector]
@@ -36,10 +36,10 @@ class VaryingLoad:
     """A load over time.
 
     Attributes:
-        body: Number of its body.
-        point: On it; None: centre of mass.
+        body: Index of its body.
+        point: Point on the body; None for the centre of mass.
         components: Fx, Fy, Fz, Mx, My, Mz.
-        turns: Whether they are in axes of the body.
+        turns: Whether the components are in body axes.
     """
 
     body: int
@@ -48,7 +48,7 @@ class VaryingLoad:
     turns: bool
 
     def at(self, t: float, T: arb_mat) -> BallLoad:
-        """Load at a time [s] on a body placed by T."""
+        """Return the load at a time [s] on a body placed by T."""
         now = [one(t) if callable(one) else drive([one], t)[0][0] for one in self.components]
         force, torque = (point(T, each, 0) if self.turns else each for each in (now[:3], now[3:]))
         return self.body, self.point, force, torque
@@ -67,7 +67,7 @@ class Unknown:
 
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Route 1: generalized actuator force along each independent coordinate [N m or N]."""
+    """Compute by route 1 the generalized actuator force along each independent coordinate [N m or N]."""
     forces, resisted = [], [*taken(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
@@ -85,7 +85,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Coordinate of each rotor, damper and dry friction, and force along it.
+    """Yield the coordinate of each rotor, damper and dry friction, and the force along it.
 
     Raises:
         NotCertified: The sign of a rate, against which friction acts, is not certain.
@@ -107,7 +107,7 @@ def _trace(A: arb_mat, B: arb_mat) -> arb:
 
 
 def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
-    """Smallest actuator forces with ``B^T f = Q``. Shape (n_actuator, 1)."""
+    """Return the minimum-norm actuator forces with ``B^T f = Q``. Shape (n_actuator, 1)."""
     Bt = B.transpose()
     try:
         return B * (Bt * B).solve(arb_mat([[x] for x in Q]))
@@ -123,18 +123,18 @@ def columns_of(A: arb_mat, some: Sequence[int]) -> arb_mat:
 def idle_accelerations(
     B: arb_mat, columns: Sequence[Sequence[arb]], Q: Sequence[arb], idle: Sequence[int]
 ) -> list[arb]:
-    """Second derivatives of undriven coordinates, by ``N^T (Q + M x) = 0``.
+    """Solve for second derivatives x of undriven coordinates, ``N^T (Q + M x) = 0``.
 
-    N has the motions in which the actuators stand still: one idle coordinate each, and what of the others goes with it.
+    N has the motions in which the actuators are at rest: one idle coordinate each, with the others that follow it.
 
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
         columns: Columns of the mass matrix that belong to the idle coordinates. Shape (m, k).
-        Q: Forces along the coordinates where x is zero. Shape (k,).
-        idle: Numbers of the idle coordinates.
+        Q: Forces along the coordinates at x = 0. Shape (k,).
+        idle: Indices of the idle coordinates.
 
     Raises:
-        NotCertified: They may have no inertia, or the actuators may not move all others.
+        NotCertified: Idle coordinates may have no inertia, or the actuators may not move all others.
     """
     given, m = given_columns(len(Q), idle), len(idle)
     N = arb_mat(len(Q), m, [int(j == i) for j in range(len(Q)) for i in idle])
@@ -153,7 +153,7 @@ def idle_accelerations(
 
 
 def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]], idle: Collection[int]) -> list[arb]:
-    """Body twists about their origins, and point velocities, per rate of each actuator, row by row.
+    """Return body twists about their origins, and point velocities, per rate of each actuator, row by row.
 
     Args:
         points: Body and place of each.
@@ -173,7 +173,7 @@ def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]],
 
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
-    """Reaction components of all joints, in the order of the results."""
+    """List the reaction components of all joints, in the order of the results."""
     return [unknown for joint in by_role(linkage.mechanism.joints) for unknown in _components(linkage, now, joint)]
 
 
@@ -203,7 +203,7 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
 
 
 def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_mat) -> list[tuple[str, Vector]]:
-    """Labels and world directions of a joint: frame axes, child axes, across, along or normal."""
+    """List labels and world directions of a joint: frame axes, child axes, across, along or normal."""
     world = [*zip("xyz", AXES, strict=True)]
     if what == "world":
         return world
@@ -215,7 +215,7 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
-    """Actuators as unit forces or moments along their axes, and those along held coordinates."""
+    """List the actuators as unit forces or moments along their axes, and those along held coordinates."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
@@ -229,7 +229,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
 
 
 def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[list[arb]]:
-    """Effect of each unknown on each body: force, and moment about its centre of mass. (m, 6 n_body)."""
+    """Return the effect of each unknown on each body: force, and moment about its centre of mass. (m, 6 n_body)."""
     index = linkage.mechanism.body_index
     com = [point(T[0], mass.com) for T, mass in zip(now.bodies[1:], linkage.masses, strict=True)]
     columns = []
@@ -248,7 +248,7 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Effect of each coupling: 1 along its coordinate, minus the slope along each other one."""
+    """Return the effect of each coupling: 1 along its coordinate, minus the slope along each other coordinate."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
@@ -259,7 +259,7 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
 
 
 def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
-    """Effect of a unit force along a joint coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
+    """Return the effect of a unit force along a joint coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
     joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
     return balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 
@@ -289,7 +289,7 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
 def newton_euler(
     linkage: Linkage, now: State, B: arb_mat, right: list[arb], idle: Sequence[int], *, axial: bool
 ) -> tuple[list[arb], arb_mat, list[arb]]:
-    """Route 2: all reactions, then couplings, and actuator forces, from the balance of all bodies.
+    """Solve by route 2 for reactions, then couplings, and actuator forces, from the balance of all bodies.
 
     Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
     nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant
@@ -325,7 +325,7 @@ def newton_euler(
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:
-    """Solve for the coefficients of the columns; dependent columns that are left out get zero."""
+    """Solve for the coefficients of the columns; omitted dependent columns get zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
         table = floats(arb_mat(columns)) / np.resize(np.repeat([1.0, length], 3), len(right))
@@ -343,7 +343,7 @@ def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float
 
 
 def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict[int, arb]]:
-    """Two directions across the line of the joint's force (eq. 56): column -> coefficient."""
+    """Return two directions across the line of the joint's force (eq. 56): column -> coefficient."""
     axial = linkage.axial
     if axial is None:
         raise NotCertified("the mechanism names no joint for the rule spherical_axial", "", "use min_norm")

@@ -1,6 +1,6 @@
 """Certified closed poses, and their velocities and accelerations, in balls.
 
-The start may be any guess; nothing is believed of it. Newton's method in high precision comes first, then an interval
+The start may be any guess and is not trusted. Newton's method in high precision comes first, then an interval
 Newton step: where Krawczyk's operator maps a small box into its own interior, the box holds one and only one solution
 of the loop equations, and the image encloses it. The equations hold at every time, so every coefficient of their power
 series is zero; solved order by order they give the series of the joint coordinates, and the motion of the bodies is
@@ -120,12 +120,12 @@ class Certifier:
         return m, Y
 
     def _square(self, q: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Jacobian of the selected rows. Shape (n, n)."""
+        """Return the Jacobian of the selected rows. Shape (n, n)."""
         table = self.linkage.jacobian(q).tolist()
         return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Selected rows of the closing errors, those of couplings, and ``q - y``. Shape (n_q, 1)."""
+        """Return the selected rows of the closing errors, of couplings, and of ``q - y``. Shape (n_q, 1)."""
         jets = [[x] for x in q]
         errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
@@ -153,7 +153,7 @@ class Certifier:
 
 
 def floats(M: arb_mat) -> Array:
-    """Midpoints as doubles."""
+    """Return the midpoints as doubles."""
     return np.array([[float(x.mid()) for x in row] for row in M.tolist()])
 
 
@@ -177,7 +177,7 @@ class State:
 
 
 def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> State:
-    """Positions, velocities and accelerations from the series of independent coordinates.
+    """Compute positions, velocities and accelerations from the series of independent coordinates.
 
     Raises:
         NotCertified: A ball cannot be proved or is not finite.
@@ -212,7 +212,7 @@ EXPRESSIONS = "give lengths and angles as expressions such as 'sqrt(2)', or with
 
 
 def redundant_rows(linkage: Linkage) -> int:
-    """Number of closing rows, couplings included, beyond those that determine the coordinates."""
+    """Count the closing rows, couplings included, beyond those that determine the coordinates."""
     mechanism = linkage.mechanism
     rows = 6 * len(linkage.cuts) + len(linkage.ties) + len(mechanism.independent_columns)
     return rows - len(mechanism.coordinates)
@@ -250,7 +250,7 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
 
 
 def spin(T: MatrixJet, order: int) -> Vector:
-    """Angular velocity (order 1) or acceleration (order 2) in world axes: axial part of ``R' R^T``, ``R'' R^T``."""
+    """Return angular velocity (order 1) or acceleration (2) in world axes: axial part of ``R' R^T``, ``R'' R^T``."""
     a, b = T[order].tolist(), T[0].tolist()
     factor = arb(order) / 2  # the axial part halves, the second coefficient is half the second derivative
 

@@ -51,7 +51,7 @@ class Tie:
     leads: list[tuple[int | None, Vector]]
 
     def error(self, q: Sequence[Jet]) -> Jet:
-        """Series of ``q_i - sum_k p_k(q_k)``."""
+        """Return the series of ``q_i - sum_k p_k(q_k)``."""
         error = list(q[self.column])
         for k, polynomial in self.leads:
             value = _series(polynomial, [arb(0) for _ in error] if k is None else q[k])
@@ -59,13 +59,13 @@ class Tie:
         return error
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
-        """Derivative of the error: columns with 1 and each -p_k'."""
+        """Return the derivative of the error: columns with 1 and each -p_k'."""
         slopes = [(k, -_series(polynomial, [q[k], arb(1)])[1]) for k, polynomial in self.leads if k is not None]
         return [(self.column, arb(1)), *slopes]
 
 
 def _series(polynomial: Vector, x: Jet) -> Jet:
-    """Compose a polynomial with the series of its coordinate, by Horner."""
+    """Compose a polynomial with the series of its coordinate, using Horner's scheme."""
     value = [arb(0) for _ in x]
     for coefficient in reversed(polynomial):
         value = mul(value, x)
@@ -74,7 +74,7 @@ def _series(polynomial: Vector, x: Jet) -> Jet:
 
 
 def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
-    """Read the couplings of a mechanism with the numbers of its tables."""
+    """Read the couplings of a mechanism with the coefficients of its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
         table = {"polynomial": [0]} if isinstance(one, Fixing) else tables["couplings"][one.name]
@@ -84,7 +84,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def along(axes: Sequence[Vector], i: int) -> Vector:
-    """Vector in the span of one to three axes with component 1 along axis i, and 0 along the others."""
+    """Return the vector in the span of one to three axes with component 1 along axis i, and 0 along the others."""
     if len(axes) == 1:
         return axes[0]
     # of two, whose decimals are at right angles to rounding only, the third is at right angles to both
@@ -95,14 +95,14 @@ def along(axes: Sequence[Vector], i: int) -> Vector:
 
 
 def owner(mechanism: Mechanism, column: int) -> tuple[Joint, int]:
-    """Joint of a coordinate, and the index of its freedom."""
+    """Return the joint of a coordinate, and the index of its freedom."""
     name = mechanism.coordinates[column]
     joint = next(joint for joint in mechanism.joints if name in joint.coordinates)
     return joint, joint.coordinates.index(name)
 
 
 def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) -> list[tuple[bool, Vector]]:
-    """Directions of a joint's freedoms, each moved by its predecessors.
+    """Return the directions of a joint's freedoms, each moved by its predecessors.
 
     Args:
         steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each freedom.
@@ -154,7 +154,7 @@ class Move:
     square: arb_mat
 
     def matrix(self, q: Jet) -> MatrixJet:
-        """Series of the homogeneous matrix from that of the coordinate."""
+        """Return the series of the homogeneous matrix given that of the coordinate."""
         if not self.turns:
             return [identity(4) + self.D * (q[0] * self.sign), *(self.D * (x * self.sign) for x in q[1:])]
         sin, cos = sin_cos([x * self.sign for x in q])
@@ -169,7 +169,7 @@ class Linkage:
     """The tree walk of a mechanism and its loops.
 
     Attributes:
-        mechanism: Structure and names; none of its numbers are used.
+        mechanism: Structure and names; its numerical values are not used.
         frames: Joint name -> frames and axes in balls.
         masses: Mass properties of each body.
         length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
@@ -182,7 +182,7 @@ class Linkage:
         """Read the tables.
 
         Args:
-            rounded: Long decimals of frames and axes stand for all that may have been rounded to them.
+            rounded: Whether long decimals of frames and axes represent all numbers that round to them.
         """
         self.mechanism = mechanism
         self.frames = {
@@ -208,7 +208,7 @@ class Linkage:
         self.loops = [[(column, column in via, column in back) for column in sorted(via | back)] for via, back in ways]
 
     def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
-        """Frame, freedoms, frame back: from parent to child, or reversed."""
+        """List the steps frame, freedoms, frame back, from parent to child or reversed."""
         frames, sign = self.frames[joint.name], -1 if reverse else 1
         moves: list[Step] = [
             _move(column, sign, turns, frames.axes[min(i, len(frames.axes) - 1)])
@@ -219,7 +219,7 @@ class Linkage:
         return [step for step in steps if isinstance(step, Move) or not _is_identity(step)]
 
     def place(self, q: Sequence[Jet], spots: dict[int, arb_mat] | None = None) -> list[MatrixJet]:
-        """Homogeneous matrices of all bodies, ground first, from the series of joint coordinates.
+        """Compute homogeneous matrices of all bodies, ground first, from the series of joint coordinates.
 
         Args:
             spots: Filled, where given, with ``sign P D P^-1`` of each tree freedom, P being its frame.
@@ -233,14 +233,14 @@ class Linkage:
     def close(
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
-        """Matrix ``G = via tree^-1`` of each loop, of its two ways to one body; the identity if it closes."""
+        """Return ``G = via tree^-1`` of each loop, for its two paths to one body; the identity if it closes."""
         return [
             mul(_walk(bodies[parent], steps, q, spots), inverse_jet(bodies[child]))
             for parent, child, steps in self.cuts
         ]
 
     def along(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
-        """A unit force along a joint coordinate without power on the joint's others.
+        """Return a unit force along a joint coordinate without power on the joint's others.
 
         Returns:
             The joint, whether it is a moment, its direction, and the point of the joint on its child.
@@ -258,7 +258,7 @@ class Linkage:
         return joint, turning, along([axes[k][1] for k in alike], alike.index(i)), [child[k, 3] for k in range(3)]
 
     def jacobian(self, q: Sequence[arb]) -> arb_mat:
-        """Derivative of the errors of loops and ties, and of the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
+        """Differentiate the errors of loops and ties, and the selected coordinates. (6 n_cut + n_tie + k, n_q)."""
         jets = [[x] for x in q]
         spots: dict[int, arb_mat] = {}
         bodies = self.place(jets, spots)
@@ -279,7 +279,7 @@ class Linkage:
 
 
 def error(G: arb_mat) -> list[arb]:
-    """Six numbers that vanish if G is the identity, and only then if it turns by less than pi."""
+    """Return six numbers that vanish if G is the identity, and only then if it turns by less than pi."""
     r = G.tolist()
     turn = [(r[2][1] - r[1][2]) / 2, (r[0][2] - r[2][0]) / 2, (r[1][0] - r[0][1]) / 2]
     return [*turn, r[0][3], r[1][3], r[2][3]]
@@ -319,7 +319,7 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
 
 
 def split(axis: Vector) -> list[tuple[str, Vector]]:
-    """Labels and directions, two across an axis and one along it; joint-frame axes if the axis is one."""
+    """List labels and directions, two across an axis and one along it; joint-frame axes if the axis is one."""
     k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
     across = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in across):

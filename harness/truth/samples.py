@@ -50,7 +50,7 @@ from screwgauge.truth.linkage import Linkage
 Balls = dict[str, list[arb]]
 """Quantity -> its components."""
 
-#: A sample with a wider ball than this share of its quantity is enclosed anew with more bits: near singular poses and
+#: A sample with a ball wider than this fraction of its quantity is enclosed again with more bits: near singular poses or
 #: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
 WIDE = 1e-25
 
@@ -67,7 +67,7 @@ class Sampler:
         """Read forces and motion in the working precision, which samples also need.
 
         Args:
-            redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
+            redundant: Whether loops and routes must agree beyond what the solution needs; else only chosen rows count.
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier, self.bits, motion = Certifier(linkage), ctx.prec, problem.wording.motion
@@ -90,7 +90,7 @@ class Sampler:
             self.loads = [_load_of_text(table, index) for table in problem.wording.loads]
 
     def at(self, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-        """All quantities at one sample of the motion, see `sample`."""
+        """Compute all quantities at one sample of the motion, see `sample`."""
         with ctx.workprec(self.bits):
             y = samples(motion, row)
             for i, series in zip(self.said, drive(self.terms, float(motion.t[row])), strict=True):
@@ -98,13 +98,13 @@ class Sampler:
             return self.sample(y, start, float(motion.t[row]), motion.idle)
 
     def sample(self, y: Sequence[Jet], start: Sequence[float], t: float = 0.0, idle: Sequence[int] = ()) -> Balls:
-        """All quantities at one time.
+        """Compute all quantities at one time.
 
         Args:
             y: Series of the independent coordinates.
             start: An unverified guess of the joint coordinates.
-            t: The time, which loads may go by [s].
-            idle: Numbers of coordinates that no actuator drives: their second derivatives follow.
+            t: Time at which loads are evaluated [s].
+            idle: Indices of coordinates that no actuator drives: their second derivatives follow.
 
         Raises:
             NotCertified: Something could not be enclosed.
@@ -145,7 +145,7 @@ class Sampler:
         return [[a, b, x[idle.index(i)] / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
 
     def _drive(self, now: State) -> arb_mat:
-        """Rates of the actuators per rate of each independent coordinate. Shape (n_actuator, k)."""
+        """Return the rates of the actuators per rate of each independent coordinate. Shape (n_actuator, k)."""
         rows, k = self.linkage.mechanism.actuated_columns, now.partial.ncols()
         return arb_mat(len(rows), k, [now.partial[row, j] for row in rows for j in range(k)])
 
@@ -228,7 +228,7 @@ def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: 
     """Compute a sample by the first sampler with narrow balls, else by the last.
 
     Raises:
-        NotCertified: None of them had bits enough.
+        NotCertified: No sampler had enough bits.
     """
     for sampler in samplers[:-1]:
         try:
@@ -270,7 +270,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleTable:
-    """Samples as midpoints and radii by quantity (n_row, m), with reasons for those without any.
+    """Samples as midpoints and radii by quantity (n_row, m), with reasons for missing ones.
 
     Attributes:
         rounded: Long decimals of the geometry were read as rounded.
@@ -305,10 +305,10 @@ class SampleTable:
         """True if the table can answer a problem.
 
         Args:
-            wanted: Quantities that an answer has.
+            wanted: Requested quantities.
             sizes: Number of components of every quantity.
             y: Independent coordinates. Shape (n_row, k).
-            columns: Theirs among the joint coordinates.
+            columns: Columns of the independent coordinates among the joint coordinates.
         """
         if not ({"joint_position", *wanted} <= self.mid.keys() == self.radius.keys() <= sizes.keys()):
             return False
@@ -324,7 +324,7 @@ class SampleTable:
 
 
 def enclosures(samples: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Midpoints rounded to doubles, and upper bounds of the radii; NaN for missing samples.
+    """Return midpoints rounded to doubles, and upper bounds of the radii; NaN for missing samples.
 
     A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
     rounded, it may be as wide as a number that does not vanish.

@@ -1,5 +1,5 @@
-"""The witness: a second statement of mechanics, by moving points and bodies, to judge engines and explain diagnoses.
+"""The witness: a second formulation of mechanics, in terms of moving points and bodies, to judge and diagnose engines.
 
-Classical vector mechanics, and not the screw formulas of the solver. What a mechanism is and how rotations are written
-is shared with the solver, nothing else.
+It uses classical vector mechanics, not the screw formulas of the solver. Only the definition of a mechanism and the
+representation of rotations are shared with the solver.
 """

@@ -1,6 +1,6 @@
 """Loop constraints of a tree: residuals of closures and couplings, their rates, and the admitted motions.
 
-Which rows state a loop is a choice (a weld, three points, another order); the motions that they admit are none.
+The rows that express a loop are a choice (a weld, three points, another order); the admitted motions are not.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from screwgauge.reference.rotations import Array, cross, quaternion_rotation, ro
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 
-#: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
+#: Newton steps, and largest step size [rad or m]; gaps that count as rounding [rad or lengths of
 #: the machine, or m where it is smaller].
 STEPS, FAR, CLOSED = 40, 0.5, 1e-11
-#: Singular values below this share of the largest are those of rows that follow from others.
+#: Singular values below this fraction of the largest belong to redundant rows.
 DEPENDENT = 1e-8
-#: Singular values between these shares are of a singular pose, found to the square root of rounding or so.
+#: Singular values between these fractions indicate a singular pose, found to about the square root of rounding.
 UNCLEAR = 1e-11, 1e-5
 
 
 def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
-    """Second frame of each closure relative to the first, world axes: displacement, for a weld after the rotation
+    """Return each closure's second frame relative to the first, world axes: displacement, for a weld after the rotation
     vector.
 
     Args:
@@ -52,7 +52,7 @@ def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict
 
 
 def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
-    """Deviation of coupled coordinates or derivatives from the couplings' values. (n, n_coupling)."""
+    """Return the deviation of coupled coordinates or derivatives from the couplings' values. (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
         column, velocity, *_ = one
@@ -62,7 +62,7 @@ def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Arr
 
 
 def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
-    """Value of a coupling at the other coordinates, and its two derivatives. Shape (n,) each."""
+    """Return the value of a coupling at the other coordinates, and its two derivatives. Shape (n,) each."""
     _, _, constant, leads = one
     total, rate, change = (np.full(len(states.q), x) for x in (constant, 0.0, 0.0))
     for column, velocity, p in leads:
@@ -73,7 +73,7 @@ def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
 
 
 def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
-    """Relative velocity of each closure's second frame at its origin, world axes, per unit velocity.
+    """Return the relative velocity of each closure's second frame at its origin, world axes, per unit velocity.
 
     Returns:
         Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
@@ -88,7 +88,7 @@ def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
 
 
 def coupling_rows(tree: SpanningTree, q: Array) -> Array:
-    """Rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
+    """Return rates of the couplings per unit velocity. Shape (n, n_coupling, n_freedom)."""
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, (_, own, _, leads) in enumerate(tree.couplings.values()):
         rows[:, k, own] = 1.0
@@ -107,7 +107,7 @@ class ConstraintEquations:
 
     @cached_property
     def gap(self) -> Array:
-        """Openings of the constraints [m or rad]. Shape (n, m)."""
+        """Constraint residuals [m or rad]. Shape (n, m)."""
         return residual(self.tree, self.states, self.motion)
 
     @cached_property
@@ -128,7 +128,7 @@ def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
 
 
 def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
-    """All gaps side by side. Shape (n, m)."""
+    """Return all gaps, concatenated. Shape (n, m)."""
     return np.hstack([*closure_gaps(tree, motion, order).values(), coupling_gaps(tree, states, order)])
 
 
@@ -141,7 +141,7 @@ def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
     """Move every joint by a step along its velocities.
 
     Args:
-        step: [rad or m]. Shape (n, n_freedom).
+        step: Step [rad or m]. Shape (n, n_freedom).
     """
     out = q.copy()
     for link in tree.links:
@@ -161,10 +161,10 @@ def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
 
 
 def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
-    """Close the loops by Newton's method, with velocities and accelerations that keep them closed.
+    """Close the loops with Newton's method, with velocities and accelerations that keep them closed.
 
     Returns:
-        The states that could be closed; and which they are, shape (n,).
+        The states that could be closed, and flags of these states, shape (n,).
     """
     q, length, todo = states.q.copy(), max(tree.length, 1.0), np.arange(len(states.q))
     for _ in range(STEPS):
@@ -184,7 +184,7 @@ def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[
 
 
 def newton_step(rows: Array, gap: Array) -> Array:
-    """Shortest step that closes the gaps, limited in length. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
+    """Return the shortest step that closes gaps, with a limit. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
     step = -(np.linalg.pinv(rows, rcond=DEPENDENT) @ gap[..., None])[..., 0]
     return np.asarray(step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
 
@@ -192,7 +192,7 @@ def newton_step(rows: Array, gap: Array) -> Array:
 def clear(rows: Array) -> NDArray[np.bool_]:
     """Flag states with a clear rank of the rows; shape (n, m, n_freedom) -> (n,).
 
-    Newton's method ends next to a singular pose with half the digits, and with singular values that are neither.
+    Near a singular pose Newton's method ends with half the digits, and with singular values neither zero nor regular.
     """
     s = np.linalg.svd(rows, compute_uv=False)
     s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
@@ -200,7 +200,7 @@ def clear(rows: Array) -> NDArray[np.bool_]:
 
 
 def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:
-    """Projector onto the velocities that the rows admit.
+    """Return the projector onto the velocities that the rows admit.
 
     Args:
         rows: Shape (n, m, n_freedom).
@@ -208,7 +208,7 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
         length: Length equivalent to 1 rad [m].
 
     Returns:
-        What is left of each unit velocity, shape (n, n_freedom, n_freedom); and how well the rows tell, the smallest
+        The projection of each unit velocity, shape (n, n_freedom, n_freedom); and the rows' conditioning, the smallest
         singular value over the largest, shape (n,).
     """
     _, s, V = np.linalg.svd(rows * np.where(slides, length, 1.0), full_matrices=True)
@@ -227,7 +227,7 @@ class AdmissibleMotion:
         equations: Rates of the gaps per velocity, above the selection of y. Shape (n, m + k, n_freedom).
         gap_size: Unit of each gap, 1 rad or a length. Shape (m,).
         size: Unit of each velocity: 1 rad, or the length [m]. Shape (n_freedom,).
-        columns: The chosen ones.
+        columns: Columns of the independent velocities.
     """
 
     motion: TreeMotion
@@ -237,11 +237,11 @@ class AdmissibleMotion:
     columns: list[int]
 
     def joints(self, y: Array, gaps: Array | None = None) -> Array:
-        """Derivatives of all coordinates from those of the independent ones.
+        """Compute derivatives of all coordinates given those of the independent coordinates.
 
         Args:
             y: Shape (n, k) or (n, k, m).
-            gaps: Their `constraints.residual` without these; zero by default. Shape (n, m).
+            gaps: `constraints.residual` at zero derivatives; zero by default. Shape (n, m).
 
         Returns:
             Shape (n, n_freedom) or (n, n_freedom, m).
@@ -262,7 +262,7 @@ class AdmissibleMotion:
 
     @cached_property
     def bodies(self) -> Array:
-        """Velocities of the centres of mass below the angular ones, per velocity of y. Shape (n, n_body, 6, k)."""
+        """Angular velocities, then velocities of the centres of mass, per velocity of y. Shape (n, n_body, 6, k)."""
         J = self.motion.jacobian(self.motion.tree.bodies, self.motion.com.p)[:, :, [3, 4, 5, 0, 1, 2]]
         return np.asarray(J @ self.partial[:, None])
 

@@ -13,7 +13,7 @@ from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, Tree
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewtonEulerTerms:
-    """Needs of each body by term: force, and moment about the centre of mass.
+    """Wrench required by each body, by term: force, and moment about the centre of mass.
 
     Attributes:
         inertial: ``m a`` and ``J b``. Shape (n, m, 6).
@@ -35,7 +35,7 @@ class NewtonEulerTerms:
 
 
 def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
-    """Newton-Euler terms of bodies, from orientation, angular motion and acceleration of the centre of mass.
+    """Compute Newton-Euler terms of bodies from orientation, angular motion and acceleration of the centre of mass.
 
     Args:
         g: Gravity, for all or of each body [m/s^2]. Shape (3,) or (m, 3).
@@ -46,19 +46,19 @@ def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array,
 
 
 def momentum(matter: MassProperties, R: Array, w: Array) -> Array:
-    """``R J R^T w``, angular momentum about the centre of mass. Shape (n, m, 3)."""
+    """Return the angular momentum ``R J R^T w`` about the centre of mass. Shape (n, m, 3)."""
     return times(R, times(matter.inertia[None], times(R.swapaxes(-1, -2), w)))
 
 
 def kinetic_energy(motion: TreeMotion) -> Array:
-    """Kinetic energy of all bodies [J]. Shape (n,)."""
+    """Return the kinetic energy of all bodies [J]. Shape (n,)."""
     matter, com = motion.tree.matter, motion.com
     turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
 
 
 def along(motion: TreeMotion, wrenches: Array) -> Array:
-    """Power of wrenches at the bodies' centres of mass, see `NewtonEulerTerms`, per unit velocity.
+    """Return the power of wrenches at the bodies' centres of mass, see `NewtonEulerTerms`, per unit velocity.
 
     Args:
         wrenches: Shape (..., n, n_body, 6).
@@ -75,7 +75,7 @@ def along(motion: TreeMotion, wrenches: Array) -> Array:
 
 
 def mass_matrix(motion: TreeMotion) -> Array:
-    """Mass matrix without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
+    """Compute the mass matrix without armature (see Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
 
     Returns:
         Shape (n, n_freedom, n_freedom).
@@ -91,7 +91,7 @@ def mass_matrix(motion: TreeMotion) -> Array:
 
 
 def _inertia_at_origin(motion: TreeMotion) -> Array:
-    """Inertia of each body about the world's origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
+    """Return each body's inertia about the world origin: twist -> angular momentum and momentum. (n, n_body, 6, 6)."""
     matter, com = motion.tree.matter, motion.com
     C, m = skew(com.p), matter.mass[:, None, None]
     out = np.empty((*com.p.shape[:2], 6, 6))
@@ -107,13 +107,13 @@ class InverseDynamics:
     """Forces along a tree's velocities that its motion requires [N m or N].
 
     Attributes:
-        tau: All that motors exert. Shape (n, n_freedom).
-        mass_matrix: With armature. Shape (n, n_freedom, n_freedom).
+        tau: Total motor forces. Shape (n, n_freedom).
+        mass_matrix: Mass matrix with armature. Shape (n, n_freedom, n_freedom).
         bias: Forces due to gravity and velocities, without joint forces. Shape (n, n_freedom).
         gravity: Forces due to weight. Shape (n, n_freedom).
-        passive: Damping, friction and springs. Shape (n, n_freedom).
+        passive: Forces of damping, friction and springs. Shape (n, n_freedom).
         velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
-        acceleration: Their derivatives. Shape (n, n_body, 6).
+        acceleration: Time derivatives of `velocity`. Shape (n, n_body, 6).
     """
 
     tau: Array
@@ -152,12 +152,12 @@ def _needed(motion: TreeMotion) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """Entry of `Tree.passive`, zeros by default."""
+    """Return an entry of `Tree.passive`, zeros by default."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
 def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
-    """Acceleration that armature resists; for a free joint's translation in world axes. Shape (n, n_freedom)."""
+    """Return the acceleration that armature resists; in world axes for a free translation. Shape (n, n_freedom)."""
     qdd = states.qdd.copy()
     for link in tree.links:
         if link.kind == "free":
@@ -167,7 +167,7 @@ def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def deflection(tree: SpanningTree, states: TreeStates) -> Array:
-    """Displacement of each joint from its spring's rest position, along its velocities. Shape (n, n_freedom)."""
+    """Return each joint's displacement from its spring's rest position, along its velocities. Shape (n, n_freedom)."""
     out = np.empty_like(states.qd)
     for link in tree.links:
         part = slice(link.velocity, link.velocity + FREEDOMS[link.kind])
@@ -177,7 +177,7 @@ def deflection(tree: SpanningTree, states: TreeStates) -> Array:
         start = link.coordinate + 3 * (link.kind == "free")
         w, axis = states.q[:, start], states.q[:, start + 1 : start + 4]
         sine = np.linalg.norm(axis, axis=1)
-        angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0, -1.0, 1.0)  # the shorter way
+        angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0, -1.0, 1.0)  # the shorter rotation
         out[:, part.start : part.start + 3] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
         if link.kind == "free":
             R = quaternion_rotation(states.q[:, start : start + 4])
@@ -186,17 +186,17 @@ def deflection(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """Forces that accelerate the rotors. Shape (n, n_freedom)."""
+    """Return the forces that accelerate the rotors. Shape (n, n_freedom)."""
     return _entry(tree, "armature") * rotor_acceleration(tree, states)
 
 
 def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """Motor forces that overcome damping, dry friction and springs. Shape (n, n_freedom)."""
+    """Return motor forces that overcome damping, dry friction and springs. Shape (n, n_freedom)."""
     return np.asarray(sum(passive_parts(tree, states).values()))
 
 
 def passive_parts(tree: SpanningTree, states: TreeStates) -> dict[str, Array]:
-    """Parts of `passive_force`, by name."""
+    """Return the parts of `passive_force` by name."""
     stiffness = _entry(tree, "stiffness")
     return {
         "damping": _entry(tree, "damping") * states.qd,

@@ -1,7 +1,7 @@
 """The witness's kinds of joint, and mechanisms as trees of links.
 
-Written down from the meaning of the kinds and not from the solver's table of joint types: a wrong sign or direction
-there is to be seen here.
+Derived from the meaning of the kinds, not from the solver's table of joint types, so that a wrong sign or direction
+in that table shows up here.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
-    """Kind and axis, in the joint's frame, of its elementary joints in order.
+    """List kind and axis, in the joint's frame, of its elementary joints in order.
 
     Hinges have the joint's axes. One slide is along the first, two are across it, three along the frame's axes.
     """
@@ -50,9 +50,9 @@ def freedoms(joint: Joint) -> list[tuple[str, Array]]:
 
 
 def across(axis: Array) -> dict[str, Array]:
-    """Two directions orthogonal to an axis: frame axes if it is one, else constructed from the first.
+    """Return two directions orthogonal to an axis: frame axes if it is one, else constructed from the first.
 
-    They are called x, y, z or else 1 and 2.
+    Their labels are x, y, z, or else 1 and 2.
     """
     main = int(np.abs(axis).argmax())
     others = [i for i in range(3) if i != main]
@@ -68,7 +68,7 @@ class MechanismTree(SpanningTree):
     """The tree of a mechanism; coordinates and velocities are the joint coordinates and their rates.
 
     Attributes:
-        mechanism: It.
+        mechanism: The mechanism.
         body_frames: Frames of ground and the bodies, by name.
     """
 
@@ -76,14 +76,14 @@ class MechanismTree(SpanningTree):
     body_frames: Mapping[str, FixedFrame]
 
     def on(self, body: str, frame: Frame) -> FixedFrame:
-        """Frame fixed in a body."""
+        """Return a frame fixed in a body."""
         return self.body_frames[body].placed(frame.R, frame.p)
 
 
 def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
     """Convert a mechanism to the spanning tree of a graph.
 
-    A joint that closes a loop leads to a copy of its child, without mass; the loop is closed where the two are one.
+    A joint that closes a loop leads to a massless copy of its child; the loop is closed where the two coincide.
     """
     links, at = _span(mechanism, graph)
     closures = {
@@ -105,12 +105,12 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 
 
 def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
-    """Open tree of some joints; one that would close a loop leads to a copy of its body.
+    """Build the open tree of some joints; a joint that would close a loop leads to a copy of its body.
 
     A body and its copies have equal shares of its mass. Ground has no copies: a joint that ends there leads from it.
 
     Returns:
-        The tree, of its bodies, last the copies, the numbers that they have in the mechanism, and their shares, (m,).
+        The tree; for its bodies, copies last, their indices in the mechanism, and their mass shares, (m,).
     """
     links, at = _span(mechanism, graph)
     number = {body.name: i for i, body in enumerate(mechanism.bodies)}
@@ -128,7 +128,7 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
 
 
 def _span(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
-    """Links of a spanning tree's joints, and frames of ground and bodies."""
+    """Build the links of a spanning tree's joints, and frames of ground and bodies."""
     links, at = list[TreeLink](), {GROUND: FixedFrame()}
     for edge in graph.edges:
         at[edge.far] = _append_links(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)

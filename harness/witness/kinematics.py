@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.reference.rotations import Array, cross, product, quaternion_rotation, skew, times
 from screwgauge.witness.tree import FREEDOMS, FixedFrames, Rows, SpanningTree, TreeStates
 
-#: Links times samples that are walked at once.
+#: Number of links times samples processed at once.
 AT_ONCE = 16384
 
 
@@ -36,7 +36,7 @@ class Moving:
     a: Array
 
     def shifted(self, r: Array) -> Moving:
-        """Motion of the same bodies at points displaced by `r` (world axes, shape (n, m, 3))."""
+        """Return the motion of the same bodies at points displaced by `r` (world axes, shape (n, m, 3))."""
         v = cross(self.w, r)
         return Moving(self.R, self.p + r, self.w, self.v + v, self.b, self.a + cross(self.b, r) + cross(self.w, v))
 
@@ -45,12 +45,12 @@ class Moving:
         return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
 
     def poses(self, at: FixedFrames) -> tuple[Array, Array]:
-        """Orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
+        """Return orientation and origin of fixed frames. Shapes (n, k, 3, 3), (n, k, 3)."""
         R = pick(self.R, at.link)
         return turned(R, at.R), pick(self.p, at.link) + times(R, at.p)
 
     def frames(self, at: FixedFrames) -> Moving:
-        """Motion of fixed frames."""
+        """Return the motion of fixed frames."""
         some = Moving(*(pick(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
         return replace(there, R=turned(there.R, at.R))
@@ -96,10 +96,10 @@ class TreeMotion:
         return self.links.frames(self.tree.ends)
 
     def jacobian(self, frames: FixedFrames, points: Array) -> Array:
-        """Angular velocity, then that of a point, of each frame per unit velocity.
+        """Return angular velocity, then velocity of a point, of each frame per unit velocity.
 
         Args:
-            points: In the world [m]. Shape (n, m, 3).
+            points: World points [m]. Shape (n, m, 3).
 
         Returns:
             Shape (n, m, 6, n_freedom).
@@ -140,12 +140,12 @@ def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     toward = cross(near, r)
     v = _accumulate(tree, toward + slide)
     a = cross(pick(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
-    a += cross(spin, slide)  # velocities of a free joint are counted along axes that it turns
+    a += cross(spin, slide)  # velocities of a free joint are along axes that it rotates
     return TreeMotion(tree, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
 
 
 def unit_twists(motion: TreeMotion) -> Array:
-    """Twist at the world's origin of each unit velocity, angular first. (n, f, 6)."""
+    """Return the twist at the world origin of each unit velocity, angular first. (n, f, 6)."""
     number, _, turns = motion.tree.velocity
     lever = cross(motion.links.p[:, number], motion.axes)
     spins = turns[:, None]
@@ -153,9 +153,9 @@ def unit_twists(motion: TreeMotion) -> Array:
 
 
 def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
-    """Velocity products in the accelerations of the links beyond each velocity, by term of eq. (36).
+    """Return the velocity products in the accelerations of the links beyond each velocity, by term of eq. (36).
 
-    First is the twist before its joint, second what it adds to it, both of the point in the world's origin.
+    The first factor is the twist before the joint, the second the twist it adds, both at the world origin.
 
     Args:
         qd: Velocities of a tree of hinges and slides. Shape (n, n_freedom).
@@ -195,7 +195,7 @@ def pick(x: Array, which: Rows) -> Array:
 
 
 def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
-    """Poses of ground and all links, and vectors from the parents' origins. (n, n_link + 1, ...)."""
+    """Compute poses of ground and all links, and vectors from the parents' origins. (n, n_link + 1, ...)."""
     n, k = len(q), len(tree.links)
     turn, way = _joints(tree, q)
     R, p, r = np.empty((k + 1, 3, 3, n)), np.empty((k + 1, 3, n)), np.empty((k, 3, n))
@@ -210,13 +210,13 @@ def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
 
 
 def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
-    """Rotation and displacement of each link by its joint. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
+    """Return rotation and displacement of each link due to its joint. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
     n, k = len(q), len(tree.links)
     R, p = np.empty((k, 3, 3, n)), np.empty((k, 3, n))
     own, columns, _, zero, axes, turns = tree.single
     gone, K = q.T[columns] - zero[:, None], skew(axes)
     angle = (gone * turns)[:, None, None]
-    # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
+    # 1 - cos as 2 sin^2 of the half angle avoids cancellation at small angles
     turn = np.sin(angle) * K[..., None]
     turn += 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)[..., None]
     turn += np.eye(3)[..., None]
@@ -230,7 +230,7 @@ def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
 
 
 def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Array, Array]:
-    """Joint rates' part of the angular velocities and of the origins'. Shape (n, n_link, 3) each."""
+    """Return the part of joint rates in the angular velocities and those of the origins. Shape (n, n_link, 3) each."""
     own, _, velocities, _, _, turns = tree.single
     single, hinges = _last(e)[velocities] * rates.T[velocities, None], turns[..., None] > 0.0
     spin, slide = np.zeros((2, len(tree.links), 3, len(e)))

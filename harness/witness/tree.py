@@ -1,7 +1,7 @@
 """A tree of links as arrays: moving parts, masses, and loop constraints.
 
-A link is what one elementary joint carries: a hinge, a slide, a ball or a free joint. Mechanisms and model files that
-were read are both written as such a tree.
+A link is carried by one elementary joint: a hinge, a slide, a ball or a free joint. Mechanisms and model files that
+were read are both represented by such a tree.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class FixedFrame(NamedTuple):
     p: Array = np.zeros(3)
 
     def placed(self, R: Array, p: Array) -> FixedFrame:
-        """Frame given in this one."""
+        """Return the frame given in this frame."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
@@ -57,11 +57,11 @@ class TreeLink(NamedTuple):
 
     Attributes:
         kind: An entry of `COORDINATES`.
-        start: Frame of the joint on the link before it.
+        start: Frame of the joint on the preceding link.
         axis: Unit axis of a hinge or slide in that frame. Shape (3,).
         coordinate, velocity: Its first column among all coordinates and among all velocities.
-        zero: Coordinate of a hinge or slide at which it does not displace.
-        sign: -1 if it is entered from its other side.
+        zero: Coordinate of a hinge or slide at zero displacement.
+        sign: -1 if the joint is entered from its child side.
     """
 
     kind: str
@@ -109,14 +109,14 @@ class SpanningTree:
     """A tree of links.
 
     Attributes:
-        links: Each after the one before it; numbered from 1.
+        links: Links, each after its parent; numbered from 1.
         freedom: Number of velocities.
         bodies: Frames of the bodies.
         matter: Mass properties of the bodies.
         closures, couplings: Constraints by name.
         gravity: [m/s^2]; `weight` is the share of it that acts on each body. Shapes (3,), (n_body,).
         passive: ``armature``, ``damping``, ``friction``, ``stiffness`` of each velocity, and ``rest``, where springs
-            exert nothing; all of them, or nothing. Shape (n_freedom,).
+            exert no force; all entries, or none. Shape (n_freedom,).
         length: Length of the machine [m].
     """
 

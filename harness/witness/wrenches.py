@@ -50,7 +50,7 @@ class UnitWrench:
     acts: tuple[Act, ...]
 
     def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
-        """Bodies it acts on, ground excepted, with force, then moment about the centre of mass. Shape (n, 6)."""
+        """Yield the bodies acted on, except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
         for act in self.acts:
             for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
                 body = tree.mechanism.body_index[side] - 1
@@ -61,7 +61,7 @@ class UnitWrench:
 
 
 def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving) -> Array:
-    """Effect of unit wrenches on each body. Shape (n, n_body, 6, m)."""
+    """Return the effect of unit wrenches on each body. Shape (n, n_body, 6, m)."""
     n, b = com.p.shape[:2]
     columns = np.zeros((n, b, 6, len(units)))
     for k, unit in enumerate(units):
@@ -71,18 +71,18 @@ def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving
 
 
 def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
-    """Multiples of unit wrenches that meet body needs; least squares, smallest norm.
+    """Solve for multiples of unit wrenches that meet body needs, in the minimum-norm least-squares sense.
 
     Equations and unknowns are forces: moments are divided by a length.
 
     Args:
-        columns: From `wrench_columns`. Shape (n, n_body, 6, m).
-        need: In p cases. Shape (n, n_body, 6, p).
+        columns: Effects from `wrench_columns`. Shape (n, n_body, 6, m).
+        need: Body needs in p cases. Shape (n, n_body, 6, p).
         length: [m].
-        rules: Further sums of the amounts that vanish. Shape (n, l, m).
+        rules: Further linear combinations of the amounts that must vanish. Shape (n, l, m).
 
     Returns:
-        [N or N m]. Shape (n, m, p).
+        Amounts [N or N m]. Shape (n, m, p).
     """
     n, b, _, p = need.shape
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], b)[:, None]
@@ -93,7 +93,7 @@ def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: 
 
 
 def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
-    """All components of ``reaction``, couplings last, or of ``actuator_force``.
+    """Yield all components of ``reaction``, couplings last, or of ``actuator_force``.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -118,7 +118,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
-    """Coupling wrenches, without power: 1 along its coordinate, minus the slope of the polynomial along each other."""
+    """Yield powerless coupling wrenches: 1 along the coordinate, minus the polynomial's slope along each other."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
@@ -130,7 +130,7 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
 
 
 def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
-    """Force along a coordinate without power on the joint's others; `amount` has shape (n,)."""
+    """Return a force along a coordinate without power on the joint's others; `amount` has shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
     force, moment = (
@@ -141,7 +141,7 @@ def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordina
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Force and moment of a unit force along a joint coordinate, without power on the others. (n, 3) each.
+    """Return force and moment of a unit force along a joint coordinate, without power on the others. (n, 3) each.
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
@@ -158,13 +158,13 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 
 def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
-    """World axes of a joint's frames on parent and child, and the origin of the second."""
+    """Return the world axes of a joint's frames on parent and child, and the origin of the latter."""
     R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 
 def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
-    """Constrained directions of a joint: ``fx`` and so on are forces, ``mx`` and so on moments.
+    """Return the constrained directions of a joint: ``fx`` and so on are forces, ``mx`` and so on moments.
 
     Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
     three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
@@ -231,7 +231,7 @@ def exerted_wrenches(
 
 
 def load_in_world(load: Load, t: Array, R: Array) -> tuple[Array, Array]:
-    """Force and torque of a load in world axes. Shape (n, 3) or (3,) each.
+    """Return force and torque of a load in world axes. Shape (n, 3) or (3,) each.
 
     Args:
         t: Times [s]. Shape (n,).
@@ -283,7 +283,7 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
 
 
 def taken(one: Resistance, states: TreeStates) -> Array:
-    """Force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (n,)."""
+    """Return the force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (n,)."""
     rate = states.qd[:, one.column]
     if one.what == "friction":
         return np.where(np.abs(rate) > REST, np.copysign(one.amount, rate), 0.0)
@@ -291,7 +291,7 @@ def taken(one: Resistance, states: TreeStates) -> Array:
 
 
 def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Array:
-    """Forces of springs, dampers, motors, rotors and friction along joint coordinates [N or N m]. Shape (n, n_q)."""
+    """Return forces of springs, dampers, motors, rotors and friction along joints [N or N m]. Shape (n, n_q)."""
     total = np.zeros_like(states.q)
     for one in mechanism.resistances:
         total[:, one.column] -= taken(one, states)
@@ -303,7 +303,7 @@ def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Ap
 def _pull(
     spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Forces of a point spring on its bodies, along the line between its points."""
+    """Yield the forces of a point spring on its bodies, along the line between its points."""
     way, rate = _line(spring, tree, motion)
     length = np.linalg.norm(way, axis=1)
     if not (length > 0.0).all():
@@ -317,13 +317,13 @@ def _pull(
 
 
 def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """Vector from the first point to the second, and its rate. Shape (n, 3) each."""
+    """Return the vector from the first point to the second, and its rate. Shape (n, 3) each."""
     ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 
 
 def spring_energy(tree: MechanismTree, motion: TreeMotion, q: Array, applied: Applied) -> Array:
-    """Energy stored in springs [J]. Shape (n,)."""
+    """Return the energy stored in springs [J]. Shape (n,)."""
     stored = np.zeros(len(q))
     for spring in applied.springs:
         if isinstance(spring, JointSpring):

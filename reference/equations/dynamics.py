@@ -121,7 +121,7 @@ class Dynamics(Motion):
         return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
-        """Project tree forces on y, ``K^T tau``, which is accurate even near constraint singularities. (...,
+        """Project tree forces on y, ``K^T tau``, accurately even near constraint singularities. Shape (...,
         k)."""
         return times(self.K[..., self.loops.columns], tau)
 

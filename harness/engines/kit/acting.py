@@ -1,7 +1,7 @@
 """Applied forces besides gravity: loads, springs, dampers, motors, rotors, damping and friction of joints.
 
-`exert_along` and `exert_on_bodies` state it once, for many samples and for one state. `acting` makes wrenches on bodies
-and forces along joint coordinates of it; trees make theirs.
+`exert_along` and `exert_on_bodies` state them once, for many samples and for one state. `acting` converts them to
+wrenches on bodies and forces along joint coordinates; tree engines use their own conversion.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ LoadPoint = Callable[[Load], Array]
 
 @dataclass(slots=True, eq=False)
 class ActingForces:
-    """Applied forces besides gravity, collected.
+    """Collected applied forces other than gravity.
 
     Attributes:
         wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
         along: Coordinate and the force along it [N or N m]. Shape (...).
-        power: Input power that is not stored: of motors, loads and dampers [W]. Shape (...).
+        power: Input power of motors, loads and dampers, which is not stored [W]. Shape (...).
     """
 
     wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
@@ -96,7 +96,7 @@ def exert_on_bodies(
 
 
 def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
-    """Force of a rotor, damper or dry friction along its coordinate [N or N m]. Shape (...)."""
+    """Return the force absorbed by a rotor, damper or dry friction along its coordinate [N or N m]. Shape (...)."""
     if one.what == "friction":
         return one.amount * np.sign(rate) * (np.abs(rate) > REST)
     return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
@@ -125,11 +125,11 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
-    """Wrenches on bodies and forces along joint coordinates, besides gravity and rotors; their powers add up.
+    """Return wrenches on bodies and forces along joints, without gravity and rotors; their powers add up.
 
     Args:
         t: Times [s]. Shape (n,).
-        joints: Poses, and joint coordinates there.
+        joints: Poses with their joint coordinates.
         V: Twists of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
 
     Returns:
@@ -149,7 +149,7 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
 
 
 def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> Array:
-    """Forces of motors, springs, dampers and friction along joint coordinates [N or N m], see `acting`. (n, n_q)."""
+    """Return forces of motors, springs, dampers and friction along joints [N or N m], see `acting`. (n, n_q)."""
     mechanism, q, qd, found = joints.mechanism, joints.q, joints.rates(V), ActingForces()
     column, out = {name: i for i, name in enumerate(mechanism.coordinates)}, np.zeros_like(q)
     losses = resistances(mechanism.joints, LOSSES)
@@ -160,7 +160,7 @@ def along_joints(applied: Applied, t: Array, joints: JointReading, V: Array) -> 
 
 
 def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
-    """Force of each rotor, damper and dry friction along its coordinate [N or N m].
+    """Return the force of each rotor, damper and dry friction along its coordinate [N or N m].
 
     Args:
         qd, qdd: Rates and accelerations of all joint coordinates. Shape (n, n_q).
@@ -173,7 +173,7 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
 
 
 def load_point(mechanism: Mechanism, load: Load) -> Array:
-    """Point of its body at which a load acts [m]: by default the centre of mass, for ground the origin. Shape (3,)."""
+    """Return the body point of a load [m], by default the centre of mass, for ground the origin. Shape (3,)."""
     if load.point is not None:
         return load.point
     i = mechanism.body_index[load.body]

@@ -20,7 +20,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Values
 
-#: Samples that are worked on at a time.
+#: Number of samples processed at a time.
 PART = 256
 
 
@@ -42,10 +42,10 @@ class Answered:
     """An engine's values at some samples, with what its error estimate needs.
 
     Attributes:
-        values: Quantity -> its components in the order of `names`; what is not wanted is left out later. Shape (n, m).
+        values: Quantity -> its components in the order of `names`; unrequested ones are dropped later. Shape (n, m).
         q: All joint coordinates [rad or m]. Shape (n, n_q).
         condition: Condition number of the closed loops. Shape (n,).
-        part: The wanted values with what is known of their errors; None where nothing is.
+        part: The requested values with their error data; None without error data.
     """
 
     values: Mapping[str, Array]
@@ -55,7 +55,7 @@ class Answered:
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
-    """Quantities of velocity, or of acceleration if `moved` is given, among the wanted ones."""
+    """Return the requested quantities of velocity, or of acceleration if `moved` is given."""
     n, V = len(closed.x), closed.V
     known: dict[str, Callable[[], Array]] = {
         "joint_velocity": lambda: closed.qd,
@@ -73,7 +73,7 @@ def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelera
 
 
 def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, along: Array) -> dict[str, Array]:
-    """Quantities of forces, reactions excepted.
+    """Return the quantities of forces except reactions.
 
     Args:
         along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
@@ -84,7 +84,7 @@ def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, a
 
 
 def inertia_values(closed: ClosedMotion, M: Array) -> dict[str, Array]:
-    """The quantity ``mass_matrix``, see `inertia`."""
+    """Return the quantity ``mass_matrix``, see `inertia`."""
     whole = inertia(closed, M)
     return {"mass_matrix": whole[(..., *np.triu_indices(whole.shape[1]))]}
 
@@ -106,12 +106,12 @@ def answer(
     progress: Progress = quiet,
     clock: Clock | None = None,
 ) -> Solution:
-    """Solve a given motion part by part; return the wanted values with names and units.
+    """Solve a given motion part by part; return the requested values with names and units.
 
     Args:
         labels: Engine, its version, and method and settings in words.
-        solve_part: Takes the parts of the motion one after the other, with what acts at their samples.
-        clock: Has the time of the engine's stages.
+        solve_part: Solves the parts of the motion in order, given the applied forces at their samples.
+        clock: Measures the engine's stages.
     """
     n, parts = len(problem.task), list[Answered]()
     for first in range(0, n, PART):
@@ -137,7 +137,7 @@ def _part(problem: Problem, rows: slice) -> tuple[GivenMotion, Applied]:
     """Select samples of a given motion and its applied forces.
 
     Raises:
-        TypeError: The task is no given motion.
+        TypeError: The task is not a given motion.
     """
     task = problem.task
     if not isinstance(task, GivenMotion):

@@ -1,6 +1,6 @@
 """Closed poses of a motion, followed from home, for engines whose unknowns are all joint coordinates.
 
-Poses are predicted along the tangent and closed by Newton's method; steps are halved until two neighbours are seen to
+Poses are predicted along the tangent and closed with Newton's method; steps are halved until two neighbours verifiably
 lie on one branch. It shares nothing with the continuation of `screw` and of trees.
 """
 
@@ -31,27 +31,27 @@ Solve = Callable[[Array, GivenMotion, Applied], tuple[dict[str, Array], dict[str
 that are solved from more than closed poses.
 """
 
-# Angles are in rad, distances in lengths of the mechanism wherever these are used.
-#: Steps of Newton's method; one after which rounding is left, and one that leads nowhere.
+# Angles are in rad and distances in mechanism lengths wherever these constants are used.
+#: Number of Newton steps; step size after which only rounding is left, and step size that counts as divergence.
 STEPS, SMALL, FAR = 12, 1e-8, 10.0
-#: Loops that stay open by more do not close; condition number of a singular pose.
+#: Residual above which loops do not close; condition number of a singular pose.
 OPEN, SINGULAR = 1e-10, 1e12
-#: Share of a step by which a pose may miss the tangents at both ends, rounding, and the longest step.
+#: Fraction of a step by which a pose may miss the tangents at both ends, rounding, and the longest step.
 BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
-#: Samples that are tried at a time at most, and halvings of the way to one.
+#: Largest number of samples tried at a time, and of halvings of the path to a sample.
 MANY, HALVINGS = 256, 17
 
 
 class Branch:
-    """The branch of closed poses from home to the last pose that was followed."""
+    """The branch of closed poses from home to the last pose followed."""
 
     def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool], points: Sequence[Point] = ()) -> None:
         """Start at home.
 
         Args:
-            gaps: Loops and couplings; redundant ones may be among them.
+            gaps: Residuals of loops and couplings, which may be redundant.
             angular: Whether each gap is an angle. Shape (m,).
-            points: Named ones, whose velocities are components of a quantity.
+            points: Named points, whose velocities are components of a quantity.
         """
         self._gaps, self._columns, self._length = gaps, mechanism.independent_columns, length(mechanism)
         self._component_units = {name: units for name, (_, units) in described(mechanism, points).items()}
@@ -61,7 +61,7 @@ class Branch:
         self._q, self._K, _ = self._newton(mechanism.home[None].copy(), self._y[None])
 
     def follow(self, motion: GivenMotion) -> Array:
-        """Follow the branch along the next samples: all joint coordinates [rad or m]. Shape (n, n_q).
+        """Follow the branch along the next samples; return all joint coordinates [rad or m]. Shape (n, n_q).
 
         Raises:
             ClosureError: The branch ends, or meets another one, on the way.
@@ -77,11 +77,11 @@ class Branch:
         return np.concatenate(parts)
 
     def system(self, q: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Closing system at poses, rows of y last.
+        """Return the closing system at poses, with the rows of y last.
 
         Returns:
-            What solves it for the coordinates, by least squares, (n, n_q, m + k); its condition number without
-            dimension, (n,); gaps and how far y is missed, (n, m + k).
+            Its least-squares inverse for the coordinates, (n, n_q, m + k); its dimensionless condition
+            number, (n,); residuals of gaps and of y, (n, m + k).
         """
         A, missed = self._matrix(q, y)
         with np.errstate(all="ignore"):
@@ -91,8 +91,8 @@ class Branch:
     def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> Answered:
         """Solve the next samples, with error estimates.
 
-        These follow from the condition of what was solved. Badly conditioned samples are solved again, their poses
-        moved as rounding may have moved them.
+        Estimates follow from the condition of the solved systems. Ill-conditioned samples are solved again, with poses
+        perturbed as by rounding.
 
         Raises:
             ClosureError: See `follow`.
@@ -112,7 +112,7 @@ class Branch:
         return Answered(part.values, q, condition, part)
 
     def _matrix(self, q: Array, y: Array) -> tuple[Array, Array]:
-        """Dimensionless closing system, and residuals of gaps and y."""
+        """Return the dimensionless closing system, and residuals of gaps and y."""
         with np.errstate(all="ignore"):
             gaps, G = self._gaps(q)
             A = np.concatenate([G, np.eye(q.shape[1])[self._columns] + np.zeros((len(q), 1, 1))], axis=1)
@@ -120,7 +120,7 @@ class Branch:
             return A * self._sizes / self._units[:, None], missed
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
-        """Move to a pose, in shorter steps if it is far: along the motion between samples if that is known."""
+        """Move to a pose, in shorter steps if it is far, along the motion between samples if known."""
         if len(self._link(np.array([t]), y[None])):
             return
         if halvings == HALVINGS:
@@ -147,10 +147,10 @@ class Branch:
         return q[:count]
 
     def _newton(self, q: Array, y: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Close poses by Newton's method until a step is small, whose square is the remaining error.
+        """Close poses with Newton's method until a step is small; its square is the remaining error.
 
         Returns:
-            Coordinates, tangents, and whether they are regular and closed. Shapes (n, n_q), (n, n_q, k), (n,).
+            Coordinates, tangents, and flags of regular closed poses. Shapes (n, n_q), (n, n_q, k), (n,).
         """
         k, K, step = y.shape[1], np.zeros((*q.shape, y.shape[1])), np.zeros_like(q)
         good, rows, size = np.zeros(len(q), dtype=bool), np.arange(len(q)), np.full(len(q), np.inf)

@@ -1,7 +1,7 @@
 """Closed poses, velocities and accelerations of a given motion, for engines with coordinates of their own.
 
-An engine says where its coordinates put the bodies and how far constraints are open there. Joint coordinates that a
-motion gives, or that couplings join, become further unknowns: whole turns of them count, which no pose tells.
+An engine states the body poses at its coordinates and the constraint residuals there. Joint coordinates that a
+motion prescribes, or that couplings relate, become further unknowns, because body poses do not show their full turns.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placement:
-    """Poses and gaps of a mechanism at engine coordinates x.
+    """Poses and constraint residuals (gaps) of a mechanism at engine coordinates x.
 
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         T: Twist of each body, angular, then of its origin, per rate of x. Shape (n, n_body + 1, 6, n_x).
-        gaps: Opening of each constraint, couplings excluded. Shape (n, m).
-        G: Derivative of the gaps by x. Shape (n, m, n_x).
+        gaps: Residual of each constraint, couplings excluded [m or rad]. Shape (n, m).
+        G: Derivative of the gaps with respect to x. Shape (n, m, n_x).
     """
 
     R: Array
@@ -65,9 +65,9 @@ class Balanced:
     """Forces that balance a motion.
 
     Attributes:
-        generalized: Along the independent coordinates [N or N m]. Shape (n, k).
+        generalized: Forces along the independent coordinates [N or N m]. Shape (n, k).
         actuator: Actuator forces [N or N m]. Shape (n, n_actuator).
-        gaps, couplings: Multipliers. Shapes (n, m), (n, n_coupling).
+        gaps, couplings: Multipliers of gaps and couplings. Shapes (n, m), (n, n_coupling).
         condition: Condition number of the equations of the actuators. Shape (n,).
     """
 
@@ -85,8 +85,8 @@ class ClosedMotion:
     Attributes:
         x: Coordinates of the engine. Shape (n, n_x).
         at: Poses and gaps at these coordinates.
-        joints: Joint coordinates there.
-        system: Closing system without dimension: derivative of the gaps, of what joins further unknowns to the poses,
+        joints: Joint coordinates at these poses.
+        system: Dimensionless closing system: derivative of the gaps, of the links of further unknowns to the poses,
             of the couplings, and of y, by x and by the s further unknowns. Shape (n, m + s + c + k, n_x + s).
         units, rows: Units of its columns and rows. Shapes (n_x + s,), (m + s + c + k,).
         tracked: Joint coordinates that are further unknowns.
@@ -158,12 +158,12 @@ class ClosedMotion:
         return np.asarray((self.at.T @ rates[:, None, :, None])[..., 0])
 
     def accelerated(self, bias: Array, rest: Array, ydd: Array | None = None) -> Accelerated:
-        """Second derivatives of x, of the bodies and of the joint coordinates.
+        """Return the accelerations of x, of the bodies and of the joint coordinates.
 
         Args:
-            bias: Second derivative of the gaps where x has none, ``dG/dt xd``. Shape (n, m).
-            rest: Accelerations of the bodies where x has none, ``dT/dt xd``. Shape (n, n_body + 1, 6).
-            ydd: Second derivatives of the independent coordinates, those of the motion by default. Shape (n, k).
+            bias: Second derivative of the gaps at zero accelerations of x, ``dG/dt xd``. Shape (n, m).
+            rest: Accelerations of the bodies at zero accelerations of x, ``dT/dt xd``. Shape (n, n_body + 1, 6).
+            ydd: Second derivatives of the independent coordinates, by default those of the motion. Shape (n, k).
         """
         s, tied = self.tracked, self.joints.accelerations(self.V, rest)
         coupled = bind_to(self.mechanism, s).bias(self.q[:, s], self.qd[:, s])
@@ -178,8 +178,8 @@ class ClosedMotion:
 
         Args:
             need: Forces to be supplied: inertia minus all applied forces. Shape (n, n_x).
-            line: For the rule ``spherical_axial``: what unit multipliers of the gaps make of the joint's force in two
-                directions across its line. Shape (n, 2, m). By default actuator forces have the smallest norm.
+            line: For the rule ``spherical_axial``: the joint's force per unit multiplier of the gaps, in two
+                directions across its line. Shape (n, 2, m). By default actuator forces have minimum norm.
         """
         m, s, n_x = self.at.gaps.shape[1], len(self.tracked), self.x.shape[1]
         drive = self.J[:, self.mechanism.actuated_columns]
@@ -191,7 +191,7 @@ class ClosedMotion:
             across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))
             f, condition = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)
         rest = need - (f[:, None] @ drive)[:, 0]
-        # what actuators leave over moves no y: the rows of y take nothing of it
+        # the force that actuators leave over moves no y, so the rows of y take none of it
         forces = (rest[:, None] @ self.inverse[:, :n_x])[:, 0]
         return Balanced(Q, f, forces[:, :m], forces[:, m + s : -self.task.y.shape[1]], condition)
 
@@ -202,7 +202,7 @@ def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
 
 
 class Closing:
-    """Closes the loops of an engine by Newton's method along a motion that starts at home's assembly.
+    """Closes the loops of an engine with Newton's method along a motion that starts in the home assembly mode.
 
     Redundant constraints may be among the gaps.
     """
@@ -211,10 +211,10 @@ class Closing:
         """Start at home.
 
         Args:
-            home: Coordinates of the engine at home, which close the loops there nearly. Shape (n_x,).
-            units: What a number of x is measured by: 1 for angles and what has no dimension, a length for lengths.
+            home: Coordinates of the engine at home, which nearly close the loops. Shape (n_x,).
+            units: Unit of each entry of x: 1 for angles and dimensionless entries, a length for lengths.
                 Shape (n_x,).
-            gap_units: The same of the gaps. Shape (m,).
+            gap_units: Unit of each gap, likewise. Shape (m,).
         """
         self.mechanism, self.place, names = mechanism, place, mechanism.coordinates
         wanted = {*mechanism.independent.values(), *(name for one in mechanism.couplings for name in one.named)}
@@ -232,7 +232,7 @@ class Closing:
         self.path = Continuation(self._evaluate, start, angles, self.y_size)
 
     def _evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Residuals and their derivative, both dimensionless."""
+        """Return residuals and their derivative, both dimensionless."""
         x, s = self._split(z)
         at = self.place(x)
         read = read_joints(self.mechanism, at.R, at.p, self._scatter(s))
@@ -247,7 +247,7 @@ class Closing:
         return near
 
     def _system(self, at: Placement, read: JointReading, s: Array) -> tuple[Array, Array]:
-        """Residuals and the whole closing system, rows of y last."""
+        """Return residuals and the whole closing system, with the rows of y last."""
         (n, m, n_x), k, c = at.G.shape, len(self.tracked), len(self.couplings)
         A = np.zeros((n, m + k + c + len(self.pick), n_x + k))
         A[:, :m, :n_x] = at.G
@@ -263,7 +263,7 @@ class Closing:
         """Close the next samples of a motion.
 
         Raises:
-            ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
+            ClosureError: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
         """
         z, system, *_ = self.path.follow(task.y, task.t, (task.yd, task.ydd), task.drive)
         x, s = self._split(z)
@@ -273,11 +273,11 @@ class Closing:
         return self._close(task, x, at, joints, system)
 
     def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
-        """Perturb the unknowns at some samples by rounding.
+        """Perturb the unknowns at some samples as by rounding.
 
         Args:
             some: Indices of the samples.
-            shake: Without dimension. Shape (n_some, n_x + s).
+            shake: Dimensionless perturbation. Shape (n_some, n_x + s).
         """
         z = np.concatenate([closed.x, closed.q[:, self.tracked]], axis=1)[some] / self.size + shake
         x, s = self._split(z)
@@ -287,7 +287,7 @@ class Closing:
         return self._close(closed.task.part(some), x, at, joints, system)
 
     def _split(self, z: Array) -> tuple[Array, Array]:
-        """Split the unknowns into engine coordinates and further ones."""
+        """Split the unknowns into engine coordinates and further unknowns."""
         x, s = np.split(z * self.size, [len(self.home) - len(self.tracked)], axis=1)
         return x, s
 

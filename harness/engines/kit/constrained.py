@@ -1,4 +1,4 @@
-"""Given motions for engines that state constraints in their own coordinates, such as absolute ones of all bodies."""
+"""Inverse dynamics for engines that state constraints in their own coordinates, such as absolute body coordinates."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class Constrained(Protocol):
     """An engine's statement of a mechanism in its coordinates x; couplings and forces along joints are handled here.
 
     Attributes:
-        mechanism: Its description.
-        home, units: x at home, which closes the loops nearly, and what each number is measured by: 1 for angles and
-            numbers without dimension, a length for lengths. Shape (n_x,).
-        gap_units: The same of the gaps. Shape (m,).
-        rows: Gaps of each joint, in the order of the description. Other gaps belong to no joint.
+        mechanism: Description of the mechanism.
+        home, units: x at home, which nearly closes the loops, and the unit of each entry: 1 for angles and
+            dimensionless entries, a length for lengths. Shape (n_x,).
+        gap_units: Unit of each gap, likewise. Shape (m,).
+        rows: Indices of the gaps of each joint, in the order of the description. Other gaps belong to no joint.
     """
 
     mechanism: Mechanism
@@ -53,11 +53,11 @@ class Constrained(Protocol):
 
     @abstractmethod
     def place(self, x: Array) -> Placement:
-        """Poses of the bodies, their derivatives, and gaps of the constraints. Shape (n, n_x)."""
+        """Return body poses, their derivatives, and constraint gaps. Shape (n, n_x)."""
 
     @abstractmethod
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Second derivatives of the gaps, and body accelerations, at constant rates.
+        """Return the second derivatives of the gaps, and body accelerations, at constant rates.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -68,11 +68,11 @@ class Constrained(Protocol):
 
     @abstractmethod
     def dynamics(self, x: Array, xd: Array, applied: Applied) -> tuple[Array, Array]:
-        """Mass matrix, and gravity, loads, point springs and velocity terms along x.
+        """Return the mass matrix, and gravity, loads, point springs and velocity terms along x.
 
         Args:
             x, xd: Shape (n, n_x).
-            applied: Loads at these samples, each of shape (3,) or (n, 3); springs and motors at joints are left out.
+            applied: Loads at these samples, each of shape (3,) or (n, 3); springs and motors at joints are ignored.
 
         Returns:
             M and f of ``M xdd = f + constraints``. Shapes (n, n_x, n_x), (n, n_x).
@@ -88,7 +88,7 @@ def solve_constrained(
         labels: Engine, its version, and method and settings in words.
 
     Raises:
-        ClosureError: The motion leads to where the loops cannot close, or over a singular pose.
+        ClosureError: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
         ValueError: The engine contradicts itself, see `check_statement`.
     """
     clock = Clock()
@@ -156,10 +156,10 @@ class _PartSolver:
     def _accelerate(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
     ) -> Accelerated:
-        """Second derivatives; forces determine those of undriven coordinates.
+        """Compute second derivatives; forces determine those of undriven coordinates.
 
         Args:
-            dynamics: See `Constrained.dynamics`; needed where there are such coordinates.
+            dynamics: See `Constrained.dynamics`; needed for undriven coordinates.
         """
         bias, idle, rotors = self.engine.bias(closed.x, closed.xd), [*closed.task.idle], self.engine.mechanism.rotors
         if not idle or dynamics is None:
@@ -181,7 +181,7 @@ class _PartSolver:
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
     def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
-        """Rates per rate of each actuator, with their condition number."""
+        """Return the rates per rate of each actuator, with their condition number."""
         mechanism = self.engine.mechanism
         B = closed.J[:, mechanism.actuated_columns] @ closed.K
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points
@@ -190,10 +190,10 @@ class _PartSolver:
     def _forces(
         self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
     ) -> dict[str, Array]:
-        """Forces, with condition numbers of their systems.
+        """Return the forces, with condition numbers of their systems.
 
         Args:
-            need: Forces of constraints, actuators and joints together. Shape (n, n_x).
+            need: Total force of constraints, actuators and joints. Shape (n, n_x).
         """
         problem, mechanism, at, rows = self.problem, self.engine.mechanism, closed.at, self.engine.rows
         ruled = problem.rule == "spherical_axial" and bool(problem.wanted & RULED)

@@ -1,4 +1,4 @@
-"""Newton-Euler equations for engines that only supply the motion of bodies."""
+"""Newton-Euler equations for engines that supply only the motion of bodies."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Matter(NamedTuple):
     """Mass properties of the bodies without ground.
 
     Attributes:
-        masses: [kg]. Shape (n_body,).
-        com: Centres of mass in the bodies [m]. Shape (n_body, 3).
-        inertias: About these, in body axes [kg m^2]. Shape (n_body, 3, 3).
+        masses: Masses [kg]. Shape (n_body,).
+        com: Centres of mass in the body frames [m]. Shape (n_body, 3).
+        inertias: Inertia tensors about the centres of mass, in body axes [kg m^2]. Shape (n_body, 3, 3).
     """
 
     masses: Array
@@ -32,7 +32,7 @@ def matter_of(mechanism: Mechanism) -> Matter:
 
 
 def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) -> Array:
-    """Wrench that each body requires besides gravity.
+    """Return the wrench that each body requires in addition to gravity.
 
     Args:
         R: Orientations, ground first. Shape (n, n_body + 1, 3, 3).
@@ -40,7 +40,7 @@ def required_wrenches(matter: Matter, R: Array, V: Array, A: Array, g: Array) ->
         g: Gravity [m/s^2]. Shape (3,).
 
     Returns:
-        Force, and moment about the origin of the body, zero of ground. Shape (n, n_body + 1, 6).
+        Force, and moment about the origin of the body, zero for ground. Shape (n, n_body + 1, 6).
     """
     R, w, b, out = R[:, 1:], V[:, 1:, :3], A[:, 1:, :3], np.zeros_like(A)
     arm = times(R, matter.com)
@@ -57,12 +57,12 @@ def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
     """Sum required wrenches from the tips of a tree inwards.
 
     Args:
-        parents: Number of the body that carries each, ground being 0 and itself left out. Length n_body.
+        parents: Index of the body that carries each body, 0 for ground; ground itself is omitted. Length n_body.
         p: Origins of the bodies, ground first. Shape (n, n_body + 1, 3).
-        wrenches: Need of each body: force, then moment about its origin. Shape (n, n_body + 1, 6).
+        wrenches: Wrench required by each body: force, then moment about its origin. Shape (n, n_body + 1, 6).
 
     Returns:
-        About the origin of the body, zero of ground. Shape (n, n_body + 1, 6).
+        Sums about the origin of each body, zero for ground. Shape (n, n_body + 1, 6).
     """
     out = np.array(wrenches)
 
@@ -70,7 +70,7 @@ def summed_inwards(parents: Sequence[int], p: Array, wrenches: Array) -> Array:
         return 1 + depth(parents[body - 1]) if body else 0
 
     for body in sorted(range(1, len(parents) + 1), key=depth, reverse=True):
-        if carrier := parents[body - 1]:  # what it takes, its carrier gives
+        if carrier := parents[body - 1]:  # its carrier provides the wrench that it requires
             out[:, carrier, :3] += out[:, body, :3]
             out[:, carrier, 3:] += out[:, body, 3:] + cross(p[:, body] - p[:, carrier], out[:, body, :3])
     out[:, 0] = 0.0

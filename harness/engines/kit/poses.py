@@ -1,4 +1,4 @@
-"""Conversion between joint coordinates with their rates and poses and motions of bodies."""
+"""Conversion between joint coordinates with their rates, and poses and motions of bodies."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from screwgauge.reference.rotations import (
 
 
 def body_poses(mechanism: Mechanism, q: Array) -> tuple[Array, Array]:
-    """Poses of all bodies at joint coordinates that close the loops, such as ``mechanism.home``.
+    """Compute the poses of all bodies at joint coordinates that close the loops, such as ``mechanism.home``.
 
     Args:
         q: Joint coordinates [rad or m]. Shape (n, n_q).
@@ -42,7 +42,7 @@ def body_poses(mechanism: Mechanism, q: Array) -> tuple[Array, Array]:
 
 
 def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
-    """Poses of bodies in absolute coordinates, and their derivatives.
+    """Compute body poses from absolute coordinates, and their derivatives.
 
     Args:
         x: Position and unit quaternion (w, x, y, z), the Euler parameters, of each body. Shape (n, n_body, 7).
@@ -62,7 +62,7 @@ def absolute_poses(x: Array) -> tuple[Array, Array, Array]:
 
 
 def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> JointPose:
-    """World frames of a joint on its parent and child at given body poses."""
+    """Return the world frames of a joint on its parent and child at given body poses."""
     sides = [(mechanism.body_index[body], frame) for body, frame in joint.sides]
     (before, after) = (placed(R[:, i], p[:, i], frame) for i, frame in sides)
     return JointPose(joint, *before, *after)
@@ -70,7 +70,7 @@ def joint_frames(mechanism: Mechanism, joint: Joint, R: Array, p: Array) -> Join
 
 @dataclass(frozen=True, eq=False)
 class JointReading:
-    """Joint coordinates read from body poses, with their derivatives by body motion.
+    """Joint coordinates read from body poses, with their derivatives with respect to body motion.
 
     Attributes:
         R, p: Poses of the bodies. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
@@ -113,16 +113,16 @@ class JointReading:
         return worst
 
     def rates(self, V: Array) -> Array:
-        """Rates of the coordinates at body twists. Shape (n, n_body + 1, 6) -> (n, n_q)."""
+        """Return the coordinate rates at body twists. Shape (n, n_body + 1, 6) -> (n, n_q)."""
         at_origin = _at_origin(V, cross(self.p, V[..., :3]))
         parts = [powers(W, (at_origin[:, j] - at_origin[:, i])[:, None])[..., 0] for _, i, j, _, W in self._screws]
         return np.concatenate(parts, axis=1)
 
     def accelerations(self, V: Array, A: Array) -> Array:
-        """Second derivatives of the coordinates at body twists and accelerations.
+        """Return the second derivatives of the coordinates at body twists and accelerations.
 
         Args:
-            V, A: Angular, then of the origin of each body. Shape (n, n_body + 1, 6).
+            V, A: Twists and accelerations, angular, then of the origin of each body. Shape (n, n_body + 1, 6).
 
         Returns:
             Shape (n, n_q).
@@ -138,7 +138,7 @@ class JointReading:
 
 
 def _columns(mechanism: Mechanism) -> Iterator[tuple[Joint, slice]]:
-    """Each joint with the columns of its coordinates."""
+    """Yield each joint with the columns of its coordinates."""
     first = 0
     for joint in mechanism.joints:
         yield joint, slice(first, first := first + len(joint.coordinates))
@@ -154,7 +154,7 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
 
     Args:
         R, p: Orientations and origins, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        near: Values that angles come nearest to, of all that mean the same pose; NaN where none is known: such angles
+        near: Values nearest to which equivalent angles are chosen; NaN if unknown: such angles
             are within half a turn. Shape (n, n_q).
     """
     parts = list[Array]()
@@ -167,7 +167,7 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
 
 
 def _choose_nearest(angles: Array, near: Array) -> Array:
-    """Choose the equivalent angles nearest to others, where these are not NaN. Shape (n, m)."""
+    """Choose the equivalent angles nearest to `near`, where `near` is not NaN. Shape (n, m)."""
     known, goal = ~np.isnan(near), np.nan_to_num(near)
     one = np.where(known, nearest_turn(angles, goal), angles)
     if angles.shape[1] < 3 or not known.any():
@@ -178,12 +178,12 @@ def _choose_nearest(angles: Array, near: Array) -> Array:
 
 
 def follow_joints(mechanism: Mechanism, R: Array, p: Array, near: Array, before: Array | None = None) -> JointReading:
-    """Read joint coordinates along a motion, counting unknown whole turns from sample to sample.
+    """Read joint coordinates along a motion, tracking unknown full turns from sample to sample.
 
     Args:
-        R, p: Poses of the bodies at samples that follow each other, see `read_joints`.
-        near: As there; those of independent coordinates have to be known.
-        before: Joint coordinates at the sample before the first; by default home. Shape (n_q,).
+        R, p: Body poses at successive samples, see `read_joints`.
+        near: As in `read_joints`; values of independent coordinates must be known.
+        before: Joint coordinates at the sample before the first, by default home. Shape (n_q,).
     """
     read = read_joints(mechanism, R, p, near)
     known: Flags = np.asarray(np.isfinite(near).all(axis=0))
@@ -198,7 +198,7 @@ def follow_joints(mechanism: Mechanism, R: Array, p: Array, near: Array, before:
 
 
 def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Array:
-    """Accelerations of the centres of mass, without gravity.
+    """Compute the accelerations of the centres of mass, without gravity.
 
     Args:
         R: Orientations of the bodies, ground first. Shape (n, n_body + 1, 3, 3).
@@ -211,13 +211,13 @@ def com_accelerations(mechanism: Mechanism, R: Array, V: Array, A: Array) -> Arr
 
 
 def shifted(V: Array, A: Array, arms: Array) -> Array:
-    """Accelerations of displaced body points. V, A of the origins: (n, m, 6); arms: (n, m, 3) -> (n, m, 3)."""
+    """Compute accelerations of displaced body points. V, A of the origins: (n, m, 6); arms: (n, m, 3) -> (n, m, 3)."""
     w = V[..., :3]
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
 def angle_condition(angles: Array) -> Array:
-    """Condition of angle rates about a joint's axes, 1 at best, as it is for up to two axes. (n, m) -> (n,)."""
+    """Return the condition of angle rates about a joint's axes, 1 at best and for up to two axes. (n, m) -> (n,)."""
     if angles.shape[1] < 3:
         return np.ones(len(angles))
     return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(angles[:, 1]) ** 2) / 3.0))
@@ -228,8 +228,8 @@ def counted_turns(begin: Array, angles: Array, given: bool) -> Array:
 
     Args:
         begin: As in `follow`.
-        given: Whether some of them are independent: those say which triple is meant. The other joints keep the one
-            that is read, as poses in closed form do, which know of no way there.
+        given: Whether some angles are independent and thus select the triple. Otherwise joints keep the triple
+            that is read, like poses in closed form, which have no path.
     """
     if given:
         return follow(begin, angles, angle_condition(angles) < SURE)

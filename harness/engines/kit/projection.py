@@ -12,12 +12,12 @@ from screwgauge.reference.rotations import Array
 
 
 def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array]:
-    """Actuator forces of smallest norm with ``B^T f = Q``.
+    """Return the minimum-norm actuator forces f with ``B^T f = Q``.
 
     Args:
         B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
         Q: Generalised forces. Shape (n, k).
-        idle: Coordinates that no actuator drives: along them the equations hold by themselves.
+        idle: Coordinates that no actuator drives: along them the equations already hold.
 
     Returns:
         Shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
@@ -28,15 +28,15 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
 
 
 def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Second derivatives x of undriven coordinates, such that actuators can supply the remaining forces.
+    """Solve for accelerations x of undriven coordinates such that actuators can supply the remaining forces.
 
-    ``N^T (Q + M x) = 0``: N, motions of y in which no actuator moves, leaves the forces of the actuators out.
+    ``N^T (Q + M x) = 0``: N, the motions of y in which no actuator moves, eliminates the actuator forces.
 
     Args:
         B: Actuator rates per rate of y. Shape (n, n_actuator, k).
         M: Columns of the mass matrix that belong to the idle coordinates. Shape (n, k, m).
-        Q: Generalised forces where x is zero. Shape (n, k).
-        idle: Numbers of the idle coordinates among the k.
+        Q: Generalised forces at x = 0. Shape (n, k).
+        idle: Indices of the idle coordinates among the k.
 
     Returns:
         Shape (n, m), and the condition number of these equations, (n,).
@@ -54,14 +54,14 @@ def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tup
 
 
 def along_line(drive: Array, G: Array, need: Array, line: Array, right: Array | float = 0.0) -> tuple[Array, Array]:
-    """Actuator forces that keep a joint's force along its line (eq. 56), solved together with multipliers.
+    """Solve for actuator forces that keep a joint's force along its line (eq. 56), together with multipliers.
 
     Args:
-        drive: Rates of the actuated coordinates per rate of the engine's. Shape (n, n_actuator, n_x).
+        drive: Rates of the actuated coordinates per rate of the engine's coordinates. Shape (n, n_actuator, n_x).
         G: Derivative of the constraints. Shape (n, m, n_x).
         need: Forces that actuators and constraints supply together. Shape (n, n_x).
-        line: The force per unit multiplier in two directions across the line. Shape (n, 2, m).
-        right: Required values of those two parts. Shape (n, 2).
+        line: Joint force per unit multiplier in two directions across the line. Shape (n, 2, m).
+        right: Required values of these two components. Shape (n, 2).
 
     Returns:
         Shape (n, n_actuator), and the condition number of the equations, (n,).

@@ -15,18 +15,18 @@ from screwgauge.reference.rotations import Array, cross, times
 def per_actuator(
     twists: Array, R: Array, points: Sequence[Point], index: Mapping[str, int], B: Array, *, idle: Sequence[int] = ()
 ) -> tuple[Array, Array]:
-    """The quantity `jacobian`, and the condition number of the rates of the actuators.
+    """Return the quantity `jacobian`, and the condition number of the actuator rates.
 
-    Coordinates that no actuator drives rest. Of more actuators than freedoms it is the pseudo-inverse that counts: its
-    transpose gives the smallest forces.
+    Undriven coordinates are at rest. With more actuators than freedoms the pseudo-inverse is used: its
+    transpose gives minimum-norm forces.
 
     Args:
         twists: Body twists, ground first, angular, then of their origins, per rate of y. Shape (n, n_body + 1, 6, k).
-        R: Their orientations. Shape (n, n_body + 1, 3, 3).
-        points: Whose velocities follow those of the bodies.
-        index: Body -> its number, ground being 0.
+        R: Orientations of the bodies. Shape (n, n_body + 1, 3, 3).
+        points: Points whose velocities follow those of the bodies.
+        index: Body -> its index, 0 for ground.
         B: Rates of the actuators per rate of y. Shape (n, n_actuator, k).
-        idle: Numbers of the coordinates that no actuator drives.
+        idle: Indices of the coordinates that no actuator drives.
 
     Returns:
         Shape (n, (6 n_body + 3 n_point) n_actuator), and shape (n,).

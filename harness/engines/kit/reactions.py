@@ -1,4 +1,4 @@
-"""Joint reactions from constraint multipliers, for engines in coordinates of single bodies."""
+"""Joint reactions from constraint multipliers, for engines in absolute body coordinates."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Rows = Sequence[int]
 
 
 def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows) -> Array:
-    """Wrench of a joint on its child per multiplier of its gaps: force, then moment about the joint's point there.
+    """Return a joint's wrench on its child per multiplier of its gaps: force, moment about the joint's point there.
 
     Args:
-        rows: Its gaps. Coordinates of a body that they depend on move no other body.
+        rows: Gaps of the joint. Coordinates of a body that they depend on move no other body.
 
     Returns:
-        World axes. Shape (n, 6, m_joint).
+        Wrenches in world axes. Shape (n, 6, m_joint).
     """
     parent, child = (mechanism.body_index[name] for name in joint.bodies)
     body, sign = (child, 1.0) if child else (parent, -1.0)
@@ -35,7 +35,7 @@ def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows)
 
 
 def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], multipliers: Array) -> Array:
-    """Wrenches of all joints on their children, see `reactions`.
+    """Return the wrenches of all joints on their children, see `reactions`.
 
     Args:
         rows: Gaps of each joint, in the order of the description.
@@ -50,13 +50,13 @@ def joint_wrenches(mechanism: Mechanism, at: Placement, rows: Sequence[Rows], mu
 
 
 def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Array:
-    """Force across the line of the rule ``spherical_axial`` per unit multiplier.
+    """Return the force across the line of the rule ``spherical_axial`` per unit multiplier.
 
     Args:
         rows: Gaps of each joint, in the order of the description.
 
     Returns:
-        In two directions. Shape (n, 2, m).
+        Components in two directions. Shape (n, 2, m).
 
     Raises:
         ModelFileError: The mechanism names no such joint.
@@ -72,16 +72,16 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
 
 
 def reactions(mechanism: Mechanism, R: Array, p: Array, wrenches: Array, couplings: Array | None = None) -> Array:
-    """Reaction components in the order of `names`, from joint wrenches.
+    """Compute reaction components in the order of `names` from joint wrenches.
 
     Args:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        wrenches: Of each joint in the order of the description: force of the parent on the child, then moment about the
+        wrenches: Wrench of each joint in description order: force of the parent on the child, then moment about the
             joint's point of the child; world axes. Shape (n, n_joint, 6).
         couplings: Force of each coupling along its coordinate; none by default. Shape (n, n_coupling).
 
     Returns:
-        [N or N m]. Shape (n, m).
+        Components [N or N m]. Shape (n, m).
     """
     order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
     parts = list[Array]()

@@ -1,6 +1,6 @@
-"""Checks of an engine's statement of a mechanism: shapes, and derivatives against differences.
+"""Checks of an engine's statement of a mechanism: array shapes, and derivatives against finite differences.
 
-Asked once, at home. What is wrong there would otherwise end as loops that do not close, far from its cause.
+Checked once, at home. Errors would otherwise surface as loops that do not close, far from their cause.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from screwgauge.engines.kit.closing import Placement
     from screwgauge.engines.kit.constrained import Constrained
 
-#: Step of differences, over the units of x.
+#: Step of finite differences, in units of x.
 STEP = 1e-5
-#: Share of the largest rate by which a derivative may be off, and what counts as the largest at the least:
-#: differences are right to nine digits, mistakes leave none.
+#: Allowed error of a derivative relative to the largest rate, and lower bound of the largest rate:
+#: differences are accurate to nine digits, mistakes leave none.
 OFF, LEAST = 1e-4, 1e-4
 
 
@@ -33,8 +33,8 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
     """Reject statements of an engine that contradict each other at home, as far as a problem needs them.
 
     Raises:
-        ValueError: An array has the wrong shape, is no number, or is no derivative of another one. Not an error that
-            an engine refuses mechanisms by: it is the engine that is wrong.
+        ValueError: An array has the wrong shape, is not finite, or is not the derivative of another: not an error
+            with which an engine rejects mechanisms: the engine is wrong.
     """
     x, n_x, m = np.asarray(engine.home), np.size(engine.home), np.size(engine.gap_units)
     _check_arrays("", {"home": (x, (n_x,)), "units": (engine.units, (n_x,)), "gap_units": (engine.gap_units, (m,))})
@@ -76,7 +76,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Rates of x that violate no joint's gaps, by which redundant coordinates depend on each other."""
+    """Return rates of x that violate no joint's gaps, which relate redundant coordinates."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]
@@ -120,7 +120,7 @@ def _check_dynamics(engine: Constrained, x: Array, v: Array, applied: Applied) -
 
 
 def _gap_names(engine: Constrained) -> list[str]:
-    """Name the owner of each gap."""
+    """Return the owner of each gap by name."""
     names = [f"gap {row}, which is of no joint" for row in range(np.size(engine.gap_units))]
     for joint, rows in zip(engine.mechanism.joints, engine.rows, strict=True):
         for row in rows:
@@ -131,7 +131,7 @@ def _gap_names(engine: Constrained) -> list[str]:
 def _check_same(
     method: str, found: Array, right: Array, what: str, names: Sequence[str], of: str = "body '{}'"
 ) -> None:
-    """Reject numbers, one row per name, that differ from the expected ones."""
+    """Reject values, one row per name, that differ from the expected ones."""
     away = np.abs(found - right).reshape(len(names), -1).max(axis=1, initial=0.0)
     size, most = max(np.abs(some).max(initial=LEAST) for some in (found, right)), away.max(initial=0.0)
     if most > OFF * size:

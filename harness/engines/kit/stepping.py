@@ -1,4 +1,4 @@
-"""Simulation by an engine's own fixed-step integrator, for engines that state constraints."""
+"""Simulation with an engine's own fixed-step integrator, for engines that state constraints."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, empty
 
-#: Share of a step by which rounding may make an interval longer.
+#: Fraction of a step by which rounding may lengthen an interval.
 ROUNDED = 1e-9
 
 
@@ -30,25 +30,25 @@ class Stepped(Constrained, Protocol):
         """Set the initial state. Shape (n_x,) each."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        """Make n steps of size h from time t; return x and its rates, which later steps leave unchanged.
+        """Make n steps of size h from time t; return x and its rates as arrays that later steps do not modify.
 
         Raises:
-            ScrewgaugeError: It cannot go on.
+            ScrewgaugeError: The integration cannot continue.
         """
 
 
 def solve_stepwise(
     labels: tuple[str, str, str], engine: Stepped, problem: Problem, dt: float, progress: Progress = quiet
 ) -> Solution:
-    """Integrate from a closed start, by steps that meet all requested times.
+    """Integrate from a closed start, with steps that meet all requested times.
 
     Args:
         labels: Engine, its version, and method and settings in words.
         dt: Largest step [s].
 
     Raises:
-        ModelFileError: It has couplings, or forces along joints, which the engine does not know.
-        ClosureError: The loops do not close at the start, or not one wanted time was reached.
+        ModelFileError: The problem has couplings or forces along joints, which the engine does not support.
+        ClosureError: The loops do not close at the start, or no output time was reached.
     """
     task, mechanism, stopped, steps = problem.task, engine.mechanism, "", 0
     if not isinstance(task, InitialValue):
@@ -77,7 +77,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
     """Reject couplings and forces along joints, which an engine's equations lack.
 
     Raises:
-        ModelFileError: There is one of them.
+        ModelFileError: The problem has couplings or forces along joints.
     """
     mechanism, applied = engine.mechanism, problem.applied
     found = {

@@ -1,9 +1,9 @@
-"""MuJoCo's dynamics of a closed tree: accelerations at its best accuracy, and its own stepper.
+"""MuJoCo's dynamics of a closed tree: accelerations at best accuracy, and its own stepper.
 
 `MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` is `mj_step`, raw
 or from refined accelerations. Springs are MuJoCo's own, which its implicit integrators see: one along a joint of the
 tree is that joint's stiffness and damping, one between points a spatial tendon between two sites. Constant motors
-and loads at centres of mass are set once; all else is set at the start of every step and held over it.
+and loads at centres of mass are set once; all other forces are set at the start of every step and held over it.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ INTEGRATORS = {
     "RK4": "mjINT_RK4",
     "discrete": "mjINT_DISCRETE",
 }
-#: Those whose step can be made from refined accelerations: the others solve for them inside.
+#: Integrators that can step from refined accelerations; the others solve for accelerations internally.
 REFINABLE = ("Euler", "implicit", "implicitfast")
 _AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-#: A larger change in the last pass is not safe.
+#: Accelerations are unsafe if the last pass changed them by more.
 UNSAFE = 1e-6
 
 
@@ -81,7 +81,7 @@ class MujocoMover:
         return self.data.xmat[i].reshape(3, 3), self.data.xpos[i], J
 
     def closure(self) -> tuple[Array, Array]:
-        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a file of the user's own close nothing
+        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a user's own file close no loop
         return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * n_v].reshape(rows, n_v).copy()
 
     def accelerate(self, tau: Array) -> Array:
@@ -112,17 +112,17 @@ class MujocoMover:
 class MujocoSettings:
     """Settings of accelerations and steps; None keeps the value of the file or MuJoCo's default.
 
-    Scipy's methods take none of them: they integrate refined accelerations of constraints as hard as they get.
+    Scipy's methods ignore them: they integrate refined accelerations with constraints as hard as possible.
 
     Attributes:
         solimp: Impedance d of the equality constraints, the same at any closure residual; at most 0.9999.
-        solref: Time constant [s] of their springs, or that and the damping ratio.
-        passes: Proximal refinements: all of them on given states, at most so many in a step.
-        naive: Forces of `mj_inverse` along the actuated joints, equality constraints on, are taken for theirs.
-        weld: Loops are closed by welds of the frames of cut joints, which agree at each given state.
-        examine: Conditioning of given states is looked at.
+        solref: Time constant [s] of the constraint springs, optionally with the damping ratio.
+        passes: Number of proximal refinements on given states; upper limit in a step.
+        naive: Use the forces of `mj_inverse` along actuated joints, with equality constraints on, as actuator forces.
+        weld: Close loops with welds of the frames of cut joints, aligned at each given state.
+        examine: Examine the conditioning of given states.
         integrator, dt: An entry of `INTEGRATORS` with its step [s]; None for scipy's methods.
-        work: Its steps are looked at one by one for the work that is put in, which takes longer than the steps.
+        work: Examine steps one by one for the input work, which takes longer than the steps.
     """
 
     solimp: float | None = None
@@ -169,7 +169,7 @@ class MujocoSettings:
         self.soften(model)
         model.opt.integrator = kind
         model.opt.timestep = self.dt or model.opt.timestep  # `discrete` accelerations depend on it
-        model.opt.disableflags |= _AUTORESET  # a state that is not finite is to be seen
+        model.opt.disableflags |= _AUTORESET  # non-finite states must stay visible
         if self.passes:
             model.opt.tolerance = EXACT
 
@@ -182,7 +182,7 @@ class MujocoSettings:
 
     @property
     def states(self) -> str:
-        """Describe how accelerations of given states are made."""
+        """Describe how accelerations of given states are computed."""
         return f"mj_forward, {self._constraints()}"
 
     def _constraints(self, most: str = "") -> str:
@@ -196,7 +196,7 @@ def sprung_model(
     """Move springs and dampers into a model, as exact equivalents that implicit integrators include.
 
     Returns:
-        The model, and what is left to be applied in every step.
+        The model, and the forces and resistances left to apply in every step.
     """
     spec = editable(mjcf, tree.fixed)
     tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
@@ -230,7 +230,7 @@ def _off_centre(load: Load) -> bool:
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
-    """Give a spring to its joint; False if the joint is cut or has a spring."""
+    """Assign a spring to its joint; return False if the joint is cut or has a spring."""
     if spring.coordinate not in tree.coordinates:
         return False
     j = tree.coordinates.index(spring.coordinate)
@@ -243,7 +243,7 @@ def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -
 
 
 def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names of the constraint forces in world axes, if all constraints join points."""
+    """Return the names of the constraint forces in world axes, if all constraints connect points."""
     if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
         return ()
     return tuple(f"{model.equality(e).name}.f{axis}" for e in range(model.neq) for axis in "xyz")
@@ -258,7 +258,7 @@ class MujocoStepper:
         """Prepare the steps.
 
         Args:
-            applied: All that acts; what never changes is set once.
+            applied: All applied forces; constant ones are set once.
             held: Forces to apply at each step.
         """
         self.model, self.held = model, held

@@ -1,8 +1,8 @@
 """MuJoCo's equality constraints: hardened, softness removed, and joint equalities completed.
 
-Softness is taken out by proximal refinement. Of the second derivative of a coupling ``q_i - p(q_j)`` the term
-``-p'' v_j^2`` is added: MuJoCo has the like of it for connects and welds (from 3.7 on), but in 4.0.0 joint equalities
-count as straight.
+Proximal refinement removes softness. In the second derivative of a coupling ``q_i - p(q_j)`` the term
+``-p'' v_j^2`` is added: MuJoCo has its counterpart for connects and welds (since 3.7), but in 4.0.0 joint equalities
+are linearised.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ def select_curved(couplings: Sequence[Coupling]) -> list[Coupling]:
 
 
 def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Callable[[mujoco.MjData], None] | None:
-    """Return a function that completes MuJoCo's reference accelerations by curved couplings; None without any.
+    """Return a function that adds curved couplings to MuJoCo's reference accelerations; None without any.
 
-    It is to be called after MuJoCo's velocity stage.
+    Call the function after MuJoCo's velocity stage.
     """
     if not (some := select_curved(couplings)):
         return None
@@ -45,7 +45,7 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
     """Note couplings that MuJoCo linearises, if an answer depends on their curvature.
 
     Args:
-        own_steps: Simulations are MuJoCo's own, of which nothing is made better.
+        own_steps: Whether simulations use MuJoCo's own stepper, without corrections.
     """
     names, task = ", ".join(one.name for one in select_curved(couplings)), problem.task
     raw = isinstance(task, States) and task.tau is not None
@@ -55,15 +55,15 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
     return (f"MuJoCo takes joint equalities for straight lines; their curvature is {fate} what it says: {names}",)
 
 
-#: The largest impedance d that MuJoCo takes: every pass divides the error by about d / (1 - d) = 1e4.
+#: Largest impedance d that MuJoCo accepts: every pass divides the error by about d / (1 - d) = 1e4.
 STIFFEST = 0.9999
-#: Rows are harder by this than the largest impedance makes them: their regularisation is (1 - d) / d times the mean
+#: Factor by which rows are harder than at the largest impedance: their regularisation is (1 - d) / d times the mean
 #: inverse mass of the bodies (body_invweight0), which is divided by it. Next to singular poses the passes converge
 #: slowly: A02 stops there with 1 (N = 2) or 10 (N = 40) and 20 passes, with 1000 no more than 8 are needed.
 HARDER = 1000.0
-#: Passes end when none of the accelerations changed by more than this share of the largest, or after so many.
+#: Passes end when no acceleration changed by more than this fraction of the largest, or after this number.
 SAME, PASSES = 1e-13, 20
-#: The solver's own error stays below the softness that is looked at.
+#: Keeps the solver's own error below the examined softness.
 EXACT = 1e-15
 DISABLED = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
@@ -79,7 +79,7 @@ def harden(model: mujoco.MjModel) -> None:
     model.opt.tolerance = EXACT
     model.eq_solimp[:, :2] = STIFFEST
     model.body_invweight0[:] /= HARDER
-    if (model.eq_type == mujoco.mjtEq.mjEQ_JOINT).any():  # a screw of 10 mm lead is softer by 1e4 than a gear
+    if (model.eq_type == mujoco.mjtEq.mjEQ_JOINT).any():  # a screw of 10 mm lead is 1e4 times softer than a gear
         model.dof_invweight0[:] /= HARDER
     if (model.eq_type == mujoco.mjtEq.mjEQ_TENDON).any():
         model.tendon_invweight0[:] /= HARDER
@@ -89,16 +89,16 @@ def harden(model: mujoco.MjModel) -> None:
 def refine(
     model: mujoco.MjModel, data: mujoco.MjData, a: Array, passes: int, *, same: float = SAME, total: Array | None = None
 ) -> tuple[int, float]:
-    """Refine by proximal steps: apply the last constraint force from outside and solve accelerations again.
+    """Refine with proximal steps: apply the last constraint force externally and solve for accelerations again.
 
     Args:
-        a: Accelerations so far, and in the end the refined ones. Shape (n_v,).
-        passes: At most so many.
-        same: Share of the largest acceleration below which a change ends it; with 0 all passes are made.
-        total: Constraint forces so far, to which those of the passes are added. Shape (n_row,).
+        a: Accelerations, refined in place. Shape (n_v,).
+        passes: Largest number of passes.
+        same: Fraction of the largest acceleration below which a change ends the passes; with 0 all are made.
+        total: Constraint forces, to which those of the passes are added. Shape (n_row,).
 
     Returns:
-        How many were made, and the largest change in the last one.
+        The number of passes, and the largest change in the last one.
     """
     change = 0.0
     for made in range(1, passes + 1):
@@ -114,9 +114,9 @@ def refine(
 
 
 def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Forces of the equality constraints along the coordinates; their rows come first.
+    """Return the forces of the equality constraints along the coordinates; their rows come first.
 
-    Friction, limits and contacts of a file of the user's own close no loop: they stay as soft as MuJoCo makes them.
+    Friction, limits and contacts of a user's own file close no loop and stay as soft as MuJoCo makes them.
     """
     if data.ne == data.nefc:
         return np.asarray(data.qfrc_constraint)

@@ -1,4 +1,4 @@
-"""Fixed joints of a description, nested in an MJCF: represented by hinges that equalities hold."""
+"""Fixed joints of a description, nested in an MJCF and represented by hinges held by equalities."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from screwgauge.reference.mechanism import Joint
 def editable(mjcf: Path, joints: Sequence[Joint]) -> mujoco.MjSpec:
     """Build the uncompiled model with a hinge about z for each fixed joint, and the equality that holds it.
 
-    Keyframes, which lack its coordinate, are gone.
+    Keyframes, which lack its coordinate, are removed.
 
     Raises:
-        ModelFileError: The bodies of a fixed joint do not carry each other.
+        ModelFileError: Neither body of a fixed joint carries the other.
     """
     spec, fixed = mujoco.MjSpec.from_file(str(mjcf)), [joint for joint in joints if joint.fixed]
     held = {each.name for each in spec.joints}

@@ -27,7 +27,7 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch
 
-#: What `load` takes.
+#: Settings of `load`.
 Settings = MujocoSettings
 
 
@@ -40,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree model that collects MuJoCo's warnings; its file has small moments of inertia instead of zeros."""
+    """A tree model that collects MuJoCo's warnings; its file has small moments of inertia in place of zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)
@@ -75,14 +75,14 @@ class MujocoDynamics(TreeDynamics):
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
-        TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
+        TreeForces(closed, applied, task.start)  # rejects wrong names before MuJoCo does
         model, left, resist = sprung_model(self.mjcf, applied, resisting_joints(closed), self.tree)
         held = TreeForces(closed, left, task.start, resist)
         return MujocoStepper(model, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         model, data = self.model, self.data
-        if springs:  # as the joints' own
+        if springs:  # as for the joints' own constraints
             model = copy.deepcopy(model)
             left = [spring for spring in springs if not joint_spring(model, spring, self.tree)]
             tau = sum((spring_pull(spring, self.tree, q, v) for spring in left), tau)
@@ -111,7 +111,7 @@ class MujocoDynamics(TreeDynamics):
 
 
 def _weld(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
-    """Build the model with each closure a weld of its cut joint's frames."""
+    """Build the model with a weld of the cut joint's frames for each closure."""
     spec, kinds = editable(mjcf, tree.fixed), mujoco.mjtEq
     for row in [row for row in spec.equalities if row.type != kinds.mjEQ_JOINT]:
         spec.delete(row)
@@ -124,7 +124,7 @@ def _weld(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
 
 
 def _align(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Turn the second frame of every weld to agree with the first."""
+    """Rotate the second frame of every weld to agree with the first."""
     mujoco.mj_kinematics(model, data)
     for e in range(model.neq):
         if model.eq_type[e] == mujoco.mjtEq.mjEQ_WELD:

@@ -1,7 +1,7 @@
 """MuJoCo's array ports MJX (in JAX) and MuJoCo Warp, on the MJCF of the minimal cut.
 
-The file is read as by the engine ``mujoco``. All numbers are the port's, of `BLOCK` samples at a time: what has to be
-compiled is compiled once. Equality constraints, which are soft, are left out.
+The file is read as by the engine ``mujoco``. The port computes all values, `BLOCK` samples at a time: code to be
+compiled is compiled once. Equality constraints, which are soft, are omitted.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 from screwgauge.plugins import BodyPoses, ModelFiles, MujocoTree, TreeModel, close_tree, loops_file, shifted
 
 BLOCK = 64
-#: What the ports compute of poses, and of motions; some of it belongs to the data of a back end, by version.
+#: Results of the ports for poses, and for motions; depending on the version, some belong to back-end data.
 POSES = ("xmat", "xpos", "xaxis", "xanchor")
 MOTION = ("qfrc_inverse", "cvel", "cdof_dot", "subtree_com", "xipos", "cacc", "cfrc_int")
-#: Port: of a model and number type, (poses(q), motion(gravity, q, v, a, push)) of `BLOCK` samples.
+#: Port: (model, number type) -> (poses(q), motion(gravity, q, v, a, push)) for `BLOCK` samples.
 Port = Callable[[Any, str], tuple[Callable[..., Sequence[Any]], Callable[..., Sequence[Any]]]]
 
 
@@ -38,7 +38,7 @@ def _load(files: ModelFiles, source: tuple[str, str, Port], precision: str) -> T
 
 
 def mjx(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Callable[..., Sequence[Any]]]:
-    """MJX, compiled for one sample and mapped over a block."""
+    """Build the functions of MJX, compiled for one sample and mapped over a block."""
     import jax
     from mujoco import mjx
 
@@ -71,7 +71,7 @@ def _fields(data: Any, names: Sequence[str]) -> list[Any]:
 
 
 def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Callable[..., Sequence[Any]]]:
-    """MuJoCo Warp, a world for each sample of a block."""
+    """Build the functions of MuJoCo Warp, with a world for each sample of a block."""
     import warp
 
     warp.config.quiet = True
@@ -141,7 +141,7 @@ class PortTree(MujocoTree):
     def com_accelerations(self, q: Any, v: Any, a: Any) -> Any:
         _, V, _, about, at, A, _ = self.motion(q, v, a, gravity=np.zeros(3))
         V, A = V[:, self.ids], A[:, self.ids]
-        A[..., 3:] += np.cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
+        A[..., 3:] += np.cross(V[..., :3], V[..., 3:])  # the library's accelerations are spatial
         return shifted(V, A, at[:, self.ids] - about[:, self.roots[1:]])
 
     def tree_force(self, q: Any, v: Any, a: Any) -> Any:

@@ -16,7 +16,7 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-#: Arrays with passive forces and inertia that no reading holds; readings note that.
+#: Arrays of passive forces and inertia that readings omit and note.
 _IN_NO_READING = (
     *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature"),
     *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "jnt_actgravcomp"),
@@ -38,7 +38,7 @@ def ask(
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
-    """Rows of equalities along the reading's velocities, all other constraints off.
+    """Return the equality rows along the reading's velocities, with all other constraints off.
 
     Returns:
         Rows, shape (n, m, n_freedom), and their rate at zero accelerations, Jdot v, where the velocities keep the loops
@@ -62,7 +62,7 @@ def _load(
     if not whole:
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         for entry in _IN_NO_READING:
-            if hasattr(model, entry):  # of all versions of MuJoCo
+            if hasattr(model, entry):  # in all versions of MuJoCo
                 getattr(model, entry)[:] = 0
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -92,7 +92,7 @@ def _carry(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array
 def _state(
     model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, tuple[Array, Array]], k: int
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Coordinates, velocities, accelerations; map from the reading's velocities to MuJoCo's, with derivatives."""
+    """Return coordinates, velocities, accelerations, and the map of the reading's velocities to MuJoCo's."""
     q, a, column = model.qpos0.copy(), np.zeros(model.nv), 0
     B = np.zeros((model.nv, sum(each.qd.shape[1] for each in joints.values())))
     qd, qdd = (np.concatenate([getattr(each, rate)[k] for each in joints.values()]) for rate in ("qd", "qdd"))
@@ -110,7 +110,7 @@ def _state(
             q[at + width - 3 : at + width + 1] = quaternion
             if width == 3:
                 B[dof : dof + 3, columns] = V
-            else:  # velocity of the origin in the world, then the angular one in the body
+            else:  # velocity of the origin in the world, then angular velocity in the body
                 q[at : at + 3] = T[:3, 3]
                 B[dof : dof + 3, columns], B[dof + 3 : dof + 6, columns] = R @ V[3:], V[:3]
                 rates = V @ qd[columns]
@@ -134,7 +134,7 @@ def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) 
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, velocity[k], 0)
         mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, acceleration[k], 0)
     if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-        acceleration[:, 3:] += model.opt.gravity  # what falls counts as at rest
+        acceleration[:, 3:] += model.opt.gravity  # falling bodies count as at rest
     return tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration
 
 
@@ -145,5 +145,5 @@ def _inverse(model: Any, data: Any, state: tuple[Array, Array, Array]) -> Array:
 
 
 def _passive(data: Any) -> Array:
-    """Forces of springs, dampers and the medium, without borne weight."""
+    """Return the forces of springs, dampers and the medium, without gravity compensation."""
     return np.asarray(data.qfrc_gravcomp - data.qfrc_passive)

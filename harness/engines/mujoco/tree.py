@@ -28,10 +28,10 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class DataBlock:
-    """Arrays that lie close together in one buffer, with the gaps between them.
+    """Arrays adjacent in one buffer, including the gaps between them.
 
     Attributes:
-        block: From the first of them to the end of the last. Shape (size,).
+        block: Memory from the first array to the end of the last. Shape (size,).
     """
 
     def __init__(self, *arrays: Array) -> None:
@@ -46,7 +46,7 @@ class DataBlock:
         return np.empty((n, len(self.block)))
 
     def parts(self, rows: Array) -> Iterator[Array]:
-        """Views of the arrays in such samples. Shape (n, ...) each."""
+        """Yield views of the arrays in packed samples. Shape (n, ...) each."""
         for at, shape in self.spans:
             yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
 
@@ -68,17 +68,17 @@ _FRICTION = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 def prepare(model: mujoco.MjModel) -> None:
     """Undo the compiler's changes to every model: minimal masses, and merged frames.
 
-    Switched off is what a user's model may have and MuJoCo has in some of its forces only: dry friction, which inverse
-    dynamics take from the acceleration, not the rate; borne weight and drag, which forces between bodies lack; damping,
-    which is among the forces that all tree engines are given, see `applied_forces`.
+    Features that MuJoCo includes in only some of its forces are off in a user's model: dry friction, which inverse
+    dynamics take from the acceleration, not the rate; gravcomp and drag, which forces between bodies lack; damping,
+    which `applied_forces` supplies to all tree engines.
     """
     model.opt.disableflags |= _FRICTION
     model.dof_damping[:] = 0.0
     model.body_gravcomp[:], model.opt.density, model.opt.viscosity = 0.0, 0.0, 0.0
     model.body_mass[:], model.body_inertia[:] = mass_properties(model)
-    for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
+    for kind in ("body", "site"):  # frames within 1e-6 m are merged, which breaks small mechanisms
         getattr(model, f"{kind}_sameframe")[:] = 0
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse Jacobians are wrong in 4.0.0 (issue 3767)
 
 
 class MujocoTree(OpenTree):
@@ -86,7 +86,7 @@ class MujocoTree(OpenTree):
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
         self.fixed = tuple(joint for joint in file.joints if joint.fixed)
-        check_made(mjcf)  # what MuJoCo chokes on; it opens the file itself, for what that includes
+        check_made(mjcf)  # rejects input that crashes MuJoCo, which opens the file itself because of includes
         try:
             self.model = editable(mjcf, self.fixed).compile() if self.fixed else mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
@@ -146,7 +146,7 @@ class MujocoTree(OpenTree):
                 )
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
-        """Closures from the equality constraints of the file and its sites."""
+        """Return the closures from the equality constraints of the file and its sites."""
         pairs_of: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
         disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
@@ -172,7 +172,7 @@ class MujocoTree(OpenTree):
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
-        """Couplings from the equalities of the file; each is replaced by the loops file's coupling of the same
+        """Read couplings from the equalities of the file; each is replaced with the loops file's coupling of the same
         coordinate if both agree.
         """
         where = f"MJCF of {file.mechanism}"
@@ -199,7 +199,7 @@ class MujocoTree(OpenTree):
         return (self.model.body(body).name if body else "") or "ground"
 
     def _ancestors(self, body: int) -> list[int]:
-        """A body and its ancestors, without the world."""
+        """Return a body and its ancestors, without the world."""
         return [body, *self._ancestors(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
@@ -208,7 +208,7 @@ class MujocoTree(OpenTree):
         """
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
-        state, qacc, bent = self.state.block, data.qacc, self.complete if soft else None  # views are slow to get
+        state, qacc, bent = self.state.block, data.qacc, self.complete if soft else None  # creating views is slow
         data.xfrc_applied[:] = 0.0
         for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
             state[:], qacc[:] = x, xdd
@@ -260,7 +260,7 @@ class MujocoTree(OpenTree):
             V[i], A[i], at[i], about[i] = kept
         model.opt.gravity[:] = gravity
         V, A, arms = V[:, self.ids], A[:, self.ids], at[:, self.ids] - about[:, model.body_rootid[self.ids]]
-        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
+        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # the library's accelerations are spatial
         return shifted(V, A, arms)
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
@@ -292,10 +292,10 @@ class MujocoTree(OpenTree):
         return out, self._soft_tolerance(rows, residuals)
 
     def _soft_tolerance(self, rows: list[tuple[Array, ...]], residuals: Array) -> float:
-        """Largest joint force ``f = D (k r + b rdot + rddot)`` for residuals r as large as the measured ones.
+        """Return the largest joint force ``f = D (k r + b rdot + rddot)`` for residuals r of the measured size.
 
         Args:
-            rows: K, B, impedance and power of the constraints of each sample, their D and their Jacobian.
+            rows: K, B, impedance and power of each sample's constraints, with D and their Jacobian.
         """
         if not rows:
             return 0.0

@@ -27,9 +27,9 @@ from screwgauge.solution import Stopwatch
 #: singular pose a larger mu is slower, and a smaller one turns rounding into noise that the step size follows: over
 #: nine tolerances of A02, 1e-6 kept the smallest errors and never stopped.
 MU, ITERATIONS = 1e-6, 10
-#: Where they leave a closing error of this share of the largest acceleration, next to a singular pose, more are made.
+#: More are made if they leave a closing error of this fraction of the largest acceleration, near a singular pose.
 ENOUGH, MORE = 1e-10, 200
-#: Closing accelerations may be wrong by this share of the largest acceleration.
+#: Allowed error of closing accelerations as a fraction of the largest acceleration.
 UNSAFE = 1e-6
 
 
@@ -93,7 +93,7 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Accelerations, their residual on loops (last change of the multipliers times mu) or couplings, and the
+        """Return accelerations, their residual on loops (last change of the multipliers times mu) or couplings, and the
         largest acceleration, 1 at least.
         """
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
@@ -109,10 +109,10 @@ class PinocchioSettings:
 
     Attributes:
         mu, iterations: Parameters of `constraintDynamics` on given states; None for Pinocchio's defaults.
-        gains: Baumgarte's, of position and velocity, on given states.
-        frames: Loops are closed by whole frames, on given states.
-        examine: Conditioning of given states is looked at, and the error that Pinocchio admits.
-        integrator, dt: One of `INTEGRATORS` with its step [s], brought back onto the loops after every step; None for
+        gains: Baumgarte gains of position and velocity, on given states.
+        frames: Close loops with whole frames, on given states.
+        examine: Examine the conditioning of given states, and the error that Pinocchio states.
+        integrator, dt: One of `INTEGRATORS` with its step [s], projected onto the loops after every step; None for
             scipy's methods.
     """
 
@@ -130,13 +130,13 @@ class PinocchioSettings:
             raise DescriptionError(f"step {self.dt:g} s", "stepper of pinocchio", "give a positive number")
 
     def proximal(self) -> Any:
-        """Pinocchio's own settings; zero accuracies force all iterations."""
+        """Return Pinocchio's own settings; zero accuracies force all iterations."""
         if self.mu is None or self.iterations is None:
             return pin.ProximalSettings()
         return pin.ProximalSettings(0.0, 0.0, self.mu, self.iterations)
 
 
-#: What `load` takes.
+#: Settings of `load`.
 Settings = PinocchioSettings
 
 
@@ -171,7 +171,7 @@ class PinocchioDynamics(TreeDynamics):
         if not self.settings.examine:
             return Accelerations(a, cost)
         condition, lift, rank = self._examine(q, v, tau, proximal.mu)
-        # closing rows are off by exactly mu times the last change of the multipliers
+        # closing rows have an error of exactly mu times the last change of the multipliers
         tolerances = {"joint_acceleration": proximal.mu * change * lift}
         return Accelerations(a, cost, condition, tolerances, (f"rank leaves {q.shape[1] - rank} freedoms",))
 

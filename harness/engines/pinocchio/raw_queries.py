@@ -34,10 +34,10 @@ def ask(
 
 
 def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
-    """Velocity map at each sample, and its rate's part of accelerations. Shapes (n, n_v, m), (n, n_v).
+    """Return the velocity map at each sample, and the acceleration part of its rate. Shapes (n, n_v, m), (n, n_v).
 
-    Pinocchio counts the linear velocity of a planar joint along the axes of the body that it carries, while its parts,
-    two slides and then a hinge, have theirs along those of the body before.
+    Pinocchio expresses the linear velocity of a planar joint in the axes of the body that it carries, while its parts,
+    two slides and then a hinge, use the axes of the preceding body.
     """
     maps, turning = np.tile(B, (len(q), 1, 1)), np.zeros((len(q), model.nv))
     for joint in model.joints:
@@ -53,7 +53,7 @@ def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
 
 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
-    """Coordinates, velocities and accelerations of the reading, and the map of its velocities to Pinocchio's at
+    """Return coordinates, velocities and accelerations of the reading, and the map of its velocities to Pinocchio's at
     home."""
     n = len(next(iter(joints.values())).q)
     q = np.tile(start(model), (n, 1))
@@ -83,7 +83,7 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
 
 
 def _coordinates(T: Array, width: int) -> Array:
-    """Coordinates of a ball or free joint, quaternion (real part last) at the end."""
+    """Return the coordinates of a ball or free joint, with the quaternion (real part last) at the end."""
     quaternion = pin.Quaternion(T[:3, :3]).coeffs()
     return np.concatenate([T[:3, 3], quaternion]) if width == 6 else np.asarray(quaternion)
 

@@ -24,11 +24,11 @@ from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.resistance import rotors_of
 from screwgauge.reference.rotations import Array, cross
 
-#: Singular values below this share of the largest are those of couplings that the loops keep already.
+#: Singular values below this fraction of the largest belong to couplings that the loops already enforce.
 REDUNDANT = 1e-9
-#: A joint moves no inertia below this share of the largest in the tree.
+#: A joint moves no inertia if it is below this fraction of the largest in the tree.
 WEIGHTLESS = 1e-15
-#: Whether the data of constraints want to be initialised and placed, too (casebook: pin-4-constraint-api).
+#: Whether constraint data must also be initialised and placed (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
@@ -37,7 +37,7 @@ ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
     """Load a URDF with the description's fixed joints as hinges.
 
-    Its parser reports errors on stderr only, and goes on with half of the file.
+    Pinocchio's parser reports errors only on stderr, and continues with half of the file.
     """
     text, reason = tree_urdf(urdf, joints), ""
     with capture_errors() as messages:
@@ -58,14 +58,14 @@ class PinocchioTree(OpenTree):
         self.model = _load(urdf, file.joints)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
-        self.gravity = self.model.gravity.linear.copy()  # the usual one: a URDF has none
+        self.gravity = self.model.gravity.linear.copy()  # default gravity: a URDF has none
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__
         columns = sorted(range(1, self.model.njoints), key=lambda j: self.model.joints[j].idx_v)
         self.coordinates = tuple(self.model.names[j] for j in columns)
         rotors = rotors_of(file.joints)
-        self.model.armature[:] = [rotors.get(name, 0.0) for name in self.coordinates]  # a URDF has no word for them
+        self.model.armature[:] = [rotors.get(name, 0.0) for name in self.coordinates]  # a URDF cannot express them
         self.closures, self.couplings = file.closures, file.couplings
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]
@@ -78,7 +78,7 @@ class PinocchioTree(OpenTree):
         self.masses = np.array([self.model.inertias[joint].mass for joint in self.joints])
         com = [place.actInv(self.model.inertias[joint].lever) for place, joint in placed]
         self.com = np.where(self.masses[:, None] > 0.0, com, 0.0)
-        # origins, attitudes and centres of mass of the bodies in the frames of the joints that carry them
+        # origins, orientations and centres of mass of the bodies in the frames of the joints that carry them
         self.origins = np.array([place.translation for place, _ in placed])
         self.turned = np.array([place.rotation for place, _ in placed])
         self.placed = [k for k, (place, _) in enumerate(placed, 1) if not place.isIdentity(0.0)]
@@ -91,7 +91,7 @@ class PinocchioTree(OpenTree):
         self.model.gravity.linear[:] = self.gravity if gravity is None else gravity
 
     def _parent(self, joint: int) -> str:
-        """The body that carries a joint, skipping the massless crosses of composite joints."""
+        """Return the body that carries a joint, skipping the massless crosses of composite joints."""
         while joint:
             joint = self.model.parents[joint]
             if joint in self.joints:
@@ -128,7 +128,7 @@ class PinocchioTree(OpenTree):
             placed[i], V[i], A[i] = kept
         R = placed[:, self.joints, :9].reshape(len(q), -1, 3, 3)
         V, A = (array[:, self.joints][..., ANGULAR_FIRST] for array in (V, A))
-        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # theirs are spatial ones
+        A[..., 3:] += cross(V[..., :3], V[..., 3:])  # the library's accelerations are spatial
         return np.asarray((shifted(V, A, self.centres)[..., None, :] @ R)[..., 0, :])
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
@@ -136,7 +136,7 @@ class PinocchioTree(OpenTree):
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
 
     def mass_matrix(self, q: Array) -> Array:
-        upper = np.array([np.triu(pin.crba(self.model, self.data, x)) for x in q])  # older versions make no lower one
+        upper = np.array([np.triu(pin.crba(self.model, self.data, x)) for x in q])  # older versions fill the upper one
         return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
@@ -163,10 +163,10 @@ class _Views:
     """Array views of the memory in `data` that Pinocchio's functions overwrite; copy each sample at once.
 
     Attributes:
-        joints: Their rotation by columns, then translation. Shape (n_joint, 12).
+        joints: Rotation by columns, then translation, of each joint. Shape (n_joint, 12).
         velocities, accelerations, forces: Joint quantities in the joints' own frames. Shape (n_joint, 6).
-        pushed, external: Forces on the joints for Pinocchio, and the array on them. Shape (n_joint, 6).
-        twists, turning: Jacobian at the world's origin, and its derivative. Shape (6, n_v).
+        pushed, external: Forces on the joints for Pinocchio, and an array view of them. Shape (n_joint, 6).
+        twists, turning: Jacobian at the world origin, and its time derivative. Shape (6, n_v).
     """
 
     def __init__(self, data: Any) -> None:
@@ -194,15 +194,15 @@ class Constraints:
 
     Attributes:
         models, datas: A 3D contact for each pair of points, a 6D one for each weld.
-        couplings: In the coordinates of the tree.
+        couplings: Couplings in the coordinates of the tree.
     """
 
     def __init__(self, tree: PinocchioTree, *, frames: bool = False, gains: tuple[float, float] | None = None) -> None:
         """Build the constraints.
 
         Args:
-            frames: Every closure is a 6D contact of its two frames, as a weld would be.
-            gains: Baumgarte's, of position and velocity; none by default.
+            frames: Make every closure a 6D contact of its two frames, like a weld.
+            gains: Baumgarte gains of position and velocity; none by default.
         """
         self.tree, self.model, self.data = tree, tree.model, tree.model.createData()
         self.couplings, self.gains = bind(tree.couplings, tree.coordinates), gains or (0.0, 0.0)
@@ -218,10 +218,10 @@ class Constraints:
         return len(self.models)
 
     def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Accelerations of the tree, by `aba` without closures. Shape (n_v,) each.
+        """Return accelerations of the tree, using `aba` if there are no closures. Shape (n_v,) each.
 
-        They are linear in the forces, so that Pinocchio's answers to unit forces along the couplings give those that
-        keep the couplings; what rounding leaves of them is taken out once more.
+        Accelerations are linear in the forces, so Pinocchio's answers to unit forces along couplings give the ones that
+        keep the couplings; a second pass removes the rounding residual.
         """
         a = self._accelerate_closed(q, v, tau, settings)
         if not np.isfinite(a).all():
@@ -237,7 +237,7 @@ class Constraints:
         return a
 
     def _check_inertia(self, q: Array) -> None:
-        """Reject a joint that moves no inertia in the open tree, since its mass matrix is singular.
+        """Reject a joint that moves no inertia in the open tree, whose mass matrix would be singular.
 
         Raises:
             SingularPoseError: There is one.
@@ -253,26 +253,26 @@ class Constraints:
             M -= np.outer(M[:, k], M[k]) / M[k, k]
 
     def coupling_residual(self, q: Array, v: Array, a: Array) -> Array:
-        """Residual of accelerations in the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
+        """Return the residual of the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
         (stiffness, damping), rows = self.gains, self.couplings
         C, bias, gap = (of[0] for of in (rows.matrix(q[None]), rows.bias(q[None], v[None]), rows.residuals(q[None])))
         return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
 
     def _accelerate_closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """Accelerations of the closed tree, without couplings."""
+        """Return accelerations of the closed tree, without couplings."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Derivative of the gaps for placed `data`: velocity of the second side minus the first, then couplings.
+        """Return the gaps' derivative for placed `data`: velocity of the second side minus the first, then couplings.
 
-        Puts `datas` there, too.
+        Also places `datas`.
         """
         couplings: Array = self.couplings.matrix(q[None])[0]
         if not len(self.models):
             return couplings
-        for model, there in zip(self.models, self.datas, strict=True) if PIN_4 else ():  # Pinocchio 3 does it itself
+        for model, there in zip(self.models, self.datas, strict=True) if PIN_4 else ():  # Pinocchio 3 does this itself
             model.calc(self.model, data, there)
         return np.vstack([-pin.getConstraintsJacobian(self.model, data, self.models, self.datas), couplings])
 
@@ -301,7 +301,7 @@ def _contacts(tree: PinocchioTree, frames: bool) -> Any:
 
 
 def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
-    """Joint that carries a body, and a placement in the body relative to the joint."""
+    """Return the joint that carries a body, and a placement in the body relative to the joint."""
     if body == GROUND:
         return 0, at
     frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]

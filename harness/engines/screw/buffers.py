@@ -1,4 +1,4 @@
-"""Arrays that a compiled solver reads and fills: layouts are checked once, samples at every call."""
+"""Arrays that a compiled solver reads and fills, with layouts checked once and samples at every call."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError, show
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import columns
 
-#: Samples at a time.
+#: Number of samples processed at a time.
 MOST = 10**9
 _WRITEABLE = attrgetter("flags.writeable")
 
@@ -23,7 +23,7 @@ _WRITEABLE = attrgetter("flags.writeable")
 class Buffers(Mapping[str, Array]):
     """Arrays (n, n_component) that a solver fills, by quantity; made by `Solver.buffers`. One call at a time.
 
-    Pickled or copied, they are a dict of their arrays.
+    Pickling or copying yields a dict of the arrays.
 
     Attributes:
         n: Number of samples.
@@ -38,7 +38,7 @@ class Buffers(Mapping[str, Array]):
             counts: Quantity -> number of components.
 
         Raises:
-            DescriptionError: An array is not plain, writeable and of this shape, or two numbers share memory.
+            DescriptionError: An array is not plain, writeable and of this shape, or two elements share memory.
             UnknownNameError: There is no such quantity.
         """
         if not isinstance(n, Integral) or not 0 <= n <= MOST:
@@ -87,10 +87,10 @@ def split_columns(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
 
 
 def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None:
-    """Reject all but plain float64 arrays of a shape; None stands for any length.
+    """Reject arrays other than plain float64 arrays of a shape; None matches any length.
 
     Raises:
-        DescriptionError: It is not.
+        DescriptionError: The array is not of this kind.
     """
     if type(array) is not np.ndarray:
         kind = "None" if array is None else type(array).__name__
@@ -103,10 +103,10 @@ def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None
 
 
 def check_finite(array: Array, where: str) -> None:
-    """Reject rows with numbers that are not finite.
+    """Reject rows with non-finite numbers.
 
     Raises:
-        DescriptionError: There is one; it names the first.
+        DescriptionError: There is one; the message names the first.
     """
     if not np.isfinite(array).all():
         row = int(np.isfinite(array).all(axis=1).argmin())
@@ -114,10 +114,10 @@ def check_finite(array: Array, where: str) -> None:
 
 
 def _check_apart(arrays: Mapping[str, Array]) -> None:
-    """Reject arrays with numbers that share memory.
+    """Reject arrays with elements that share memory.
 
     Raises:
-        DescriptionError: Two do.
+        DescriptionError: Two elements share memory.
     """
     places = np.sort(np.concatenate([np.zeros(0, dtype=np.intp), *map(_addresses, arrays.values())]))
     if (np.diff(places) < np.dtype(float).itemsize).any():
@@ -126,6 +126,6 @@ def _check_apart(arrays: Mapping[str, Array]) -> None:
 
 
 def _addresses(array: Array) -> Rows:
-    """Address of each number of an array. Shape (n m,)."""
+    """Return the address of each element of an array. Shape (n m,)."""
     (n, m), (down, across) = array.shape, array.strides
     return np.asarray(array.ctypes.data + np.add.outer(np.arange(n) * down, np.arange(m) * across).ravel())

@@ -24,7 +24,7 @@ from screwgauge.scene.scene import Scene
 
 Mode = tuple[bool, bool]
 """Flags: samples have their own loads; errors are estimated."""
-#: Samples worked on at a time, whatever is given: memory stays constant.
+#: Number of samples processed at a time, for any input, so that memory stays constant.
 PART = CHUNK
 
 
@@ -35,9 +35,9 @@ class CompiledSolution:
     Attributes:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
-        estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
-            among its components, shape (n, n_unit); empty if it was not wanted. Buffers that are used again have
-            theirs filled again.
+        estimate: Quantity -> estimated error at each sample in each of its units, in the order in which units occur
+            among its components, shape (n, n_unit); empty if not requested. Reused buffers have
+            their estimates filled again.
     """
 
     values: Mapping[str, Array]
@@ -51,12 +51,12 @@ class CompiledSolution:
 class Solver:
     """Inverse dynamics of a mechanism under the gravity and loads of a scene.
 
-    Threads may share a solver where each has buffers of its own, or none. Pickled or copied, it is compiled anew.
+    Threads may share a solver if each has its own buffers, or none. A pickled or copied solver is compiled again.
 
     Attributes:
         quantities: Quantities that it computes.
         components: Quantity -> names of its components.
-        notes: Notes on it, such as why there is no program.
+        notes: Notes on the solver, such as why there is no program.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Solver:
         """Trace and compile, with pivots chosen at samples of the scene's motion.
 
         Args:
-            mode: Mode of the program that is made at once; others are made on first use.
+            mode: Mode of the program built immediately; other modes are built on first use.
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
@@ -79,7 +79,7 @@ class Solver:
         return Solver, (self.scene, self.quantities, self.backend, self.threads), {"notes": self.notes}
 
     def _works(self, mode: Mode) -> list[TracedWork]:
-        """Programs of a mode, one for each thread."""
+        """Return the programs of a mode, one for each thread."""
         with self.lock:
             if mode not in self.works:
                 lay, scene = layout(self.scene.mechanism), self.scene
@@ -96,12 +96,12 @@ class Solver:
         """Allocate arrays for `out` of n samples, one for each quantity, shape (n, n_component).
 
         Args:
-            arrays: Quantity -> array to fill, for those of your own: plain, of float64, writeable, apart in memory.
-                Those in which numbers of one component lie side by side, as in all that are made here, are filled
+            arrays: Quantity -> your own array to fill: plain float64, writeable, without shared memory.
+                Arrays with contiguous components, like all arrays allocated here, are filled
                 fastest.
 
         Raises:
-            ScrewgaugeError: An array is not as it must be, or there is no such quantity.
+            ScrewgaugeError: An array is invalid, or there is no such quantity.
         """
         return Buffers(self, self.counts, n, {} if arrays is None else arrays)
 
@@ -119,13 +119,13 @@ class Solver:
         """Answer samples in any order; each row is independent of earlier calls.
 
         Args:
-            y, yd, ydd: Independent coordinates [rad or m] and derivatives; second ones of what no actuator drives do
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives; second ones of undriven coordinates do
                 not count. Shape (n, k).
             t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
             load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
                 (n, 6 n_load).
             out: Arrays to fill, see `buffers`; invalid after an error.
-            estimates: Whether errors are estimated sample by sample; samples are checked in any case.
+            estimates: Whether to estimate errors sample by sample; samples are always checked.
 
         Raises:
             ScrewgaugeError: An array of wrong shape or type, or a row that cannot be solved: not reached from home
@@ -156,7 +156,7 @@ class Solver:
         return answer
 
     def _answer_in_pool(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
-        """Answer in memory that returns to the solver when its last reference is gone, see `Pool`."""
+        """Answer in memory that returns to the solver when its last reference is released, see `Pool`."""
         counts = self.counts, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
         block, by_array = self.pool.take(self._length(given[0]), all_m), Counter[str]()
@@ -169,13 +169,13 @@ class Solver:
         return CompiledSolution(split_columns(lent, counts[0]), by_array, split_columns(lent[:, m:], counts[1]))
 
     def _length(self, y: Array) -> int:
-        """Number of samples; rejects zero."""
+        """Return the number of samples; reject zero."""
         if type(y) is not np.ndarray or y.ndim != 2:
             check_array(y, (None, len(self.scene.mechanism.independent)), "y")
         return len(y)
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
-        """Number of estimated errors per sample of each quantity."""
+        """Return the number of estimated errors per sample of each quantity."""
         return {name: len({*units}) for name, units in self._works(mode)[0].units.items()} if mode[1] else {}
 
     def _solve(
@@ -184,7 +184,7 @@ class Solver:
         """Solve into preallocated arrays.
 
         Returns:
-            What the array solver answered, and the program bound to these arrays.
+            Counts of samples answered by the array solver, and the program bound to these arrays.
 
         Raises:
             ScrewgaugeError: See `__call__`.
@@ -202,7 +202,7 @@ class Solver:
             raise DescriptionError("a load changes over time, which samples do not say", "compile", "give t or load")
         inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
         if any(np.may_share_memory(x, array) for x in inputs for array in arrays.values()):
-            inputs = [x.copy() for x in inputs]  # parts would be answered over those to come
+            inputs = [x.copy() for x in inputs]  # parts would overwrite later inputs
         with self.lock:
             by_array, bound = self._solve_all(inputs, self._works(mode), arrays, t)
         if (rows := rows_not_finite({name: arrays[name] for name in self.quantities})).size:
@@ -219,7 +219,7 @@ class Solver:
         n = len(inputs[0])
         for work in works:
             work.by_array.clear()
-        if t is not None or self.threads == 1:  # a motion goes on from sample to sample
+        if t is not None or self.threads == 1:  # a motion continues from sample to sample
             self._fill(works[0], slice(0, n), inputs, arrays, t)
         else:
             shares = [slice(n * i // self.threads, n * (i + 1) // self.threads) for i in range(len(works))]
@@ -231,7 +231,7 @@ class Solver:
         """Answer chunks of samples in reused buffers, in constant memory.
 
         Args:
-            chunks: y, yd, ydd and, if they have their own, loads: see `__call__`. Some 400 samples of all quantities,
+            chunks: y, yd, ydd and, if they vary, loads: see `__call__`. Some 400 samples of all quantities,
                 or a thousand of a few, stay in the cache.
         """
         out = self.buffers(0)
@@ -255,7 +255,7 @@ class Solver:
                 motion, loads = _motion(given, np.arange(some.start, some.stop, dtype=float) if t is None else t[some])
                 guess = work.reach(motion) if t is None else work.predict(motion)
                 try:
-                    with np.errstate(all="ignore"):  # what is not finite is refused
+                    with np.errstate(all="ignore"):  # non-finite values are rejected
                         work.part(motion, guess, loads, into)
                 except PathEnd as end:
                     where = f"row {end.t:.0f}" if t is None else end.where

@@ -1,4 +1,4 @@
-"""Accelerations of states by a traced program, with the array solver for the doubtful ones."""
+"""Accelerations of states from a traced program, with the array solver for doubtful states."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import FORWARD_CHECKS, forward_program
 from screwgauge.solution import Stopwatch
 
-#: How often the program goes on from where Newton's method came to, and the square of a step, without dimension, after
+#: How often the program continues from where Newton's method ended, and the square of a dimensionless step after
 #: which the next would be rounding.
 AGAIN, SETTLED = 4, 1e-20
-#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism].
+#: Longest distance to a predicted pose, averaged over all coordinates [rad or mechanism lengths].
 FARTHEST = 1.0
-#: The checks that ask whether the pose was predicted well.
+#: Checks of the quality of the predicted pose.
 PREDICTED = [FORWARD_CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
-#: Pieces of the straight way to a state, if the whole of it is too long for a prediction.
+#: Number of pieces of the straight path to a state, if it is too long for a single prediction.
 PIECES = (2, 4, 8)
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 1.5
@@ -35,11 +35,11 @@ MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """State slopes (y, yd, work) by a program; each pose is predicted from the previous one.
+    """State derivatives (y, yd, work) from a program; each pose is predicted from the previous one.
 
     Attributes:
         pose: Closed pose that the next is predicted from, see `Forward.program`. Shape (d + d k + k, width).
-        by_array: Evaluations that were left to the array solver.
+        by_array: Number of evaluations left to the array solver.
         setup: Processor time of tracing and compiling [s].
     """
 
@@ -73,7 +73,7 @@ class TracedForward:
         self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))
         self.checks = np.zeros((len(FORWARD_CHECKS), width))
         limits = SETTLED, OPEN**2, (self.near / MARGIN) ** 2, SINGULAR, FARTHEST**2, 1.0
-        #: Answers to the states of all lanes; whether none is in doubt.
+        #: Answers for the states of all lanes; whether none is in doubt.
         self.weights = 1.0 / np.array(limits)
         self.run = compiled.bind([self.pose, self.state], [self.answer, self.reached, self.checks], self.weights)
         self.made += 1
@@ -110,7 +110,7 @@ class TracedForward:
         if self._settle():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
-        if doubts[PREDICTED].sum() <= 1.0:  # it is the pose itself that is in doubt
+        if doubts[PREDICTED].sum() <= 1.0:  # the pose itself is in doubt
             return False
         k, start, goal = len(self.columns), self.pose.copy(), self.state.copy()
         begin, way = start[-k:], goal[:k] - start[-k:]
@@ -137,7 +137,7 @@ class TracedForward:
         for _ in range(AGAIN):
             if not (rest and np.isfinite(moved + residual)):
                 break
-            self.pose[:] = self.reached  # from where Newton's method came to
+            self.pose[:] = self.reached  # from where Newton's method ended
             if self.run():
                 self.pose[:] = self.reached
                 return True
@@ -145,7 +145,7 @@ class TracedForward:
         return False
 
     def closed(self, y: Array) -> Array | None:
-        """Joint coordinates of the closed pose, cut joints excepted; None if in doubt. (n_q,)."""
+        """Return joint coordinates of the closed pose, except cut joints; None if in doubt. (n_q,)."""
         k, before = len(self.columns), self.pose.copy()
         self.state[:k], self.state[k:] = y[:, None], 0.0
         fine = self._evaluate()
@@ -154,13 +154,13 @@ class TracedForward:
         return q if fine else None
 
     def slope(self, t: float, state: Array) -> Array | None:
-        """Derivative of a state; None if in doubt. Shape (2 k + 1,)."""
+        """Return the derivative of a state; None if in doubt. Shape (2 k + 1,)."""
         k = len(self.columns)
         self.state[:-1], self.state[-1] = state[:-1, None], t
         return np.concatenate([state[k:-1], self.answer[:, 0]]) if self._evaluate() else None
 
     def slopes(self, t: float, states: Array) -> Array | None:
-        """Derivatives of several states, one a column; None if any is in doubt. Shape (2 k + 1, n)."""
+        """Return the derivatives of several states, one per column; None if any is in doubt. Shape (2 k + 1, n)."""
         k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
         out[:k], self.state[-1] = states[k:-1], t
         before, ahead = self.pose[:, :1].copy(), None

@@ -1,6 +1,6 @@
 """Time integration in the independent coordinates: scipy's methods on accelerations of `equations.forward`.
 
-Traced programs of the same equations answer most states; those that they leave are answered by arrays.
+Traced programs of the same equations answer most states; the array solver answers the others.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from screwgauge.reference.mobility import near_singularity
 from screwgauge.reference.rotations import Array, follow
 from screwgauge.solution import Cost, Stopwatch
 
-#: Relative step of differences: the root of the rounding error.
+#: Relative step of finite differences: the square root of the rounding error.
 DIFFERENCE = 2.0**-26
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """An integrated motion at the wanted times it reached.
+    """An integrated motion at the requested times that it reached.
 
     Attributes:
         t: Times [s]. Shape (n,).
         rates: Closed poses and rates there.
-        energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
+        energy: Kinetic energy plus energy stored in gravity and springs [J]. Shape (n,).
         work: Work of actuators, motors, loads and dampers since the start [J]. Shape (n,).
-        cost: Cost of the steps, without the output at the wanted times.
+        cost: Cost of the steps, without the output at the requested times.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
-        stopped: Why it ended early, empty if it did not.
+        stopped: Why the motion ended early, empty if it did not.
     """
 
     t: Array
@@ -61,7 +61,7 @@ class _Near(Exception):
         self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
-        """Build the text only when it is read: most such poses are stepped over."""
+        """Build the text only when read: most such poses are stepped over."""
         mechanism = self.lay.mechanism
         where = mechanism.described(self.q[mechanism.independent_columns])
         why = near_singularity(self.lay, self.q[None])
@@ -72,8 +72,8 @@ class _Run:
     """State of an integration in progress: (y, yd, work).
 
     Attributes:
-        passed: Time, joint coordinates of the closed pose, and yd, of all states wanted and at the ends of steps.
-        wanted, work: Flags of the wanted states, and the work until then [J].
+        passed: Time, joint coordinates of the closed pose, and yd, of all requested states and at the ends of steps.
+        wanted, work: Flags of the requested states, and the work until then [J].
         taken, stepped_over: Steps taken, and those whose size was changed.
     """
 
@@ -95,7 +95,7 @@ class _Run:
         self.friction = DryFriction(lay.mechanism.joints, self.joint_rates, self.slope)
 
     def joint_rates(self, state: Array, names: Sequence[str]) -> Array:
-        """Rates of named coordinates in a state. Shape (m,)."""
+        """Return the rates of named coordinates in a state. Shape (m,)."""
         columns = self.lay.mechanism.columns(names)
         return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
@@ -117,7 +117,7 @@ class _Run:
         return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope
 
     def _by_arrays(self, t: float, states: Array) -> Array:
-        """Derivatives of states, one a column, by the array solver on the branch. Shape (2 k + 1, n)."""
+        """Return derivatives of states, one per column, from the array solver on the branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)
@@ -130,7 +130,7 @@ class _Run:
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Derivative of `slope` at a state by differences; the work has no effect. Shape (2 k + 1, 2 k + 1)."""
+        """Differentiate `slope` at a state by differences; the work has no effect. Shape (2 k + 1, 2 k + 1)."""
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
@@ -140,7 +140,7 @@ class _Run:
         return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
     def keep(self, t: float, state: Array) -> None:
-        """Store a wanted state."""
+        """Store a requested state."""
         self.reach(t, state)
         self.wanted.append(len(self.passed) - 1)
         self.work.append(float(state[-1]))
@@ -207,10 +207,10 @@ def integrate(
     Args:
         lay: The mechanism.
         applied: Applied forces.
-        traced: Programs for the same forces; without them all states are answered by arrays.
+        traced: Programs for the same forces; without them the array solver answers all states.
 
     Raises:
-        ScrewgaugeError: Unknown method, wrong shapes or times, or a start that cannot be.
+        ScrewgaugeError: The method is unknown, shapes or times are wrong, or the start is impossible.
     """
     method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
@@ -236,10 +236,10 @@ def integrate(
 
 
 def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
-    """Closed poses and rates at the wanted times.
+    """Return closed poses and rates at the requested times.
 
     Args:
-        begin: Joint coordinates at the start, from which angles of cut joints are followed. Shape (n_q,).
+        begin: Joint coordinates at the start, from which to follow angles of cut joints. Shape (n_q,).
     """
     t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
     if run.traced is not None and lay.cuts:
@@ -254,7 +254,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
-    """Times, and the initial state."""
+    """Return the times, and the initial state."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
         raise DescriptionError("times do not increase", where, "give two or more finite times in order")

@@ -50,7 +50,7 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
 
 
 def _stage(name: str) -> str:
-    """Stage of the work that computes a quantity."""
+    """Return the stage of the work that computes a quantity."""
     return "tree forces" if name in _TREE else _STAGES[QUANTITIES[name].needs]
 
 
@@ -59,7 +59,7 @@ class Work:
 
     Attributes:
         mode: Closes the poses.
-        clock: Takes the time of the stages.
+        clock: Measures the time of the stages.
     """
 
     def __init__(self, lay: Layout, problem: Problem, clock: Clock | None = None) -> None:
@@ -75,7 +75,7 @@ class Work:
             return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.drive)
 
     def close(self, motion: GivenMotion, poses: Poses) -> Array:
-        """Joint coordinates of closed poses. Shape (n, n_q)."""
+        """Return joint coordinates of closed poses. Shape (n, n_q)."""
         with self.clock.stage("positions"):
             return self.mode.close(poses)
 
@@ -93,7 +93,7 @@ class Work:
         return other
 
     def part(self, motion: GivenMotion, closed: Array) -> SolvedPart:
-        """Compute all wanted quantities at closed poses. Shape (n, n_q)."""
+        """Compute all requested quantities at closed poses. Shape (n, n_q)."""
         values, trust, A = self.beyond(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
@@ -103,13 +103,13 @@ class Work:
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)
 
     def shaken(self, closed: Array, motion: GivenMotion, shake: Array) -> dict[str, Array]:
-        """Values at poses perturbed by `shake` in the dimensionless unknowns. Shapes (n, n_q), (n, n_unknown)."""
+        """Return values at poses perturbed by `shake` in dimensionless unknowns. Shapes (n, n_q), (n, n_unknown)."""
         q, moving = closed.copy(), self.loops.unknown
         q[:, moving] += shake * self.loops.sizes[moving]
         return self.beyond(read(self.lay, q), motion)[0]
 
     def beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
-        """Compute the wanted quantities at closed poses, with their error data and the closing system."""
+        """Compute the requested quantities at closed poses, with their error data and the closing system."""
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
@@ -148,7 +148,7 @@ class Work:
         return np.array(equations.QUANTITIES[name](at))
 
     def _load(self, at: Dynamics) -> Array:
-        """Largest force along a coordinate if weights and inertia did not cancel [N]. Shape (n,)."""
+        """Return the largest force along a coordinate if weights and inertia did not cancel [N]. Shape (n,)."""
         weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
         need = at.required if self.problem.wanted <= _TREE else at.required - at.exerted.wrenches
         sizes = np.abs(at_origin(at.pose, need)[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))
@@ -162,7 +162,7 @@ class Work:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
         driven = driven[..., at.driven]
-        # rounding of rates is that of the fastest coordinates, however slow the actuators are
+        # rounding of rates scales with the fastest coordinates, however slow the actuators are
         slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
         conditions["jacobian"] = conditions["actuator_force"] = linear.condition(driven) / slow
         if at.line is not None:

@@ -1,4 +1,4 @@
-"""Machines that differ only in matter: forces are linear in ten moments of each body and in what joints resist.
+"""Machines that differ only in mass properties: forces are linear in ten moments of each body and in joint resistances.
 
 Moments are mass, mass times centre of mass, and second moments about the body's origin; forces are linear in the centre
 of mass itself, too, where a load acts there. One pass of a program over a machine and its neighbours, as many as
@@ -20,9 +20,9 @@ from screwgauge.reference.parameters import TENSOR, XYZ, numbers, resisting_join
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import Symbols
 
-#: Numbers of a matrix that are in memory at a time.
+#: Number of matrix entries in memory at a time.
 HELD = 8_000_000
-#: Of a body, in order.
+#: Parameters of a body, in order.
 ENTRIES = ("mass", *(f"com.{axis}" for axis in XYZ), *(f"inertia.{key}" for key in TENSOR))
 _PLACES = [*TENSOR.values()]
 _LOWER = np.tril_indices(4)
@@ -35,24 +35,24 @@ def moments(numbers: Array) -> Array:
 
 
 def numbers_of(moment: Array) -> Array:
-    """Inverse of `moments`. Shape (..., 10) -> (..., 10)."""
+    """Convert moments back to numbers, the inverse of `moments`. Shape (..., 10) -> (..., 10)."""
     mass = moment[..., :1]
     com = moment[..., 1:4] / mass
     return np.concatenate([mass, com, moment[..., 4:] - mass * _steiner(com)], axis=-1)
 
 
 def _steiner(com: Array) -> Array:
-    """Second moments of a unit mass at a point, entry by entry. Shape (..., 3) -> (..., 6)."""
+    """Return the second moments of a unit mass at a point, entry by entry. Shape (..., 3) -> (..., 6)."""
     square = (com * com).sum(-1)
     return np.stack([(square if i == k else 0.0) - com[..., i] * com[..., k] for i, k in _PLACES], axis=-1)
 
 
 def consistent(body: Array, z: Array) -> Array:
-    """Bodies that can exist, near one: its pseudo-inertia is ``L (1 + z) (1 + z)^T L^T``, L that of the body.
+    """Return possible bodies near a given one, of pseudo-inertia ``L (1 + z) (1 + z)^T L^T``, L that of the body.
 
     Args:
         body: Numbers in the order of `ENTRIES`. Shape (10,).
-        z: Entries of a lower triangular matrix without dimension. Shape (10, n).
+        z: Entries of a dimensionless lower triangular matrix. Shape (10, n).
 
     Returns:
         Numbers. Shape (10, n).
@@ -77,11 +77,11 @@ def consistent(body: Array, z: Array) -> Array:
 
 
 class Matter:
-    """Solver for changed matter of some bodies.
+    """Solver for changed mass properties of some bodies.
 
     Attributes:
         bodies: Bodies with a changed number.
-        loaded: Indices of those at whose centre of mass a load acts.
+        loaded: Indices of bodies with a load at the centre of mass.
         resists: Rotors, damping and friction that change, whole names.
         entries, nominal: Numbers of these bodies, ten each, then resistances: whole names and values. Shape (E,).
     """
@@ -101,14 +101,14 @@ class Matter:
         self._kept: tuple[NominalPoses, Array, Array] | None = None
 
     def numbers(self, p: Array) -> Array:
-        """All numbers of each variant, as those of `nominal`. Shape (P, V) -> (V, E)."""
+        """Return all numbers of each variant, in the order of `nominal`. Shape (P, V) -> (V, E)."""
         out = np.repeat(self.nominal[:, None], p.shape[1], axis=1)
         for row, k in self._places:
             out[row] = p[k]
         return out.T
 
     def of_bodies(self, numbers: Array) -> Array:
-        """Numbers body by body. Shape (..., E) -> (..., n_body, 10)."""
+        """Reshape numbers body by body. Shape (..., E) -> (..., n_body, 10)."""
         return numbers[..., : self._end].reshape(*numbers.shape[:-1], -1, 10)
 
     def possible(self, p: Array) -> NDArray[np.bool_]:
@@ -120,7 +120,7 @@ class Matter:
         half = 0.5 * (xx + yy + zz)
         allowed = np.array([body.allowed for body in self.bodies])
         moments_hold = _not_negative(xx, yy, zz, xy, xz, yz)
-        # second moments are not negative where no principal moment of inertia exceeds the sum of the others
+        # second moments are nonnegative if no principal moment of inertia exceeds the sum of the others
         triangle_holds = _not_negative(half - xx, half - yy, half - zz, -xy, -xz, -yz) | allowed
         some = (mass > 0.0) | ((mass == 0.0) & ~numbers[..., 4:].any(axis=-1))
         return np.asarray((moments_hold & triangle_holds & some).all(axis=1))
@@ -135,7 +135,7 @@ class Matter:
                 array[rows] = values[:, first:end]
 
     def features(self, numbers: Array) -> Array:
-        """Features in which forces are linear: moments, resistances, loaded centres of mass.
+        """Return the features in which forces are linear: moments, resistances, loaded centres of mass.
 
         Shape (V, E) -> (V, n_feature).
         """
@@ -144,11 +144,11 @@ class Matter:
         return np.concatenate([*found, *(bodies[:, i, 1:4] for i in self.loaded)], axis=1)
 
     def _neighbours(self) -> Array:
-        """The base, and one neighbouring machine per feature. Shape (1 + n_feature, E)."""
+        """Return the base, and one neighbouring machine per feature. Shape (1 + n_feature, E)."""
         mechanism, L = self.machine.scene.mechanism, self.machine.work.loops.length
         away = mechanism.mass * np.array([1.0, *[L] * 3, *[L * L] * 6])
         steps = [*np.diag([*np.tile(away, len(self.bodies)), *[mechanism.mass * L * L] * len(self.resists)])]
-        for i in self.loaded:  # heavier, and with its centre elsewhere
+        for i in self.loaded:  # heavier, and with a displaced centre of mass
             for axis in (1, 2, 3):
                 steps.append(np.zeros(len(self.nominal)))
                 steps[-1][[10 * i, 10 * i + axis]] = 2.0 * away[[0, axis]]
@@ -158,14 +158,14 @@ class Matter:
 
     @property
     def base(self) -> Array:
-        """Base numbers of the matrix: the nominal ones, all bodies with mass. Shape (E,)."""
+        """Base numbers of the matrix: the nominal numbers, with nonzero mass for all bodies. Shape (E,)."""
         base = self.nominal.copy()
         masses = np.arange(0, self._end, 10)
         base[masses[base[masses] == 0.0]] = self.machine.scene.mechanism.mass
         return base
 
     def parts(self, poses: NominalPoses) -> Any:
-        """Samples, base values there, and the effect of a unit of each feature. Shapes (n, m), (n, m, n_feature)."""
+        """Yield samples, base values, and the effect of a unit of each feature. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.integrate import Trajectory
 
 BACKENDS = ("array", "numpy", "llvm")
-#: Samples from which on tracing costs less than it saves, whatever the built-in mechanism.
+#: Number of samples from which tracing costs less than it saves, for any built-in mechanism.
 LONG = 2000
 
 
@@ -86,7 +86,7 @@ class ScrewModel:
         return self._accelerate(problem, problem.task)
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
-        """Solve a given motion, by the array solver if there is no program."""
+        """Solve a given motion, with the array solver if there is no program."""
         kind = NUMBER_TYPES[self.settings.precision]
         backend = self.settings.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":
@@ -118,7 +118,7 @@ class ScrewModel:
         return simulated.solution(("screw", __version__, setting), self.lay.mechanism.joints, task)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
-        """Programs of the accelerations, or the reasons why there are none."""
+        """Return programs of the accelerations, or the reasons why there are none."""
         from screwgauge.engines.screw.forward import TracedForward
 
         if self.settings.backend == "array":
@@ -129,7 +129,7 @@ class ScrewModel:
             return None, (f"accelerations by the array solver: {error.what}",)
 
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
-        """Accelerations of all joint coordinates, shape (n, n_q), and condition of the closed loops, shape (n,)."""
+        """Return accelerations of all joints, shape (n, n_q), and condition of the closed loops, shape (n,)."""
         at, accelerations = path.rates, np.full(path.rates.q.shape, np.nan)
         if (regular := at.condition < linear.SINGULAR).any():
             applied, t = problem.applied, path.t[regular]
@@ -139,12 +139,12 @@ class ScrewModel:
         return accelerations, at.condition
 
     def _reactions(self, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
-        """Names, units and values of all constraint forces, from the whole Newton-Euler system."""
+        """Return names, units and values of all constraint forces, from the whole Newton-Euler system."""
         whole = NewtonEuler(path.rates)
         return whole.names, whole.units, whole.response()[1]
 
     def _accelerate(self, problem: Problem, task: States) -> Solution:
-        """Accelerations of closed states for given forces, from the whole Newton-Euler system."""
+        """Solve for accelerations of closed states under given forces, using the whole Newton-Euler system."""
         mechanism = self.lay.mechanism
         if task.tau is None or task.coordinates != mechanism.coordinates:
             raise ModelFileError(

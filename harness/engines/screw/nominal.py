@@ -1,4 +1,4 @@
-"""The nominal machine of variants: closed poses, and their derivatives by numbers."""
+"""The nominal machine of variants: closed poses, and their derivatives with respect to parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from screwgauge.reference.traced.trace import Scalar
 from screwgauge.reference.traced.tracing import TracedQuantities, quantities
 from screwgauge.scene.scene import Scene
 
-#: Entry of the rows that no motion closes above which a number costs mobility; rounding leaves 1e-14, a number 0.3.
+#: Residual that no motion closes above which a parameter costs mobility; rounding gives 1e-14, a parameter 0.3.
 COSTS = 1e-9
 
 
@@ -88,15 +88,15 @@ class NominalMachine:
         return Symbols(self.work.loops, self.problem.applied, known, self.anchors, steps=steps, axial=axial)
 
     def outputs(self, symbols: Symbols) -> list[Scalar]:
-        """Components of all quantities, in order."""
+        """Return the components of all quantities, in order."""
         wanted = TracedQuantities([*self.components], symbols.at.axial, *open_tree(self.lay))
         return [x for values in quantities(symbols.at, wanted).values() for x in values]
 
     def at(self, y: Array, yd: Array, ydd: Array, t: Array | None) -> NominalPoses:
-        """Closed poses at samples, cached for the next call.
+        """Return closed poses at samples, cached for the next call.
 
         Raises:
-            ScrewgaugeError: An array is not as it must be, or a sample is not reached.
+            ScrewgaugeError: An array is invalid, or a sample is not reached.
         """
         k = len(self.scene.mechanism.independent)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
@@ -148,7 +148,7 @@ class Slopes:
         self._rows: Any = None
 
     def of(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Slopes of the dependent coordinates, and openings of the rows, dimensionless.
+        """Return the slopes of the dependent coordinates, and residuals of the rows, dimensionless.
 
         Returns:
             Shapes (n, c, P), (n, m, P).
@@ -175,7 +175,7 @@ class Slopes:
         return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
 
     def costs(self) -> dict[str, float]:
-        """Numbers that cost the machine its mobility if changed alone, with the opening of rows.
+        """Parameters that cost the machine its mobility if changed alone, with the residual of rows.
 
         To first order, at samples of the scene's motion [rad or lengths of the mechanism, over the number's unit].
         """
@@ -193,7 +193,7 @@ class Slopes:
 
 
 def echelon(rows: Array) -> Array:
-    """Reduced echelon form of independent rows: each has a one where the others have zeros. Shape (m, n)."""
+    """Return the reduced echelon form of independent rows: each has a one where the others have zeros. Shape (m, n)."""
     out, free = rows.copy(), [*range(len(rows))]
     while free:
         i, column = max(((i, int(np.argmax(np.abs(out[i])))) for i in free), key=lambda at: abs(out[at]))

@@ -1,4 +1,4 @@
-"""Execution of the solver's programs, and cheap bounds of their errors."""
+"""Execution of the solver's programs, with cheap error bounds."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SAFETY, CONDITION = 2.0, 4.0
 #: Closure residual beyond which Newton's method has not arrived, for one row, in eps; what all bodies' balance may
 #: leave.
 ARRIVED, BALANCED = 32, 1e-9
-#: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
+#: Largest correction by Newton's method times the gain: while small, no other assembly lies between.
 NEAR = 0.2
 
 
@@ -53,7 +53,7 @@ Numbers = Mapping[str, Scalar]
 
 
 def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
-    """Root of each square that a program emits, by name, see `CHECKS`."""
+    """Return the root of each square that a program emits, by name, see `CHECKS`."""
     return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
@@ -61,7 +61,7 @@ class Bounds:
     """Interpretation of a program's outputs.
 
     Attributes:
-        weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
+        weights: A sample may be doubtful if the sum of its checks times these weights exceeds 1.
     """
 
     def __init__(self, lay: Layout, problem: Problem, length: float, eps: float = linear.EPS) -> None:
@@ -77,7 +77,7 @@ class Bounds:
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:
-        """Error data from a program's outputs."""
+        """Build error data from a program's outputs."""
         gain = SAFETY * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
         rush = apply("max", speed * speed, out["rush"])
@@ -98,7 +98,7 @@ class Bounds:
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
-        """Errors of quantities at clear samples, for each of their units.
+        """Estimate errors of quantities at clear samples, for each of their units.
 
         Returns:
             Sums of squares as they grow, with the numbers they are made of, and the errors.
@@ -119,7 +119,7 @@ class Bounds:
             "drive": CLEAR_FORCES**2,
             "moved": (NEAR / (SAFETY * CLEAR)) ** 2,
             "closing": self.arrived**2,
-            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without weight nothing is sure to load
+            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without gravity no force is certain
             "charts": (SAFETY * CLEAR) ** 2,
         }
         free = 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2
@@ -130,7 +130,7 @@ class Bounds:
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
-        """Samples left to the array solver; `counts` collects their number by reason."""
+        """Return the samples left to the array solver; `counts` collects their number by reason."""
         doubts = {
             "badly conditioned": trust.doubtful(SAFETY),
             "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
@@ -145,7 +145,7 @@ class Bounds:
 
 
 def _largest(problem: Problem, length: float) -> float:
-    """Sum of the peak forces of all loads, torques divided by a length [N]."""
+    """Return the sum of the peak forces of all loads, with torques divided by a length [N]."""
     applied = problem.applied
     loads = applied.at(problem.task.t).loads if isinstance(problem.task, GivenMotion) else applied.loads
     sizes = (np.linalg.norm(x.force, axis=-1) + np.linalg.norm(x.torque, axis=-1) / length for x in loads)
@@ -153,12 +153,12 @@ def _largest(problem: Problem, length: float) -> float:
 
 
 def rows_not_finite(values: Mapping[str, Array]) -> Rows:
-    """Samples with a value, shape (n, m), that is not finite. Shape (count,)."""
+    """Return the samples with a value, shape (n, m), that is not finite. Shape (count,)."""
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
 def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
-    """Errors as by `Bounds.estimated`, at samples that need not be clear. Shape (n, n_unit)."""
+    """Estimate errors like `Bounds.estimated`, at samples that need not be clear. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
@@ -168,7 +168,7 @@ def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float
 
 
 def _sizes(name: str, whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
-    """Each unit of a quantity with the size of its summands; `whole` is the sum of the squares of all."""
+    """List the units of a quantity with the size of their terms; `whole` is the sum of squares of all components."""
     local = apply("sqrt", whole) + summand(name, units[0], trust) if units else 0.0
     return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
 
@@ -189,7 +189,7 @@ class Runner(Protocol):
         """See `screwgauge.reference.traced.native.Native.bind`."""
 
     def again(self) -> Runner:
-        """Return a runner that may run at the same time."""
+        """Return a runner that may run concurrently."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +200,7 @@ class Bound:
         values: Arrays that it fills, kept alive so that no others take their addresses.
         inputs: Arrays that it reads. Shape (n, m) each.
         unseen: The same, if numbers that are none may leave no residual: loads, and y of an open tree. Shape (n, m).
-        run: Fills the values; says whether all are finite and no sample is in doubt.
+        run: Fills the values; returns whether all are finite and no sample is in doubt.
     """
 
     values: tuple[Array, ...]
@@ -241,7 +241,7 @@ def runner(
 
 
 def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]:
-    """Machine code of a program, from disk if cached, and a note; None without a compiler."""
+    """Return machine code of a program, from disk if cached, and a note; None without a compiler."""
     try:
         from screwgauge.reference.traced import native
 
@@ -293,7 +293,7 @@ class Arcs:
 
 
 def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
-    """Replace samples by another program's where its gain is smaller; return the gains."""
+    """Replace samples with another program's where its gain is smaller; return the gains."""
     out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
     better = ~(outputs[-checks][rows] <= out[-checks])
@@ -311,7 +311,7 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
 
 
 def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Independent coordinates that no actuator drives: idle ones, and resting ones of a motion."""
+    """Return the independent coordinates that no actuator drives: idle ones, and resting ones of a motion."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)

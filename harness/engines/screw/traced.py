@@ -1,4 +1,4 @@
-"""Given motions by a traced program, guarded by the array solver, which answers the doubtful samples."""
+"""Inverse dynamics with a traced program, guarded by the array solver, which answers the doubtful samples."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class TracedWork:
         outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
         units: Quantity -> units of its components.
         note: On the program, empty if there is nothing to note.
-        by_array: Reason -> how many samples the array solver answered.
+        by_array: Reason -> number of samples that the array solver answered.
         traced: The program, if there is one.
     """
 
@@ -100,7 +100,7 @@ class TracedWork:
             self.runner, self.note = runner_of(self.traced, backend, np.dtype(self.kind.name))
         #: Signs of the cosines of middle angles of cut joints, in the program.
         self.folds = [float(fold.flat[0]) for fold in self.work.loops.folds(q)]
-        #: Whether angles of cut joints have to be distinguished from others that mean the same.
+        #: Whether angles of cut joints must be distinguished from equivalent ones.
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _error_outputs(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
@@ -156,7 +156,7 @@ class TracedWork:
                 near = self.bounds.near(out)
                 rows = np.flatnonzero(~(near & (out["closing"] <= self.bounds.arrived / 8.0)))
             stray = np.flatnonzero(~near)
-            inputs[3][:, rows] = reached[:d, rows]  # once more from where Newton's method came to
+            inputs[3][:, rows] = reached[:d, rows]  # once more from where Newton's method ended
             if stray.size and first:  # or from nearer
                 inputs[3][:, stray] = mode.rows(mode.refine(guess.rows(stray)), traced.predicted)
             elif stray.size:
@@ -262,7 +262,7 @@ class TracedWork:
         *,
         thorough: bool,
     ) -> SolvedPart:
-        """Answer samples by the program; the part lists those left in doubt."""
+        """Answer samples with the program; the part lists those left in doubt."""
         values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
@@ -288,7 +288,7 @@ class TracedWork:
         arrays: Mapping[str, Array],
         part: SolvedPart,
     ) -> SolvedPart:
-        """Replace doubtful samples of the program by the array solver's."""
+        """Replace doubtful samples of the program with the array solver's."""
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
@@ -336,13 +336,13 @@ class TracedWork:
 
 
 def _loads(applied: Applied, t: Array) -> Array:
-    """Force and torque of each load at times [s]. Shape (6 n_load, n)."""
+    """Return force and torque of each load at times [s]. Shape (6 n_load, n)."""
     each = [vector for load in applied.at(t).loads for vector in (load.force, load.torque)]
     return np.concatenate([np.broadcast_to(vector, (len(t), 3)).T for vector in each])
 
 
 def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
-    """Well-conditioned samples of a motion, and their joint coordinates.
+    """Choose well-conditioned samples of a motion, with their joint coordinates.
 
     Raises:
         NotTraceableError: There is none.
@@ -364,7 +364,7 @@ def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
 def solve_traced(
     lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, by: tuple[str, NumberType]
 ) -> Solution:
-    """Solve a given motion by a traced program, if there is one.
+    """Solve a given motion with a traced program, if there is one.
 
     Args:
         by: Backend and number type; float32 gives no error estimate.

@@ -1,7 +1,7 @@
 """``screwgauge.compile(scene, parameters=[...])``: one program for all variants of a machine.
 
-Variants lie side by side in the lanes of a register, samples follow one another: numbers of variants are laid out once,
-and nothing is repeated from sample to sample. Where only matter changes no loop closes otherwise, see `Matter`.
+Variants occupy the lanes of a register, and samples follow one another: parameters of variants are laid out once,
+and nothing is repeated from sample to sample. If only mass properties change, poses stay the same, see `Matter`.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import CHECKS, Symbols, gradient
 from screwgauge.scene.scene import Scene
 
-#: Variants that are worked on at a time, and numbers of their values.
+#: Number of variants processed at a time, and of their values.
 LANES, HELD = 256, 4_000_000
 #: Steps of Newton's method from a prediction: two, or three where more than a share of the variants needs them.
 STEPS, MANY = (2, 3), 0.2
-#: Times that a program goes on from where it came to.
+#: Number of times that a program continues from where it ended.
 AGAIN = 4
 #: Last step above which the next one has to be a quarter of it at the most: below, both are rounding.
 TESTED, QUARTER = 1e-7, 0.25
-#: Next step below which a pose is closed, and what all rows may be open by [rad or lengths of the mechanism].
+#: Next step below which a pose is closed, and largest residual of all rows [rad or mechanism lengths].
 CLOSED, OPEN = 1e-13, 1e-11
 #: Why a variant has no values.
 ROWS_OPEN, NOT_CLOSED, IMPOSSIBLE = "rows open", "does not close", "impossible body"
 REASON = f"<U{max(map(len, (ROWS_OPEN, NOT_CLOSED, IMPOSSIBLE)))}"
-#: What a course over the samples is reduced to, by name: from values of shape (n, m, V).
+#: Statistics over the samples by name, from values of shape (n, m, V).
 STATISTICS: Mapping[str, Callable[[Array], Array]] = {
     "peak": lambda x: np.abs(x).max(axis=0),
     "rms": lambda x: np.sqrt(np.mean(x * x, axis=0)),
@@ -78,7 +78,7 @@ class _Worst:
         return cls(*np.zeros((3, count)))
 
     def meet(self, first: Array, second: Array, step: Array, following: Array, rows: Array) -> None:
-        """Update by the checks of a sample; NaN persists."""
+        """Update with the checks of a sample; NaN persists."""
         np.maximum(self.following, following, out=self.following)
         np.maximum(self.open, rows, out=self.open)
         for before, after in ((first, second), (step, following)):
@@ -173,7 +173,7 @@ class Variants:
             t: Times [s]: the rows are a motion, which is followed from home. Shape (n,).
 
         Raises:
-            ScrewgaugeError: An array or a name is not as it must be, or the nominal machine cannot be put there.
+            ScrewgaugeError: An array or a name is invalid, or the nominal machine cannot reach a sample.
         """
         poses, p = self._machine.at(y, yd, ydd, t), self._numbers(parameters)
         n, count = len(y), p.shape[1]
@@ -215,7 +215,7 @@ class Variants:
         return {one: VariantSolution(values, why) for one, values in found.items()}
 
     def gradient(self, weights: Mapping[str, Array], y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
-        """Derivative of a weighted sum of quantities by all numbers, at each sample of the nominal machine.
+        """Differentiate a weighted sum of quantities by all parameters, at each sample of the nominal machine.
 
         For the peak of a component its weight is one at the sample of the peak, for the rms ``f / (n rms)``: sum over
         the samples.
@@ -232,7 +232,7 @@ class Variants:
         return self._pulled(poses, np.concatenate(parts, axis=1))
 
     def jacobian(self, quantity: str, y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
-        """Derivatives of all components of a quantity by all numbers. Shape (n, n_component, P)."""
+        """Return derivatives of all components of a quantity by all parameters. Shape (n, n_component, P)."""
         poses = self._machine.at(y, yd, ydd, t)
         check_choice("quantity", [quantity], self.quantities, "jacobian")
         first = sum(len(self.components[name]) for name in self.quantities[: self.quantities.index(quantity)])
@@ -242,7 +242,7 @@ class Variants:
     # what they are made of
 
     def _numbers(self, parameters: Mapping[str, Any]) -> Array:
-        """Numbers of all variants. Shape (P, V)."""
+        """Return the parameters of all variants. Shape (P, V)."""
         given = {name: np.asarray(x, dtype=float) for name, x in parameters.items()}
         counts = {len(x) for x in given.values() if x.ndim == 1} or {1}
         if len(counts) > 1 or any(x.ndim > 1 for x in given.values()):
@@ -256,7 +256,7 @@ class Variants:
         return p
 
     def _chunks(self, n: int, count: int) -> Iterator[slice]:
-        """Slices of variants small enough for the cache."""
+        """Yield slices of variants small enough for the cache."""
         lanes = min(LANES, max(8, HELD // max(1, n * self._machine.count)))
         return (slice(i, min(i + lanes, count)) for i in range(0, count, lanes))
 
@@ -271,7 +271,7 @@ class Variants:
             array[..., why != ""] = np.nan
 
     def _answer(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fill in values by the program; the array solver follows variants that leave its assembly."""
+        """Fill in values with the program; the array solver follows variants that leave its assembly."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
             some = [np.empty((*array.shape[:2], len(left))) for array in into]
@@ -316,7 +316,7 @@ class Variants:
         return worst
 
     def _alone(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> str:
-        """Answer a variant by the array solver, its home followed from the nominal one; return why if it fails."""
+        """Answer a variant with the array solver, following its home from the nominal one; return why if it fails."""
         motion = poses.motion
         try:
             scene = self.scene.with_({name: float(x) for name, x in zip(self.names, p, strict=True)})
@@ -329,7 +329,7 @@ class Variants:
         return ""
 
     def _program(self, steps: int) -> tuple[Symbols, Any]:
-        """Equations with a number of Newton steps, and their program: quantities, checks, coordinates."""
+        """Return equations with a number of Newton steps, and their program: quantities, checks, coordinates."""
         if steps not in self._programs:
             symbols = self._machine.symbols(self._known, steps)
             outputs = [*self._machine.outputs(symbols), *symbols.checks(), *symbols.reached]
@@ -341,7 +341,7 @@ class Variants:
         return Slopes(self._machine, self._known)
 
     def _slopes_at(self, poses: NominalPoses) -> Array:
-        """Slopes of the dependent coordinates, cached for the next call. Shape (n, c, P)."""
+        """Return slopes of the dependent coordinates, cached for the next call. Shape (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
         return self._at[1]
@@ -365,7 +365,7 @@ def check_choice_of_text(names: Any) -> list[str]:
     """Return names or patterns as a list.
 
     Raises:
-        DescriptionError: They are no list of text, or there is none.
+        DescriptionError: The value is not a nonempty list of text.
     """
     if isinstance(names, str) or not isinstance(names, Iterable) or not (wanted := [*names]):
         raise DescriptionError("no names are given", "compile, parameters", 'give a list, such as ["*.mass"]')

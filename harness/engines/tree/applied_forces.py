@@ -1,7 +1,7 @@
 """Springs, dampers, motors and loads on an engine's open tree, from its own body poses and rates.
 
-`exerted` states them once, for the samples of a given motion and for the one state of a simulation. What it exerts
-becomes wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree (`TreeForces`).
+`exerted` states them once, for the samples of a given motion and for a single state of a simulation. The forces
+become wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree (`TreeForces`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from screwgauge.reference.rotations import Array, cross
 
 
 def resisting_joints(closed: ClosedTree) -> tuple[Resistance, ...]:
-    """Damping and dry friction of joints; the engine includes rotors."""
+    """Return damping and dry friction of joints; the engine itself includes rotors."""
     return resistances(closed.file.joints, LOSSES)
 
 
@@ -37,7 +37,7 @@ def exerted(
     body: BodyMotion,
     read: Coordinate,
 ) -> ActingForces:
-    """Forces of loads, springs, dampers, motors and resisting joints.
+    """Collect the forces of loads, springs, dampers, motors and resisting joints.
 
     Args:
         t: Times [s]. Shape (...).
@@ -51,7 +51,7 @@ def exerted(
 def applied_wrenches(
     closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array]:
-    """Force and moment about its origin on each body, and the part that acts along joint coordinates.
+    """Return force and moment on each body about its origin, and the part that acts along joint coordinates.
 
     Args:
         motion: Times, shape (n,), velocities of the bodies, shape (n, n_body + 1, 6), coordinates of all joints and
@@ -89,7 +89,7 @@ def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array
     frames = closed.joint_pose(joint, at)
     values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
     S = joint_screws(joint, frames.R_parent, frames.p_parent, values)[0]
-    force, moment = np.split((tau[:, None] @ dual_wrenches(frames, S))[:, 0], 2, axis=1)  # about the world's origin
+    force, moment = np.split((tau[:, None] @ dual_wrenches(frames, S))[:, 0], 2, axis=1)  # about the world origin
     for i, sign in ((child, 1.0), (parent, -1.0)):  # a positive force moves the child along its coordinate
         out[:, i, :3] += sign * force
         out[:, i, 3:] += sign * (moment - cross(at.p[:, i], force))
@@ -100,11 +100,11 @@ Reader = Callable[[Array, BodyAt], tuple[float, Array]]
 
 
 class TreeForces:
-    """Applied forces besides gravity along the coordinates of a tree, state by state.
+    """Applied forces other than gravity along the coordinates of a tree, state by state.
 
     Attributes:
         acts: Whether any force acts.
-        stores_only: Its springs are without dampers, and nothing else acts.
+        stores_only: Whether only springs without dampers act.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class TreeForces:
         """Bind applied forces to the bodies and coordinates of a tree.
 
         Args:
-            start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
+            start: Independent coordinates at the start, from which to follow angles of cut joints. Shape (k,).
             resist: Resistances, by default all of `resisting_joints`.
 
         Raises:
@@ -174,7 +174,7 @@ def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
 def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reader:
     """Build the reader of a cut joint's coordinate.
 
-    It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
+    Each reading follows the last one: within half a turn, and through gimbal lock.
     """
     last = closed.loops.begin(joint, start)
     parent, child = closed.loops.index[joint.parent], closed.loops.index[joint.child]
@@ -191,7 +191,7 @@ def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reade
 
 
 def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:
-    """Force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
+    """Return the force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
     tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
     tau[:, k] = -spring.pull(q[:, k], v[:, k])
     return tau

@@ -1,6 +1,6 @@
 """Forces of the closed mechanism: projected tree forces, and multipliers for the rest.
 
-Reactions of all joints come from the wrenches that the engine transmits through its tree and from the multipliers.
+Joint reactions follow from the wrenches that the engine transmits through its tree and from the multipliers.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def closed_forces(
     motion: tuple[Array, Array, Array, Array],
     exerted: tuple[Array, Array],
 ) -> tuple[dict[str, Array], dict[str, Array], Array]:
-    """Compute generalised and actuator forces by projection, reactions by multipliers of the closing rows.
+    """Compute generalised and actuator forces by projection, and reactions from multipliers of the closing rows.
 
     Args:
-        given: The problem, and numbers of the independent coordinates that no actuator drives.
-        system: Inverse of the closing system without dimension, shape (n, n_v, m + k), and velocities of the tree per
+        given: The problem, and indices of the independent coordinates that no actuator drives.
+        system: Inverse of the dimensionless closing system, shape (n, n_v, m + k), and velocities of the tree per
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
-        exerted: Loads, springs and motors, see `applied_wrenches`.
+        exerted: Wrenches of loads, springs and motors, see `applied_wrenches`.
 
     Returns:
         Quantity -> values, (n, m); quantity -> condition number of its own equations, if any, (n,); and the largest
@@ -67,7 +67,7 @@ def closed_forces(
         return values, conditions, largest
     rest = need.copy()
     rest[:, driven] -= f
-    # what actuators leave over moves no y: the rows of y take nothing of it
+    # the force that actuators leave over moves no y, so the rows of y take none of it
     m = inverse.shape[2] - K.shape[2]
     multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], acting + closed.loops.wrenches(at, multipliers))
@@ -76,7 +76,7 @@ def closed_forces(
 
 
 def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone: Array) -> tuple[Array, Array]:
-    """Actuator forces that keep the spherical joint's force along its line (eq. 56).
+    """Solve for actuator forces that keep the spherical joint's force along its line (eq. 56).
 
     Args:
         G: Derivative of the closing rows. Shape (n, m, n_v).
@@ -104,7 +104,7 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
 
 
 def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
-    """Force of a joint on one of its bodies [N]: without closures, (n, 3), and per force of each anchor,
+    """Return the force of a joint on one of its bodies [N]: without closures, (n, 3), and per force of each anchor,
     (n_anchor,)."""
     loops = closed.loops
     if joint in loops.cut:
@@ -116,13 +116,13 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
 
 
 def _outer(joint: Joint, closed: ClosedTree) -> int:
-    """The body of a tree joint that is farther from ground."""
+    """Return the body of a tree joint that is farther from ground."""
     parent, child = closed.loops.sides(joint)
     return child if child and closed.inwards(child)[1] == parent else parent
 
 
 def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
-    """Reaction components of every joint and coupling of the description, tree and cut joints alike.
+    """Compute reaction components of every joint and coupling of the description, for tree and cut joints.
 
     Args:
         transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).
@@ -130,7 +130,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
             Shape (n, 3 n_anchor + n_coupling).
 
     Returns:
-        In the order of `reaction_names` [N or N m]. Shape (n, m).
+        Components in the order of `reaction_names` [N or N m]. Shape (n, m).
     """
     loops, reactions = closed.loops, list[Array]()
     for joint in by_role(closed.file.joints):
@@ -145,14 +145,14 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
 
 
 def components(at: JointPose, wrench: Array, about: Array) -> Array:
-    """Components of a wrench on a joint's child along its constrained directions. (n, 6), (n, 3) -> (n, m)."""
+    """Project a wrench on a joint's child onto its constrained directions. (n, 6), (n, 3) -> (n, m)."""
     force = wrench[:, :3]
     moment = wrench[:, 3:] - cross(at.p_child - about, force)
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)
 
 
 def _closing(joint: Joint, loops: TreeLoops, at: BodyPoses, multipliers: Array) -> Array:
-    """Wrench of a cut joint on its child, about the child's origin, from its anchors. Shape (n, 6)."""
+    """Return the wrench of a cut joint on its child, about the child's origin, from its anchors. Shape (n, 6)."""
     out = np.zeros((len(at.p), 6))
     for k, anchor in enumerate(loops.anchors):
         if anchor.joint == joint.name:

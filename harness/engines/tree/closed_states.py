@@ -15,16 +15,16 @@ from screwgauge.reference.equations.joint_types import SURE
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array, Flags, follow
 
-#: Singular values of the closing rows below this share of the largest are not divided by: next to a singular pose of
-#: the loops the smallest correction would be a long one along what the rows hardly see.
+#: Singular values of the closing rows below this fraction of the largest are ignored: near a singular pose of
+#: the loops the minimum-norm correction would be long, in directions that the rows hardly constrain.
 SMALLEST = 1e-7
-MOST = 4  # from a state that drifted by 1e-6 two corrections are enough
+MOST = 4  # two corrections suffice for a state that drifted by 1e-6
 
 
 def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float, float, float]]:
     """Project a state onto the closed loops and leave the engine there.
 
-    Newton's method with one factorisation: what drifted by 1e-6 is closed to 1e-12 by the first correction.
+    Newton's method with one factorisation: the first correction reduces a drift of 1e-6 to 1e-12.
 
     Returns:
         Tree coordinates and rates, shape (n_v,) each, and the largest closing errors: removed in position [m or rad]
@@ -67,14 +67,14 @@ def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float
 
 
 def _pseudo_inverse(G: Array) -> Array:
-    """Pseudo-inverse by the eigenvectors of G^T G, small for any number of redundant rows. (m, n) -> (n, m)."""
+    """Compute the pseudo-inverse from eigenvectors of G^T G, small for any redundancy of rows. (m, n) -> (n, m)."""
     w, V = np.linalg.eigh(G.T @ G)
     kept = w > SMALLEST**2 * max(float(w[-1]), np.finfo(float).tiny)
     V = V[:, kept]
     return np.asarray((V / w[kept]) @ (V.T @ G.T))
 
 
-_MEMORY = 2e7  # bytes of the Jacobians of all bodies that are held at a time
+_MEMORY = 2e7  # bytes of the Jacobians of all bodies held at a time
 
 
 @dataclass(slots=True, eq=False)
@@ -83,8 +83,8 @@ class Path:
 
     Attributes:
         t, q, v: Times [s], tree coordinates and rates, one entry a state.
-        wanted: Indices of the wanted states.
-        a: Tree accelerations of the wanted states, one entry each.
+        wanted: Indices of the requested states.
+        a: Tree accelerations of the requested states, one entry each.
     """
 
     t: list[float] = field(default_factory=list)
@@ -94,7 +94,7 @@ class Path:
     a: list[Array] = field(default_factory=list)
 
     def add(self, t: float, q: Array, v: Array, a: Array | None = None) -> None:
-        """Append a state; one with accelerations is wanted."""
+        """Append a state; a state with accelerations is a requested one."""
         if a is not None:
             self.wanted.append(len(self.t))
             self.a.append(a)
@@ -111,7 +111,7 @@ class Path:
 
 
 def read_path(closed: ClosedTree, path: Path, start: Array) -> JointMotion:
-    """Read the wanted states of a path, following the angles of cut joints through all states.
+    """Read the requested states of a path, following the angles of cut joints through all states.
 
     Args:
         start: Independent coordinates at its first state. Shape (k,).
@@ -135,7 +135,7 @@ def _blocks(closed: ClosedTree, n: int) -> list[slice]:
 
 
 def _follow_angles(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) -> dict[str, Array]:
-    """Angles of cut joints at all states, each step predicted by the velocities."""
+    """Return the angles of cut joints at all states, predicting each step from the velocities."""
     loops = closed.loops
     if not loops.cut:
         return {}

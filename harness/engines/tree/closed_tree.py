@@ -1,4 +1,4 @@
-"""An engine's open tree with its cut joints: rows that close the loops, from the engine's poses."""
+"""An engine's open tree with its cut joints: rows that close the loops, computed from the engine's poses."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class TreeLoops:
 
     anchors: tuple[AnchorPair, ...]
     couplings: CouplingRows  # in the coordinates of the tree
-    cut: tuple[Joint, ...]  # joints that are in no tree
+    cut: tuple[Joint, ...]  # joints outside the tree
     index: dict[str, int]
     independent: tuple[tuple[int | None, str, int], ...]  # tree column, or None with cut joint and its coordinate
 
@@ -58,11 +58,11 @@ class TreeLoops:
         return [body for body, *_ in sides], np.array(places).reshape(-1, 3)
 
     def ends(self, at: BodyPoses) -> Array:
-        """World points of all anchors, child sides first. Shape (n, 2 n_anchor, 3)."""
+        """Return the world points of all anchors, child sides first. Shape (n, 2 n_anchor, 3)."""
         return at.points(*self._points)
 
     def gaps(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Child side minus parent side of each anchor [m or rad], at its `ends`. Shape (n, 3 n_anchor)."""
+        """Return child side minus parent side of each anchor [m or rad], at its `ends`. Shape (n, 3 n_anchor)."""
         m, ends = len(self.anchors), self.ends(at) if ends is None else ends
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
@@ -72,10 +72,10 @@ class TreeLoops:
         return out.reshape(len(out), 3 * m)
 
     def jacobian(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Derivative of the gaps, each side at its own end. Shape (n, 3 n_anchor, n_v).
+        """Return the derivative of the gaps, with each side at its own end. Shape (n, 3 n_anchor, n_v).
 
-        Taken at one point for both, it is off by the gap: at a lock of a joint, where rates grow without bound, even a
-        gap of rounding then costs the accelerations all their digits.
+        Taken at a common point, it would be wrong by the gap: at gimbal lock, where rates grow without bound, even a
+        gap of rounding size then costs the accelerations all their digits.
         """
         (n, _, n_v), m, moves = at.screws.shape, len(self.anchors), at.moves[self._points[0]]
         out, ends = np.empty((n, m, 3, n_v)), self.ends(at) if ends is None else ends
@@ -88,11 +88,11 @@ class TreeLoops:
         return out.reshape(n, 3 * m, n_v)
 
     def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
-        """Angular velocity of child minus parent per coordinate. Shape (n, 3, n_v)."""
+        """Return the angular velocity of child minus parent per coordinate. Shape (n, 3, n_v)."""
         return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
-        """Second derivative of the gaps at body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
+        """Return the gaps' second derivative at body velocities V and accelerations A, shape (n, n_body + 1, 6)."""
 
         m, (bodies, places) = len(self.anchors), self._points
         ends = shifted(V[:, bodies], A[:, bodies], times(at.R[:, bodies], places))
@@ -103,7 +103,7 @@ class TreeLoops:
         return out.reshape(len(out), 3 * m)
 
     def charts(self, at: BodyPoses, only: Collection[str] | None = None) -> dict[str, Chart]:
-        """Coordinates of all or some cut joints."""
+        """Read the coordinates of all or some cut joints."""
         return {
             joint.name: read_chart(joint, at.R[:, self.index[joint.parent]], at.R[:, self.index[joint.child]])
             for joint in self.cut
@@ -111,12 +111,12 @@ class TreeLoops:
         }
 
     def sides(self, joint: Joint) -> tuple[int, int]:
-        """Parent and child of a joint in the tree, where a body may be replaced by the joint's own copy."""
+        """Return parent and child of a joint in the tree, where the joint's own copy may replace a body."""
         parent, child = (self.index.get(f"{x}@{joint.name}", self.index[x]) for x in (joint.parent, joint.child))
         return parent, child
 
     def begin(self, joint: Joint, y: Array) -> Array:
-        """Initial angles of a cut joint: home, with its independent angles at their values. Shape (k,) -> (m,)."""
+        """Return initial angles of a cut joint: home, with independent angles at their values. Shape (k,) -> (m,)."""
         angles = joint.home.copy()
         for value, (_, name, i) in zip(y, self.independent, strict=True):
             if name == joint.name:
@@ -128,14 +128,14 @@ class TreeLoops:
         return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])
 
     def wrenches(self, at: BodyPoses, forces: Array) -> Array:
-        """External wrench on each body, about its origin, from the multipliers of all anchors.
+        """Return the external wrench on each body, about its origin, given the multipliers of all anchors.
 
         Args:
-            forces: Multipliers, on the child side [N or N m]; couplings' after them count for nothing here.
+            forces: Multipliers on the child side [N or N m]; those of couplings, which follow, are ignored.
                 Shape (n, 3 n_anchor or more).
 
         Returns:
-            Force, then moment. Shape (n, n_body + 1, 6).
+            Force, then moment, of each body. Shape (n, n_body + 1, 6).
         """
         out = np.zeros((*at.p.shape[:2], 6))
         for k, anchor in enumerate(self.anchors):
@@ -169,7 +169,7 @@ def make_loops(tree: OpenTree, file: LoopsFile) -> TreeLoops:
     """Bind closures and independent coordinates to the bodies and coordinates of a tree.
 
     Raises:
-        ModelFileError: The model lacks one of them, or a joint that only a tree can hold.
+        ModelFileError: The model lacks one of them, or a joint that must be in the tree.
     """
     index = {name: i for i, name in enumerate([GROUND, *tree.bodies])}
     anchors = [anchor for closure in tree.closures for anchor in _anchors(closure, index)]
@@ -295,7 +295,7 @@ class ClosedTree:
         return [self.loops.index[name] for name in self.file.bodies]
 
     def inwards(self, body: int) -> list[int]:
-        """A body of the tree, its ancestors, and ground."""
+        """Return a body of the tree, its ancestors, and ground."""
         return [body, *self.inwards(self.loops.index[self.tree.parents[body - 1]])] if body else [0]
 
     def cut_joint(self, name: str) -> Joint:
@@ -307,7 +307,7 @@ class ClosedTree:
         return frozenset(name for column, name, _ in self.loops.independent if column is None)
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
-        """All joint coordinates, or their derivatives, in description order.
+        """Assemble all joint coordinates, or their derivatives, in description order.
 
         Args:
             tree_values: Shape (n, n_v).
@@ -322,15 +322,15 @@ class ClosedTree:
         return np.stack([columns[name] for name in self.names], axis=1)
 
     def cut_velocities(self, charts: Charts, V: Array) -> dict[str, Array]:
-        """Coordinate velocities of cut joints, (n, m), from those of bodies, (n, n_body + 1, 6)."""
+        """Compute coordinate velocities of cut joints, (n, m), from those of bodies, (n, n_body + 1, 6)."""
         turns = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
         return {name: chart.rates(turns[name])[..., 0] for name, chart in charts.items()}
 
     def cut_accelerations(self, charts: Charts, rates: dict[str, Array], V: Array, A: Array) -> dict[str, Array]:
-        """Coordinate accelerations of cut joints.
+        """Compute coordinate accelerations of cut joints.
 
         Args:
-            charts: Charts of the wanted joints.
+            charts: Charts of the requested joints.
             rates: Cut joint -> velocities. Shape (n, m).
             V, A: Velocities and accelerations of the bodies. Shape (n, n_body + 1, 6).
         """
@@ -343,17 +343,17 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Residuals of closures, then couplings, at q with its poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
+        """Return residuals of closures, then couplings, at q, poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
     def jacobian(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Derivative of the gaps. Shape (n, m, n_v)."""
+        """Return the derivative of the gaps. Shape (n, m, n_v)."""
         G, couplings = self.loops.jacobian(at, ends), self.loops.couplings
         return np.concatenate([G, couplings.matrix(q)], axis=1) if len(couplings) else G
 
     def gap_accelerations(self, motion: tuple[Array, Array, Array], at: BodyPoses, V: Array, A: Array) -> Array:
-        """Second derivative of the gaps. Shape (n, m).
+        """Return the second derivative of the gaps. Shape (n, m).
 
         Args:
             motion: Coordinates, velocities and accelerations of the tree. Shape (n, n_v) each.
@@ -366,7 +366,7 @@ class ClosedTree:
         return np.concatenate([bias, along], axis=1)
 
     def closing_rows(self, q: Array, at: BodyPoses, charts: Charts, ends: Array | None = None) -> Array:
-        """Derivative of the gaps above one row for each independent coordinate. (n, m + k, n_v)."""
+        """Stack the derivative of the gaps on one row per independent coordinate. (n, m + k, n_v)."""
         loops, rows, own = self.loops, [self.jacobian(q, at, ends)], np.eye(q.shape[1])
         sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
         cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}
@@ -376,14 +376,14 @@ class ClosedTree:
         return np.concatenate(rows, axis=1)
 
     def load_point(self, load: Load) -> Array:
-        """Point of its body at which a load acts [m]. Shape (3,)."""
+        """Return the body point at which a load acts [m]. Shape (3,)."""
         if load.point is not None:
             return load.point
         i = self.loops.index[load.body]
         return np.asarray(self.tree.com[i - 1]) if i else np.zeros(3)
 
     def joint_pose(self, joint: Joint, at: BodyPoses) -> JointPose:
-        """Frames of a joint on its two bodies."""
+        """Return the frames of a joint on its two bodies."""
         parent, child = self.loops.sides(joint)
         before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
         return JointPose(joint, *before, *placed(at.R[:, child], at.p[:, child], joint.child_frame))
@@ -393,7 +393,7 @@ def close_tree(tree: OpenTree, file: LoopsFile) -> ClosedTree:
     """Bind a tree to its loops file.
 
     Raises:
-        ModelFileError: The model lacks what the file names, or has joints of which that knows nothing.
+        ModelFileError: The model lacks names of the file, or has joints unknown to the file.
     """
     check_names(tree, file)
     return ClosedTree(tree, file, make_loops(tree, file))

@@ -1,6 +1,6 @@
-"""Coordinates of cut joints, read from the two frames that an engine gives.
+"""Coordinates of cut joints, read from the two frames that an engine supplies.
 
-A cut joint is in no engine's tree, so its angles come from the relative rotation of its two sides. This reading is
+A cut joint is not in the engine's tree, so its angles follow from the relative rotation of its sides. This reading is
 shared by all tree engines; the frames, their rates and accelerations are each engine's own.
 """
 
@@ -41,7 +41,7 @@ class Chart:
 
     @property
     def condition(self) -> Array:
-        """Condition of its rates, 1 at best: the condition number of its axes over 3. Shape (n,)."""
+        """Condition of its rates, 1 at best: the condition number of its axes divided by 3. Shape (n,)."""
         return angle_condition(self.q)
 
     @property
@@ -52,14 +52,14 @@ class Chart:
         return np.stack([c * z - s * y, s * x, -c * x, zero, z, -y, zero, -s, c], axis=1).reshape(-1, 3, 3)
 
     def rates(self, omega: Array) -> Array:
-        """Coordinate rates at a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
+        """Return coordinate rates at a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
         duals = self.duals
         volume = duals[:, :1, :1]
         inverse = duals[:, : self.q.shape[1]] / np.where(volume == 0.0, np.nan, volume)
         return np.asarray((inverse @ self.R.swapaxes(1, 2)) @ omega)
 
     def bias(self, rates: Array, omega_parent: Array, omega: Array, beta: Array) -> Array:
-        """Second derivatives at a relative angular acceleration in world axes.
+        """Return second derivatives at a relative angular acceleration in world axes.
 
         Args:
             rates: Coordinate rates. Shape (n, m).
@@ -70,13 +70,13 @@ class Chart:
             Shape (n, m).
         """
         local = beta - cross(omega_parent, omega)
-        if rates.shape[1] == 3:  # each axis is carried around by the rates before it
+        if rates.shape[1] == 3:  # each axis is rotated by the preceding rates
             products = np.roll(rates, -1, axis=1) * np.roll(rates, 1, axis=1) * MIDDLE
             local = local - (self.R @ (products[:, None] @ self.duals).swapaxes(1, 2))[..., 0]
         return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
-        """Chart of the same rotations with the triples and whole turns nearest to given angles.
+        """Return a chart of the same rotations with the triples and full turns nearest to given angles.
 
         Args:
             angles: Shape (n, m).
@@ -84,7 +84,7 @@ class Chart:
         return replace(self, q=nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
-        """Chart of the same rotations with the triples whose angle `i` is nearest to a given one. Shape (n,)."""
+        """Return a chart of the same rotations with the triples whose angle `i` is nearest to `angle`. Shape (n,)."""
         if self.q.shape[1] < 3:
             return self
         two = other_triple(self.q)

@@ -1,7 +1,7 @@
-"""Given motions of a closed mechanism by an engine's open tree: positions, velocities, accelerations, forces.
+"""Inverse dynamics of a closed mechanism using an engine's open tree: positions, velocities, accelerations, forces.
 
-The numbers come from the engine (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
-linear algebra that closes the loops and projects the forces is this module's, and the same for every tree engine.
+The engine supplies values (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
+linear algebra that closes loops and projects forces is in this module and shared by all tree engines.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 
 
 def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
-    """Solve a given motion by an engine's open tree."""
+    """Solve inverse dynamics for a prescribed motion, using the engine's open-tree model."""
     work, tree = _Work(closed, problem, motion), closed.tree
     size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
@@ -50,7 +50,7 @@ def _soften(error: Error, softness: float) -> Error:
     return replace(error, absolute=absolute, source=SOFTNESS)
 
 
-#: Quantities for which the accelerations of all bodies are needed.
+#: Quantities that need the accelerations of all bodies.
 _MOVED = frozenset(
     {"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft", "resistance"}
 )
@@ -107,7 +107,7 @@ class _Work:
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
-        """Closure residuals above those of y, and their derivative."""
+        """Return closure residuals followed by those of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
         charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
@@ -123,7 +123,7 @@ class _Work:
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
     def _scale(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Dimensionless closure residuals, their derivative, and the poses."""
+        """Return dimensionless closure residuals, their derivative, and the poses."""
         sizes = self.closed.sizes
         q = z * sizes.q
         at = self.closed.tree.poses(q)
@@ -149,7 +149,7 @@ class _Work:
 
 
 def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
-    """Rates of cut joints, (n, m) each, without those in gimbal lock, which are NaN."""
+    """Return rates of cut joints, (n, m) each, with NaN in gimbal lock."""
     return {
         name: np.where((charts[name].condition <= linear.SINGULAR)[:, None], rate, np.nan)
         for name, rate in rates.items()
@@ -157,12 +157,12 @@ def unlocked(charts: Charts, rates: dict[str, Array]) -> dict[str, Array]:
 
 
 class _Pass:
-    """Computation of the wanted quantities at closed poses, stage by stage.
+    """Computation of the requested quantities at closed poses, stage by stage.
 
     Attributes:
         values: Quantity -> shape (n, m).
         conditions: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
-        speed, rush, load: Largest velocity, acceleration and force, as in `Trust`. Shape (n,).
+        speed, rush, load: Scales of velocity, acceleration and force, as in `Trust`. Shape (n,).
     """
 
     def __init__(self, work: _Work, poses: _Poses) -> None:
@@ -177,7 +177,7 @@ class _Pass:
         self.load: Array | float = 0.0
 
     def all(self) -> tuple[dict[str, Array], Trust]:
-        """Return the wanted values and their error data."""
+        """Return the requested values and their error data."""
         depth, A = self.work.depth, self.poses.A
         with self.clock.stage("condition"):
             self.inverse, self.condition = linear.inverted_along(A)
@@ -260,7 +260,7 @@ class _Pass:
             self._measure(A)
 
     def _follow(self, idle: list[int]) -> None:
-        """Add the accelerations of undriven coordinates, by the engine's own forces and inertia."""
+        """Add the accelerations of undriven coordinates, using the engine's own forces and inertia."""
         need = self.closed.tree.tree_force(self.poses.q, self.v, self.a) - self.poses.at.forces_along(self._acting[0])
         Q, B = (self.K.swapaxes(1, 2) @ need[..., None])[..., 0], self.K[:, self.closed.driven]
         x, condition = idle_accelerations(B, self._inertia[..., idle], Q, idle)
@@ -297,7 +297,7 @@ class _Pass:
         """Largest inertial and gravitational force along a coordinate if none cancelled [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
-        bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few of them
+        bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies
         weights = np.eye(len(sizes.q))[columns] * tree.masses[bodies, None] * sizes.q / sizes.length
         com, largest = at.points(range(1, len(tree.com) + 1), tree.com), np.empty(len(at.p))
         for rows in linear.blocks(len(com)):

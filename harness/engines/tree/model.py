@@ -1,6 +1,6 @@
 """A loaded model of an open-tree engine, for every kind of task.
 
-States of the tree are taken as they are: forces for a motion, or accelerations for forces.
+States of the tree are used unmodified: forces for a motion, or accelerations for forces.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def loops_file(files: ModelFiles) -> LoopsFile:
     """Read the loops file of a model.
 
     Raises:
-        ModelFileError: There is none, or it cannot be read.
+        ModelFileError: The loops file is missing or cannot be read.
     """
     if files.loops is None:
         raise ModelFileError("has no loops file", str(files.model), "put NAME.loops.toml beside it")
@@ -40,7 +40,7 @@ class TreeModel:
     """An open tree that closes its own loops.
 
     Attributes:
-        dynamics: Dynamics of the engine; None if it only takes given motions.
+        dynamics: Dynamics of the engine; None if it accepts only given motions.
     """
 
     def __init__(self, closed: ClosedTree, dynamics: TreeDynamics | None = None) -> None:
@@ -118,7 +118,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
 
     Raises:
         ModelFileError: The states are not those of the tree.
-        DescriptionError: More acts besides the forces given than gravity and springs along the tree's coordinates.
+        DescriptionError: Other forces act than the given ones, gravity, and springs along tree coordinates.
     """
     tree = closed.tree
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
@@ -163,7 +163,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
 
 
 def _resistance(closed: ClosedTree, v: Array) -> Array:
-    """Forces of damping and dry friction along the tree's coordinates. Shape (n, n_v)."""
+    """Return forces of damping and dry friction along the tree coordinates. Shape (n, n_v)."""
     total, tree = np.zeros_like(v), closed.tree
     for one in resisting_joints(closed):
         if one.coordinate not in tree.coordinates:
@@ -188,7 +188,7 @@ def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
 def _actuator_forces(
     closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, q: Array, tau: Array
 ) -> tuple[Array, Array]:
-    """Smallest actuator forces that, with the loads, produce the open tree's joint forces `tau`.
+    """Return minimum-norm actuator forces that, with the loads, produce the open tree's joint forces `tau`.
 
     Returns:
         Shape (n, n_actuator), and the condition number of the closing rows, (n,).
@@ -198,7 +198,7 @@ def _actuator_forces(
     applied = Applied(loads=problem.applied.loads)
     loads, _ = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
     need = tau - at.forces_along(loads)
-    if dynamics.naive:  # forces along the actuated joints, taken for the actuator forces
+    if dynamics.naive:  # forces along the actuated joints, used as actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(q, at, closed.loops.charts(at))
     K = velocity_map(A, len(closed.loops.independent))

@@ -1,7 +1,7 @@
 """The protocol of open-tree engines (Pinocchio, MuJoCo, further ones).
 
-For given motions the five methods of `OpenTree` without a default; for simulations and states also the four of `Mover`
-and the two of `TreeDynamics` without one; a `Stepper` only if the engine has its own.
+Given motions need the five methods of `OpenTree` without default; simulations and states also need the four of `Mover`
+and the two of `TreeDynamics` without default; a `Stepper` is needed only if the engine has its own.
 
 Arrays are in the engine's own coordinate order, in world axes; ground is body 0. For n states, q, v, a and tau have
 shape (n, n_v), and for the one state of a mover or stepper (n_v,).
@@ -46,16 +46,16 @@ class BodyPoses:
     moves: Array
 
     def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
-        """World points of bodies at body-fixed places, shape (m, 3) -> (n, m, 3)."""
+        """Return world points of body-fixed places, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
-        """Derivative of points by the coordinates at some poses, shape (n_row, m, 3, n_v).
+        """Return the derivative of points by the coordinates at some poses, shape (n_row, m, 3, n_v).
 
         Args:
             moves: Share of each coordinate's screw that moves each point. Shape (m, n_v).
-            at: In the world. Shape (n_row, m, 3).
-            rows: These poses.
+            at: World points. Shape (n_row, m, 3).
+            rows: Selected poses.
         """
         screws = self.screws[rows]
         out: Array = (skew(at).reshape(len(at), -1, 3) @ screws[:, :3]).reshape(*at.shape, screws.shape[2])
@@ -64,16 +64,16 @@ class BodyPoses:
         return out
 
     def velocities(self, v: Array) -> Array:
-        """Angular velocities, then those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
+        """Return angular velocities, then those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
         return self._sum_over_movers(self.screws, v, self.p)
 
     def bias(self, rates: Array, v: Array, V: Array, about: Array | float = 0.0) -> Array:
-        """The same accelerations at constant coordinate velocities. Shape (n, n_body + 1, 6).
+        """Return body accelerations at constant coordinate velocities. Shape (n, n_body + 1, 6).
 
         Args:
             rates: Derivatives of the screws in time. Shape (n, 6, n_v).
             v, V: Velocities of the coordinates, and of the bodies.
-            about: Points in the world where those of each body are taken. Shape (n, n_body + 1, 3).
+            about: World points at which the accelerations of each body are taken. Shape (n, n_body + 1, 3).
         """
         A = self._sum_over_movers(rates, v, self.p - about)
         A[..., 3:] += cross(V[..., :3], V[..., 3:])
@@ -86,12 +86,12 @@ class BodyPoses:
             wrenches: Force and moment about the origin of each body. Shape (n, n_body + 1, 6).
         """
         force = wrenches[..., :3]
-        about = np.concatenate([wrenches[..., 3:] + cross(self.p, force), force], axis=2)  # the world's origin
+        about = np.concatenate([wrenches[..., 3:] + cross(self.p, force), force], axis=2)  # the world origin
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _sum_over_movers(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Sum over the coordinates that move each body, about its origin, which `arms` lead to."""
-        moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
+        """Sum over the coordinates that move each body, about its origin at `arms`."""
+        moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # as one matrix product
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
         return V
@@ -102,10 +102,10 @@ class OpenTree(Protocol):
 
     Attributes:
         coordinates: Joint coordinates in the engine's order.
-        bodies, parents: Without ground, and the body that carries each in the tree.
-        closures, couplings: As its model file has them.
-        masses, com: Of each body [kg], and its centre of mass in the body's frame [m]. Shapes (n_body,), (n_body, 3).
-        rounding: Closure residual, without dimension, below which poses in float32 show nothing; 0 in float64.
+        bodies, parents: Bodies without ground, and the body that carries each in the tree.
+        closures, couplings: Closures and couplings of its model file.
+        masses, com: Mass of each body [kg], and centre of mass in the body frame [m]. Shapes (n_body,), (n_body, 3).
+        rounding: Dimensionless closure residual below which float32 poses are meaningless; 0 in float64.
     """
 
     engine: str
@@ -129,15 +129,15 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
-        """Acceleration of each body, angular, then of its origin, at constant coordinate velocities.
+        """Return the acceleration of each body, angular, then of its origin, at constant coordinate velocities.
 
         Args:
-            at, V: Poses at q, and velocities of the bodies there. Shape (n, n_body + 1, 6), as that of what is
-                returned.
+            at, V: Poses at q, and velocities of the bodies there. Shape (n, n_body + 1, 6), also of the
+                result.
         """
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """Acceleration of each centre of mass without gravity, by default from `bias`. Shape (n, n_body, 3)."""
+        """Return accelerations of centres of mass without gravity, by default from `bias`. Shape (n, n_body, 3)."""
         at = self.poses(q)
         V = at.velocities(v)
         A = self.bias(at, q, v, V) + at.velocities(a)
@@ -145,16 +145,16 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
+        """Compute inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
     def mass_matrix(self, q: Array) -> Array:
-        """Mass matrix of the open tree, by default from `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
+        """Return the tree's mass matrix, by default from `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
         still = np.zeros_like(q)
         rest = self.tree_force(q, still, still)
         return np.stack([self.tree_force(q, still, still + unit) - rest for unit in np.eye(q.shape[1])], axis=1)
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Inverse dynamics with soft constraints and the resulting absolute tolerance; unsupported by default.
+        """Compute inverse dynamics with soft constraints and the resulting absolute tolerance; unsupported by default.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
@@ -163,9 +163,9 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Wrench of its tree parent on each body: force, then moment about the body's origin.
+        """Return the wrench of its tree parent on each body: force, then moment about the body's origin.
 
-        A library that does not say it knows accelerations: `required_wrenches` and `summed_inwards` make it of these.
+        If a library gives only accelerations, `required_wrenches` and `summed_inwards` compute the wrenches from them.
 
         Args:
             at: Poses at q.
@@ -202,16 +202,16 @@ class Mover(Protocol):
         """Set the state."""
 
     def closure(self) -> tuple[Array, Array]:
-        """Closure residuals with couplings [m or rad], shape (m,), and their derivative G, (m, n_v)."""
+        """Return closure residuals with couplings [m or rad], shape (m,), and their derivative G, (m, n_v)."""
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
-        """R, p and Jacobian of a body, see `BodyAt`."""
+        """Return R, p and Jacobian of a body, see `BodyAt`."""
 
     def accelerate(self, tau: Array) -> Array:
-        """Accelerations for forces along the coordinates; later calls leave the array unchanged.
+        """Return accelerations for forces along the coordinates, as an array that later calls do not modify.
 
         Raises:
-            SingularPoseError: They are not safe.
+            SingularPoseError: The accelerations are unreliable.
         """
 
 
@@ -221,8 +221,8 @@ class Stepper(Protocol):
     Attributes:
         setting: In words.
         order: Order of the method.
-        work: Whether the work that is put in is wanted; looking at every step for it may cost more than the steps.
-        closing: Names of the forces that it can give of what closes the loops.
+        work: Whether the input work is requested; examining every step for it may cost more than the steps.
+        closing: Names of the loop-closing forces that it can return.
         notes: Remarks after a motion.
     """
 
@@ -243,11 +243,11 @@ class Stepper(Protocol):
         """Make n steps of size h from time t; return coordinates and velocities.
 
         Raises:
-            SingularPoseError: It cannot go on.
+            SingularPoseError: The integration cannot continue.
         """
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
-        """Current accelerations, and forces on the child sides in the order of `closing` [N], shape (k,)."""
+        """Return current accelerations, and forces on the child sides in the order of `closing` [N], shape (k,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -257,8 +257,8 @@ class Accelerations:
     Attributes:
         a: Accelerations of the tree's coordinates. Shape (n, n_v).
         cost: Cost of the engine's own calls.
-        condition: Condition number of what was solved, if it was looked at. Shape (n,).
-        tolerances: Quantity -> absolute error that the engine itself admits.
+        condition: Condition number of the solved system, if examined. Shape (n,).
+        tolerances: Quantity -> absolute error stated by the engine itself.
     """
 
     a: Array
@@ -274,7 +274,7 @@ class TreeDynamics(Protocol):
     Attributes:
         setting: In words.
         integrator, dt: Method at a fixed step and that step [s]; None for scipy's methods on its accelerations.
-        naive: The engine's forces along the actuated joints are taken for the actuator forces.
+        naive: Whether the engine's forces along actuated joints are used as actuator forces.
     """
 
     setting: str
@@ -290,8 +290,8 @@ class TreeDynamics(Protocol):
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
-        """Accelerations of states for forces along the coordinates.
+        """Compute accelerations of states for forces along the coordinates.
 
         Args:
-            springs: Further springs and dampers, along coordinates of the tree.
+            springs: Further springs and dampers along tree coordinates.
         """

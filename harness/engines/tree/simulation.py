@@ -1,7 +1,7 @@
-"""Simulation of a closed mechanism in all coordinates of an open tree: by scipy's methods, or at a fixed step.
+"""Simulation of a closed mechanism in all coordinates of an open tree, with scipy's methods or a fixed step.
 
 `simulate` integrates (q, v, work) on the accelerations. A pose that is singular for the independent coordinates
-is none here: `Method.near` is not looked at. What the accelerations leave of drift is taken out after every step by the
+is regular here: `Method.near` is ignored. After every step, remaining drift is removed with the
 smallest correction onto the closed loops. `step_through` runs an engine's own integrator, or simple methods on its
 accelerations.
 """
@@ -41,11 +41,11 @@ from screwgauge.reference.errors import ClosureError, DescriptionError, Screwgau
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch, empty
 
-#: The largest of so many last steps leads over a pose of unsafe accelerations: before it, steps may have shrunk.
+#: The largest of this number of last steps passes a pose of unreliable accelerations: steps may have shrunk before it.
 RECENT = 10
-#: A step is of usual size if it is at least this share of the longest one.
+#: A step is of usual size if it is at least this fraction of the longest.
 USUAL = 0.1
-#: Step of the differences by which implicit methods see the slope's derivative [rad, m and per s].
+#: Finite-difference step for the slope's derivative in implicit methods [rad, m and per s].
 DIFFERENCE = 1e-8
 
 
@@ -64,27 +64,27 @@ class _TreeRun:
         self.friction = DryFriction(forces.closed.file.joints, self.rates, self.slope)
 
     def rates(self, state: Array, names: Sequence[str]) -> Array:
-        """Rates of named joint coordinates in a state. Shape (m,)."""
+        """Return the rates of named joint coordinates in a state. Shape (m,)."""
         q, v = state[: self.n], state[self.n : -1]
         self.mover.place(q, v)
         return np.array([self.forces.readers[name](q, self.mover.body)[1] @ v for name in names])
 
     def check_moving(self, before: State, after: State, between: Callable[[float], Array] | None = None) -> None:
-        """Reject a step in which a joint comes to rest and sticks by dry friction.
+        """Reject a step in which a joint comes to rest and sticks due to dry friction.
 
         Args:
-            between: State at a time of the step, by default on the straight line.
+            between: Returns the state at a time within the step, by default linearly interpolated.
 
         Raises:
-            ScrewgaugeError: A joint does so.
+            ScrewgaugeError: A joint sticks.
         """
         if held := self.friction.holds(before, after, between or straight(before, after)):
             raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion before")
 
     def slope(self, t: float, state: Array) -> Array:
-        """Derivative of a state, with its accelerations on the closed loops. Shape (2 n_v + 1,).
+        """Return the derivative of a state, with accelerations on the closed loops. Shape (2 n_v + 1,).
 
-        Beside the loops redundant rows contradict each other, and next to a singular pose what is off is divided by
+        Off the closed loops redundant rows contradict each other, and near a singular pose errors are divided by
         the distance to it: the step size would follow that noise down to nothing.
         """
         self.evaluations += 1
@@ -100,9 +100,9 @@ class _TreeRun:
         return out
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Derivative of the slope by forward differences, for state-dependent parts only.
+        """Return the derivative of the slope by forward differences, for state-dependent parts only.
 
-        scipy's own enlarges the step of a coordinate that moves nothing, such as the turn of a shaft, until it
+        scipy's own method enlarges the step of a coordinate without effect, such as the angle of a shaft, until it
         overflows.
         """
         n, out = self.n, np.zeros((len(state), len(state)))
@@ -132,7 +132,7 @@ class _TreeRun:
         del self.work[len(self.path.wanted) :]
 
     def keep(self, t: float, state: Array) -> None:
-        """Store a wanted state with its accelerations and work."""
+        """Store a requested state with its accelerations and work."""
         state = self.back(state)
         q, v = state[: self.n].copy(), state[self.n : -1].copy()
         self.forces.act(t, q, v, self.mover.body, self.tau)
@@ -141,10 +141,10 @@ class _TreeRun:
 
 
 def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
-    """Integrate a motion by scipy's methods on an engine's accelerations.
+    """Integrate a motion with scipy's methods on an engine's accelerations.
 
     Raises:
-        ScrewgaugeError: A start, method or force that cannot be, or a start of unsafe accelerations.
+        ScrewgaugeError: The start, method or a force is invalid, or accelerations at the start are unreliable.
     """
     method = task.integration
     check_method(method.name)
@@ -176,7 +176,7 @@ class _Steps:
     """Stepping through all times.
 
     Attributes:
-        over: Steps that were made anew.
+        over: Number of retried steps.
         cost: Cost of the steps.
     """
 
@@ -194,7 +194,7 @@ class _Steps:
         return Pace(self.name, min(self.options["rtol"], self.options["atol"]), float(self.times[-1]))
 
     def all(self, state: Array) -> str:
-        """Store the motion at every wanted time; return why it stopped."""
+        """Store the motion at every requested time; return why it stopped."""
         run, times, work = self.run, self.times, self.run.work
         taken = tries = 0
         recent: deque[float] = deque(maxlen=RECENT)
@@ -241,7 +241,7 @@ class _Steps:
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
 
     def _keep_passed(self, solver: Any, before: State, clock: Stopwatch) -> None:
-        """Project the state onto the loops, and store the wanted states that the step has passed."""
+        """Project the state onto the loops, and store the requested states that the step has passed."""
         run, times = self.run, self.times
         with clock.aside():
             between = solver.dense_output() if run.friction.names or times[len(run.work)] <= solver.t else None
@@ -256,10 +256,10 @@ class _Steps:
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
-    """Closed pose and velocities at the start, reached from home with the engine's own poses. Shape (n_v,) each.
+    """Return closed pose and velocities at the start, reached from home with the engine's poses. Shape (n_v,) each.
 
     Raises:
-        ScrewgaugeError: Wrong shapes, or the loops cannot close there.
+        ScrewgaugeError: Shapes are wrong, or the loops cannot close at the start.
     """
     k = len(closed.file.independent)
     for what, values in (("start", task.start), ("rates", task.rates)):
@@ -289,25 +289,25 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
 
 #: Angles of cut joints are followed at least this often [s].
 OFTEN = 0.01
-#: From this order on the trapezoidal rule over the steps knows the work less well than the steps know the motion.
+#: From this order on, the trapezoidal rule gives the work less accurately than the steps give the motion.
 KNOWN = 4
 
 
 def step_through(
     closed: ClosedTree, stepper: Stepper, problem: Problem, task: InitialValue, dt: float, progress: Progress
 ) -> Solution:
-    """Step from the closed start through all wanted times.
+    """Step from the closed start through all requested times.
 
     Args:
-        dt: Step [s]; it is shortened so that steps end at the wanted times.
+        dt: Step [s], shortened so that steps end at the requested times.
 
     Returns:
-        States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
-        where the steps are better than that rule, or where it is not wanted.
+        The stepper's unmodified states: open loops stay open. Work follows from the trapezoidal rule over steps, NaN
+        if the steps are more accurate than that rule, or if work is not requested.
     """
     times, forces = task.grid, TreeForces(closed, problem.applied, task.start)
     run = _TreeRun(stepper.mover, forces)
-    # every step is looked at where something does work that is not stored
+    # every step is examined if something does work that is not stored
     known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
     often = 0.0 if known and not forces.stores_only else OFTEN
     q, v = start_state(closed, task)
@@ -360,7 +360,7 @@ def step_through(
 
 
 def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
-    """Work put in up to each wanted state [J], integrated from the power at all states of the path."""
+    """Return the input work up to each requested state [J], integrated from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))
     tau, power, mover = np.zeros_like(path.q[0]), np.empty(len(path.t)), stepper.mover
