@@ -24,7 +24,7 @@ from screwgauge.study.solving import generated, model_files
 
 __all__ = ["answered", "entry", "fall", "fallen", "given", "loaded", "pushed"]
 
-#: How an engine refuses a mechanism or a problem that it cannot take.
+#: Errors with which an engine rejects a mechanism or a problem.
 REFUSALS = (DescriptionError, ModelFileError)
 #: Scenes of which the first that an engine takes is what it is asked most questions about, and times of samples [s].
 SCENES = {"3ups-upu-s-fast": (0.1, 0.35), "slider-crank": (0.1, 0.35), "arm7": (0.1, 0.35)}
@@ -36,7 +36,7 @@ class Loaded:
     """An engine with a mechanism, loaded once for all tests.
 
     Attributes:
-        quantities: Quantities that it gives of this mechanism by default.
+        quantities: Quantities that it gives for this mechanism by default.
     """
 
     engine: Engine
@@ -53,21 +53,21 @@ class Loaded:
         return self.model.solve(problem, **more)
 
     def has(self, *quantities: str) -> None:
-        """Skip a test that needs quantities which the engine lacks."""
+        """Skip a test that needs quantities that the engine lacks."""
         for name in quantities:
             if name not in self.quantities:
                 why = declared(self.model, self.engine).get(name, "it is none of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
-        """Skip a test of a task that the engine does not take."""
+        """Skip a test of a task that the engine does not accept."""
         if task not in self.engine.tasks:
             pytest.skip(f"{self.engine.name} does not take {task.__name__}")
 
 
 @pytest.fixture(scope="session")
 def entry(engine_name: str) -> Engine:
-    """The registry entry of the engine."""
+    """Return the registry entry of the engine."""
     return get_engine(engine_name)
 
 
@@ -77,7 +77,7 @@ def _reject(entry: Engine, what: str) -> NoReturn:
 
 @pytest.fixture(scope="session")
 def loaded(entry: Engine) -> Iterator[Loaded]:
-    """The engine with the first scene that it takes; fails if it takes none."""
+    """Yield the engine with the first scene that it accepts; fail if it accepts none."""
     if not entry.tasks:
         _reject(entry, "takes no task; name GivenMotion, InitialValue or States in `tasks` of its Engine")
     refused = []
@@ -104,7 +104,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
 
 @pytest.fixture(scope="session")
 def given(loaded: Loaded) -> Problem:
-    """A given motion with all quantities of the engine."""
+    """Return a given motion with all quantities of the engine."""
     loaded.takes(GivenMotion)
     return loaded.scene.problem(loaded.quantities)
 
@@ -116,7 +116,7 @@ def answered(loaded: Loaded, given: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def fall(loaded: Loaded) -> Problem:
-    """A short simulation from a state of the given motion, under the forces of its scene."""
+    """Return a short simulation from a state of the given motion, under the forces of its scene."""
     loaded.takes(InitialValue)
     task = loaded.scene.task
     assert isinstance(task, GivenMotion)
@@ -133,7 +133,7 @@ def fallen(loaded: Loaded, fall: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def pushed(loaded: Loaded) -> Problem:
-    """Accelerations at states of the given motion, under its gravity and random forces."""
+    """Return the problem of accelerations at states of the given motion, under its gravity and random forces."""
     loaded.takes(States)
     loaded.takes(GivenMotion)
     loaded.has(*MOTION)

@@ -13,13 +13,13 @@ from screwgauge.quantities import FORCE, described, number_type
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 
-#: Share of what rounding may explain up to which forces are linear in accelerations.
+#: Fraction of the explainable rounding up to which forces are linear in accelerations.
 LINEAR = 0.1
 SLOWEST = 1e-3  # share of a motion's largest force that inertia has at least, where its factor is to be seen
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
-    """All numbers of an answer except times."""
+    """Return all arrays of an answer except times."""
     found = {f"values of {name}": values.array for name, values in solution.values.items()}
     found |= {f.name: one for f in fields(solution) if isinstance(one := getattr(solution, f.name), np.ndarray)}
     for name, error in solution.errors.items():
@@ -116,7 +116,7 @@ def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
 
 
 def _force_of(loaded: Loaded) -> str:
-    """A force that the engine gives; skips the test if there is none."""
+    """Return a force that the engine gives; skip the test if there is none."""
     for name in ("generalized_force", "actuator_force", "tree_force"):
         if name in loaded.quantities:
             return name

@@ -21,7 +21,7 @@ from screwgauge.report.results import Results
 from screwgauge.report.verdict import verdict
 from screwgauge.scene.scene import Scene
 
-#: Scene -> what is in it that others have not.
+#: Scene -> its distinguishing feature.
 MECHANISMS = {
     "arm7": "a tree without loops",
     "slider-crank": "R and P joints, a load",
@@ -47,7 +47,7 @@ _REFUSED = tuple(error.__name__ for error in REFUSALS)
 
 
 def other_than(name: str) -> str:
-    """Name of the reference engine for another one."""
+    """Return the name of the reference engine for another engine."""
     return "screw" if name != "screw" else "pinocchio"
 
 
@@ -59,7 +59,7 @@ def compared(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
 
 @cache
 def built_in(name: str) -> Scene:
-    """Three samples of a built-in scene."""
+    """Return three samples of a built-in scene."""
     scene = screwgauge.load_scene(name)
     return scene.at(np.linspace(scene.t[0], scene.t[-1], 7)[1::2])
 
@@ -139,7 +139,7 @@ gravity = [1, -2, -9]
 SPRING = '[[springs]]\ncoordinate = "j"\nstiffness = 40\nrest = 0.2\ndamping = 3\n'
 RESISTING = "rotor = 0.1\ndamping = 0.5\nfriction = 0.2"
 PUSH = '[[loads]]\non = "b"\nby = "environment"\npoint = [0.2, -0.1, 0.3]\n'
-#: Feature -> what a scene has it by.
+#: Feature -> scene entries that produce it.
 ACTING = {
     "springs": SPRING,
     "courses": f"{PUSH}force = [1, {{ polynomial = [2, 3] }}, {{ harmonics = [[4, 1, 2]] }}]\n",

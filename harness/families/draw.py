@@ -29,35 +29,35 @@ from screwgauge.scene.scene import Scene
 SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
 FASTEST = 10.0  # coordinate, where an independent or an actuated one moves by 1
-POSES = 41  # at which a motion is looked at
+POSES = 41  # number of samples at which a motion is examined
 
 
 def families() -> list[str]:
-    """Names of the families."""
+    """Return the names of the families."""
     return sorted(FAMILIES)
 
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """Temporary folder, deleted when the process ends."""
+    """Create a temporary directory, deleted when the process ends."""
     return TemporaryDirectory(prefix="screwgauge-random-")
 
 
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
     """Draw a random mechanism in a random motion away from singular poses.
 
-    Those are poses where the independent coordinates do not determine the motion; actuators may pass poses where they
+    At singular poses the independent coordinates do not determine the motion; actuators may pass poses where they
     do not. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
     gravity, the order of all entries and the direction of every joint are random, too.
 
     Args:
-        seed: Gives the same mechanism again.
-        family: One of `families()`; by default the seed decides, among those that all versions have.
-        folder: Where description and scene are left as TOML files, which any command reads; by default they go away
-            with the process.
+        seed: Random seed; the same seed gives the same mechanism.
+        family: One of `families()`; by default the seed chooses among the families common to all versions.
+        folder: Directory for description and scene as TOML files, which any command reads; by default they are deleted
+            when the process ends.
 
     Raises:
-        ScrewgaugeError: There is no such family, or the seed is none.
+        ScrewgaugeError: There is no such family, or the seed is invalid.
     """
     check_seed(seed)
     names = families()
@@ -75,7 +75,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 
 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
-    """Draw once; None unless it is well conditioned at home and around."""
+    """Draw once; return None unless the mechanism is well conditioned at home and nearby."""
     sketch = Sketch(rng)
     FAMILIES[family](sketch)
     sketch.flip()
@@ -124,12 +124,12 @@ def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
 
 
 def gain(K: Array, rows: list[int]) -> float:
-    """Largest rate of any coordinate per rates of determining ones. Shape (n, k)."""
+    """Return the largest rate of any coordinate per rates of the determining ones. Shape (n, k)."""
     return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
 
 
 def _drive(sketch: Sketch, K: Array) -> list[int]:
-    """Actuate R and P joints, the family's or as many as there are freedoms, and sometimes one more.
+    """Actuate the family's R and P joints, or as many as there are freedoms, and sometimes one more.
 
     Returns:
         Rows of the actuated coordinates.
@@ -161,7 +161,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             drive = read_drive(motion, list(mechanism.independent), Path(), "motion")[0]
             if obstacle(mode, drive(np.linspace(0.0, 1.0, POSES)), POSES):
                 break
-        except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
+        except ScrewgaugeError:  # the motion leads to a singular pose, or the loops do not close
             break
         largest = motion
     return largest and shuffled(rng, largest)

@@ -16,14 +16,14 @@ _Y, _Z = np.eye(3)[1:]
 
 
 def _ring(s: Sketch, n: int, depth: float) -> Array:
-    """Points around the z-axis, about 1 m away. Shape (n, 3)."""
+    """Draw points around the z-axis, about 1 m away. Shape (n, 3)."""
     angles = 2 * np.pi * (np.arange(n) + s.rng.uniform(-0.3, 0.3, n)) / n
     radii = s.rng.uniform(0.6, 1.2, n)
     return np.stack([radii * np.cos(angles), radii * np.sin(angles), s.rng.uniform(-depth, depth, n)], axis=1)
 
 
 def _bars(n: int) -> list[str]:
-    """Bodies between n successive joints of a loop."""
+    """List the bodies between n successive joints of a loop."""
     return [GROUND, *(f"{i}" for i in range(1, n)), GROUND]
 
 
@@ -32,7 +32,7 @@ def _freedoms(kinds: str) -> int:
 
 
 def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
-    """Draw `low` to below `high` joint kinds; repeated letters are likelier."""
+    """Draw from `low` to `high` - 1 joint kinds; repeated letters are more likely."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 
@@ -66,7 +66,7 @@ def _loop(s: Sketch, kinds: str) -> None:
 
 
 def _mixed_loop(s: Sketch) -> None:
-    """Draws a loop of any joints, of one or two freedoms."""
+    """Draw a loop of any joints with one or two freedoms."""
     kinds = ""
     while _freedoms(kinds) not in (7, 8) or kinds.count("P") + kinds.count("C") > 3:
         kinds = _draw_kinds(s, "RRRPUSC", 3, 8)
@@ -239,9 +239,9 @@ def _delta(s: Sketch) -> None:
             s.chain("US", f"arm{k}", "platform", np.array([elbow, head]) + side * hinge)
 
 
-#: Families that a seed alone does not choose: those that it does are the same in all versions.
+#: Families that a seed alone does not choose, because its choices must be the same in all versions.
 NAMED = ("belt-train", "belted-loop")
-#: Family -> what draws it.
+#: Family -> function that draws it.
 FAMILIES: dict[str, Callable[[Sketch], None]] = {
     **{f"planar-{n}": partial(_planar, n=n) for n in (4, 5, 6)},
     **{kinds.lower(): partial(_loop, kinds=kinds) for kinds in ("RSSR", "RSUR", "RCCC", "RSCR", "RRSRR")},

@@ -15,7 +15,7 @@ from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
 
 Tables = dict[str, Any]
-#: Singular values below this are zero, those above `REGULAR` are not; sketches between the two are drawn again.
+#: Singular values below this are zero, above `REGULAR` nonzero; sketches with values in between are drawn again.
 ZERO, REGULAR = 1e-9, 5e-3
 
 
@@ -37,13 +37,13 @@ class Placed:
         return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
 
     def tilt(self) -> float:
-        """Second angle of an S joint: deviation of its third axis from the normal of the others."""
+        """Return the second angle of an S joint: deviation of its third axis from the normal of the others."""
         first, second, third = self.axes
         normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
     def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
-        """Axes before the joint moved to its home coordinates, and its rotation and displacement since.
+        """Return the axes before the joint moved to its home coordinates, and its rotation and displacement since.
 
         Args:
             W: Rotation of the sketch.
@@ -61,7 +61,7 @@ class Placed:
         return np.array(axes[: len(self.axes)]), turn, slide
 
     def screws(self) -> Array:
-        """Unit screws of b relative to a about the world's origin. Shape (n, 6)."""
+        """Return the unit screws of b relative to a about the world origin. Shape (n, 6)."""
         pairs = [(axis, np.cross(self.point, axis)) if turn else (np.zeros(3), axis) for turn, axis in self.freedoms]
         return np.array(pairs).reshape(-1, 6)
 
@@ -112,12 +112,12 @@ class Sketch:
         return np.stack([first, second, third])[:n]
 
     def join(self, kind: str, a: str, b: str, point: Array, axes: Array | None = None, *, driven: bool = False) -> None:
-        """Place a joint; given are none, one or all axes, shape (3,) or (n_axes, 3)."""
+        """Place a joint, given none, one or all axes, shape (3,) or (n_axes, 3)."""
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
     def between(self, a: str, b: str, n: int) -> list[str]:
-        """Bodies joined by n joints in a row: a, new ones, and b."""
+        """Return the bodies connected by n joints in a row: a, new bodies, and b."""
         return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
 
     def place(
@@ -157,7 +157,7 @@ class Sketch:
                 self.joints[i] = replace(joint, a=joint.b, b=joint.a, axes=joint.axes[::-1])
 
     def freedoms(self) -> Array | None:
-        """Joint velocities of all motions at home, from body twists and ties; None if the rank is unclear.
+        """Return joint velocities of all motions at home, from body twists and ties; None if the rank is unclear.
 
         Returns:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).

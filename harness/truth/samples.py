@@ -50,7 +50,7 @@ from screwgauge.truth.linkage import Linkage
 Balls = dict[str, list[arb]]
 """Quantity -> its components."""
 
-#: A sample with a ball wider than this fraction of its quantity is enclosed again with more bits: near singular poses or
+#: A sample with a ball wider than this share of its quantity is enclosed again with more bits: near singular poses or
 #: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
 WIDE = 1e-25
 
