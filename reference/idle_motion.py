@@ -217,7 +217,7 @@ class _Integration:
             return pieces
 
     def _ends(self, end: float) -> tuple[list[float], int]:
-        """End times of the next pieces [s], and the number of points of each."""
+        """Return the end times of the next pieces [s], and the number of points of each."""
         until, breaks = self.begin + self.duration, self.motion.breaks
         goals = np.array([end]) if breaks is None else breaks[breaks > self.begin]
         inside = goals[goals <= until + ROUNDED * self.duration][:MANY].tolist()

@@ -150,7 +150,7 @@ OF_ONE = (*OF_JOINTS, *OF_BODIES, "generalized_force")
 
 
 def on_one_joint(feature: str, folder: Path) -> Scene:
-    """A body on one joint: of a kind, or a revolute one with another feature."""
+    """Build a scene of a body on one joint of a given kind, or on a revolute joint with another feature."""
     if feature == "couplings":
         return built_in("planetary-gear")
     kind = feature if feature in KINDS else "R"

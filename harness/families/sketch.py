@@ -86,12 +86,12 @@ class Sketch:
         return sorted({name for joint in self.joints for name in (joint.a, joint.b)} - {GROUND})
 
     def unit(self) -> Array:
-        """A random direction. Shape (3,)."""
+        """Draw a random direction. Shape (3,)."""
         v = self.rng.normal(size=3)
         return np.asarray(v / np.linalg.norm(v))
 
     def turned(self) -> Array:
-        """A random rotation. Shape (3, 3)."""
+        """Draw a random rotation. Shape (3, 3)."""
         first, second = self.axes("U")
         return np.stack([first, second, np.cross(first, second)])
 

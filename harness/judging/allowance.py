@@ -49,7 +49,7 @@ class Left:
     binding: bool = False
 
     def admitted(self, n: int) -> Array:
-        """Extra scaled error allowed on top of the scene's tolerance. Shape (n,)."""
+        """Return the extra scaled error allowed on top of the scene's tolerance. Shape (n,)."""
         if self.binding or not self.errors:
             return np.zeros(n)
         whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)

@@ -26,7 +26,7 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn, rotation, within_half_turn
 from screwgauge.solution import Solution, Values, common_rows, reference_first
 
-#: Positions of a joint that differ by more are not the same [rad or lengths of the mechanism]: far above rounding,
+#: Positions of a joint that differ by more are distinct [rad or mechanism lengths]: far above rounding,
 #: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance of assemblies.
 APART = 1e-3
 #: Loops with a larger residual have a geometry other than the description's [rad or mechanism lengths].

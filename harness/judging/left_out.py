@@ -43,22 +43,22 @@ ARMATURE, DAMPING, FRICTION, SPRINGS, WEIGHT, DRAG = (
     "compensated weight",
     "drag",
 )
-#: Share of the largest force below which one is rounding.
+#: Fraction of the largest force below which a force is rounding.
 NOTHING = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOutTerm:
-    """A kind of force that is left out.
+    """A kind of omitted force.
 
     Attributes:
         kind: A kind among those above.
         names: Owners, each as noun and name: ``joint m1``.
         size: Largest force that it adds to one of the actuators; where these do not drive all freedoms, along an
             independent coordinate [unit].
-        of: Largest of these forces with all that is left out [unit].
+        of: Largest of these forces including all omitted ones [unit].
         component, t: Place and time [s].
-        file: Name of the model file that has it; empty where that is the one that the description was made from.
+        file: Name of the model file that has it; empty for the file from which the description was made.
     """
 
     kind: str
@@ -82,12 +82,12 @@ Needed = dict[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPart:
-    """Forces left out, at some states of an answer.
+    """Omitted forces at some states of an answer.
 
     Attributes:
-        admissible: The motions that its loops admit.
-        needed: Needs by kind.
-        names: Kind -> what has it.
+        admissible: Motions that the loops admit.
+        needed: Body needs by kind.
+        names: Kind -> its owners.
     """
 
     answer: Answer
@@ -101,11 +101,11 @@ class MeasuredPart:
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
-        """Forces along the independent coordinates that meet body needs. Shape (n, k)."""
+        """Return forces along the independent coordinates that meet body needs. Shape (n, k)."""
         return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
-        """Smallest actuator forces that meet body needs. Shape (n, n_actuator)."""
+        """Return the minimum-norm actuator forces that meet body needs. Shape (n, n_actuator)."""
         back = np.linalg.pinv(np.swapaxes(self.driven, 1, 2))
         return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
 
@@ -125,7 +125,7 @@ class MeasuredPart:
         return amounts[:, [places[name] for name in names]]
 
     def _tree_forces(self, wrenches: Array, names: Sequence[str]) -> Array:
-        """Forces along the open-tree coordinates of some joints. Shape (n, m)."""
+        """Return forces along the open-tree coordinates of some joints. Shape (n, m)."""
         mechanism = self.answer.mechanism
         joints = [joint for joint in mechanism.joints if {*joint.coordinates} <= {*names}]
         graph = spanning_tree(mechanism, [joint.name for joint in joints])
@@ -135,7 +135,7 @@ class MeasuredPart:
         return along(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
     def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
-        """Effect of a kind on components of a quantity; zero unless these are forces. Shape (n, m)."""
+        """Return the effect of a kind on components of a quantity; zero unless they are forces. Shape (n, m)."""
         mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":
@@ -177,7 +177,7 @@ class MeasuredForces:
             yield MeasuredPart(answer, admissible, needed, names)
 
     def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Each kind with its largest force; among several units the one with the largest share."""
+        """Yield each kind with its largest force, among several units that with the largest share."""
         if not self.left_out:
             return
         times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
@@ -208,7 +208,7 @@ class MeasuredForces:
             yield LeftOutTerm(kind, owners, size, float(largest[k]), units[k], names[k], float(t[i]), file)
 
     def added(self, quantity: str, names: Sequence[str]) -> dict[str, Array]:
-        """Kind -> its effect on components of a quantity. Shape (n, m)."""
+        """Return kind -> effect on components of a quantity. Shape (n, m)."""
         by_kind: dict[str, list[Array]] = {}
         for part in self.parts():
             for kind in part.needed:
@@ -217,7 +217,7 @@ class MeasuredForces:
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
-    """Kinds of an entry, and body needs for each."""
+    """Yield the kinds of an entry, and body needs for each."""
     match one:
         case StrokeResistance() if one.path:
             yield from _along_path(answer, one)
@@ -280,7 +280,7 @@ def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: 
 
 
 def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
-    """Kinds along a path, and the needs at its ends and bends."""
+    """Yield the kinds along a path, and the needs at its ends and bends."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stacked(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
@@ -302,7 +302,7 @@ def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Ar
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:
-    """Kinds of a ball joint, about the child's axes; of a free joint also along the world's."""
+    """Yield the kinds of a ball joint, about the child's axes; for a free joint also along world axes."""
     joint = answer.mechanism.joint(one.joint)
     near, far = (_at(answer, answer.tree.on(body, frame)) for body, frame in joint.sides)
     R, point = far.R[:, 0], far.p[:, 0]
@@ -326,12 +326,12 @@ def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
 
 
 def _at(answer: Answer, frame: FixedFrame) -> Moving:
-    """A single frame in motion."""
+    """Return the motion of a single frame."""
     return answer.motion.links.frames(stacked([frame]))
 
 
 def _drag(one: Drag, at: Moving) -> tuple[Array, Array]:
-    """Force and moment of a box in a medium, by MuJoCo's model without ellipsoids. Shape (n, 3) each.
+    """Return force and moment of a medium on a box, using MuJoCo's inertia model. Shape (n, 3) each.
 
     See mujoco.readthedocs.io, Computation, Passive forces: inertia model.
     """

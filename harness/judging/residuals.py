@@ -78,7 +78,7 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
 
 
 def _vectors(array: Array) -> Array:
-    """Reshape to vectors of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
+    """Reshape to vectors of each body, laid out as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
     vectors = lanes(len(array), array.shape[1] // 3, 3)
     vectors[:] = array.reshape(vectors.shape)
     return vectors

@@ -143,7 +143,7 @@ def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
 
 
 def _largest_difference(a: Values, b: Values, unit: str) -> Array:
-    """Largest component difference of a unit up to each sample. Shape (n,)."""
+    """Return the largest component difference of a unit up to each sample. Shape (n,)."""
     columns = [i for i, has in enumerate(a.units) if has == unit]
     difference = a.array[:, columns] - b.array[:, columns]
     if unit == "rad":

@@ -41,7 +41,7 @@ class _UnsafeError(OSError):
 
 
 def folder() -> Path:
-    """Folder of the cache: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
+    """Return the cache directory: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
 
     Raises:
         OSError: There is no such place, as the user has no folder of his own.
@@ -67,7 +67,7 @@ def digest(*parts: Any) -> str:
 
 
 def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") -> str:
-    """Hash what results depend on besides their key; a new version invalidates them.
+    """Hash the code and packages that results depend on besides their key; a new version invalidates them.
 
     Args:
         folders: Folders of source files, searched recursively.
@@ -137,7 +137,7 @@ def signer() -> Callable[[str, str], str]:
 
 
 def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
-    """Hexadecimal code; lengths are included, so that nothing can move between parts."""
+    """Compute a hexadecimal code that includes lengths, so that nothing can move between parts."""
     parts = (key.encode(), version, payload)
     sizes = b"".join(len(part).to_bytes(8, "big") for part in parts)
     return hmac.new(secret, sizes + b"".join(parts), hashlib.sha256).hexdigest().encode()

@@ -102,7 +102,7 @@ def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
 
 
 def _trace(A: arb_mat, B: arb_mat) -> arb:
-    """``trace(A B^T)``."""
+    """Return ``trace(A B^T)``."""
     return sum((x * y for x, y in zip(A.entries(), B.entries(), strict=True)), arb(0))
 
 
@@ -265,7 +265,7 @@ def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
 
 
 def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Newton-Euler side: force and moment that joints and actuators must exert on each body. (6 n_body,)."""
+    """Return force and moment that joints and actuators must exert on each body (Newton-Euler). (6 n_body,)."""
     right: list[arb] = []
     for i, (mass, T) in enumerate(zip(linkage.masses, now.bodies[1:], strict=True), 1):
         F = [mass.mass * (2 * a - g) for a, g in zip(point(T[2], mass.com), gravity, strict=True)]

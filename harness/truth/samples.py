@@ -131,7 +131,7 @@ class Sampler:
         return [load.at(t, now.bodies[load.body][0]) for load in self.loads]
 
     def _follow(self, y: Sequence[Jet], start: Sequence[float], t: float, idle: Sequence[int]) -> list[Jet]:
-        """Series in which idle coordinates get the second derivatives that actuators alone can sustain."""
+        """Return series in which idle coordinates have the second derivatives that actuators can sustain."""
 
         def forces(moved: int | None) -> tuple[State, list[arb]]:
             """Forces with the second derivatives of idle coordinates all zero, or one of them unity."""

@@ -190,7 +190,7 @@ def turned(R: Array, by: Array) -> Array:
 
 
 def pick(x: Array, which: Rows) -> Array:
-    """Faster ``x[:, which]`` for contiguous samples."""
+    """Return ``x[:, which]``, faster for contiguous samples."""
     return _first(_last(x)[which])
 
 

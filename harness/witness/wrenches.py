@@ -272,7 +272,7 @@ def exerted_on_bodies(
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
-    """Forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
+    """Yield forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
     for motor in applied.motors:
         yield motor.coordinate, _over_time(motor.course, t)
     for spring in applied.springs:

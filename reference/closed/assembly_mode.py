@@ -183,7 +183,7 @@ class BranchPose:
         return True
 
     def _far(self, way: Array) -> float:
-        """Largest change of an unknown, without dimension. Shape (n_q,)."""
+        """Return the largest change of an unknown, dimensionless. Shape (n_q,)."""
         return float(np.abs(self.system.unknowns(way)).max())
 
     def put(self, q: Array) -> None:

@@ -129,7 +129,7 @@ class Closed:
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
     def residual(self, y: Array) -> Array:
-        """Residuals of cut joints, couplings and given coordinates. Shape (..., m) [m or rad]."""
+        """Return the residuals of cut joints, couplings and given coordinates. Shape (..., m) [m or rad]."""
         rows = [closure_residual(cut.at) for cut in self.cuts]
         for i, terms in self.loops.couplings.derivatives(self.q, 0):
             gap = reduce(lambda rest, term: rest - term[1], terms, self.q[..., i])

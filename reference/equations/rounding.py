@@ -107,7 +107,7 @@ def idle_gain(at: Forward) -> Any:
 def idle_rounding(at: Forward) -> Array:
     """Return dimensionless acceleration errors of idle coordinates divided by eps, for floats. Shape (n, m).
 
-    Sums the magnitudes of terms that cancel: a freely spinning rod loads its bearings a thousand times more.
+    Sums the magnitudes of terms that cancel: a freely spinning rod loads its bearings 1000 times more than its axis.
     """
     loops, system, idle = at.loops, at.system, [*at.idle]
     columns, unit = loops.columns[: loops.moving], loops.sizes[loops.y_columns]

@@ -120,7 +120,7 @@ class MujocoTree(OpenTree):
         self._check_motors(file)
 
     def open_model(self) -> mujoco.MjModel:
-        """The file's model without equality constraints, for libraries without a flag against them."""
+        """Return the file's model without equality constraints, for libraries that cannot disable them."""
         spec = editable(self.file, self.fixed)
         for constraint in [*spec.equalities]:
             spec.delete(constraint)

@@ -100,7 +100,7 @@ class _Run:
         return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
-        """Closed poses and rates of states, shape (n, 2 k + 1); the branch finds poses without tree coordinates `q`."""
+        """Return closed poses and rates, states (n, 2 k + 1); the branch finds poses without tree coordinates `q`."""
         k = states.shape[1] // 2
         if q is not None:
             closed = read(self.lay, q[None])
@@ -111,7 +111,7 @@ class _Run:
         return motion_at(self.lay, closed, states[:, k:-1], applied=self.applied, t=t)
 
     def slope(self, t: float, state: Array) -> Array:
-        """Derivative of a state. Shape (2 k + 1,)."""
+        """Return the derivative of a state. Shape (2 k + 1,)."""
         self.evaluations += 1
         slope = None if self.traced is None else self.traced.slope(t, state)
         return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope

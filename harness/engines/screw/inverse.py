@@ -172,7 +172,7 @@ class Work:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
 
     def _with_idle(self, at: Forward, trust: Trust) -> Trust:
-        """Extend the error data by the accelerations of idle coordinates, in which large terms may cancel."""
+        """Extend the error data with the accelerations of idle coordinates, in which large terms may cancel."""
         mechanism, sizes, idle, L = self.lay.mechanism, self.loops.sizes, [*at.idle], self.loops.length
         errors = idle_rounding(at) * sizes[mechanism.independent_columns][idle]
         v, w = (np.linalg.norm(part[:, idle], axis=-1) for part in at.partial_motion)

@@ -178,7 +178,7 @@ class Matter:
             yield rows, base, matrix
 
     def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
-        """Matrix from neighbours of the base that differ in one feature each, as lanes of a program."""
+        """Build the matrix from neighbours of the base that differ in one feature each, as lanes of a program."""
         known = dict(zip(self.entries, self.nominal.tolist(), strict=True))
         if not self._made:
             symbols = self.machine.symbols(known, 0)

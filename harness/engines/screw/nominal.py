@@ -175,15 +175,15 @@ class Slopes:
         return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
 
     def costs(self) -> dict[str, float]:
-        """Parameters that cost the machine its mobility if changed alone, with the residual of rows.
+        """Return parameters that cost the machine its mobility if changed alone, with the residual of rows.
 
-        To first order, at samples of the scene's motion [rad or lengths of the mechanism, over the number's unit].
+        To first order, at samples of the scene's motion [rad or mechanism lengths, per unit of the parameter].
         """
         worst = np.abs(self._openings).max(axis=(0, 1), initial=0.0)
         return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}
 
     def together(self) -> list[dict[str, float]]:
-        """Combinations of these numbers that preserve mobility to first order, in echelon form."""
+        """Return combinations of these parameters that preserve mobility to first order, in echelon form."""
         names = [*self.costs()]
         some = self._openings[..., [self.names.index(name) for name in names]].reshape(-1, len(names))
         values, back = np.linalg.svd(some, full_matrices=True)[1:]

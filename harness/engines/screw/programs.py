@@ -39,7 +39,7 @@ from screwgauge.truth import cache
 if TYPE_CHECKING:
     from screwgauge.reference.traced.native import Native
 
-#: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
+#: Gains are estimated; the dimensionless norm of the equations themselves is of this size.
 SAFETY, CONDITION = 2.0, 4.0
 #: Closure residual beyond which Newton's method has not arrived, for one row, in eps; what all bodies' balance may
 #: leave.

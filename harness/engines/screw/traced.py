@@ -104,7 +104,7 @@ class TracedWork:
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _error_outputs(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
-        """Outputs of error estimates, if wanted."""
+        """Return the outputs of error estimates, if requested."""
         if "error" not in self.outputs:
             return {}
         sums, errors = self.bounds.estimated(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
@@ -125,7 +125,7 @@ class TracedWork:
         return other
 
     def arrays(self, n: int) -> dict[str, Array]:
-        """Arrays for `outputs` of n samples, (n, m) each, contiguous by component."""
+        """Allocate arrays for `outputs` of n samples, (n, m) each, contiguous by component."""
         names, errors = self.names(), sum(len({*each}) for each in self.units.values())
         return {name: columns(n, errors if name == "error" else len(names[name][0])) for name in self.outputs}
 

@@ -193,7 +193,7 @@ class Variants:
         parameters: Mapping[str, Any],
         t: Array | None = None,
     ) -> dict[str, VariantSolution]:
-        """Statistics over the samples of each variant, without storing the samples.
+        """Compute statistics over the samples of each variant, without storing the samples.
 
         Args:
             which: Names of `STATISTICS`. The others are as for a call.

@@ -294,7 +294,7 @@ class _Pass:
                 self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
-        """Largest inertial and gravitational force along a coordinate if none cancelled [N]. Shape (n,)."""
+        """Return the largest inertial and weight force along a coordinate without cancellation [N]. Shape (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies

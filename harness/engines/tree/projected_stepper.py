@@ -40,7 +40,7 @@ class ProjectedStepper:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations on the closed loops; off them redundant rows contradict each other."""
+        """Return accelerations on the closed loops; off them redundant rows contradict each other."""
         q, v, _ = project(self.mover, q, v)
         self.forces.act(t, q, v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)
