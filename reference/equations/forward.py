@@ -166,7 +166,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Condition of M at unit diagonal; if k = 1, M divided by total mass times length squared. (...)."""
+        """Condition of M at unit diagonal; if k = 1, the total mass at full length divided by M. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
