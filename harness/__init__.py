@@ -90,7 +90,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _version() -> str:
-    """Return the version of the distribution; looking it up takes as long as the rest of the start of a process."""
+    """Return the installed version; the lookup takes as long as the rest of the import."""
     from importlib.metadata import PackageNotFoundError, version
 
     try:

@@ -88,7 +88,7 @@ def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict
 def compare_loops(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
 ) -> dict[str, float]:
-    """Compute the scaled differences of quantities of closed loops, independent of the form of their equations.
+    """Compare closed-loop quantities, regardless of how each library formulates its loop equations.
 
     States near singular poses have a lower weight.
     """

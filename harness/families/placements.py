@@ -107,7 +107,7 @@ def _sarrus(s: Sketch) -> None:
 
 
 def _meeting(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
-    """Draw a point on an axis through the origin, and that axis."""
+    """Return a random point on an axis through the origin, and the axis."""
     axis = rotation(_Z, np.array(angle)) @ rotation(_Y, np.array(tilt)) @ _Z
     return axis * s.rng.uniform(near, 1.0), axis
 

@@ -157,7 +157,7 @@ class Sketch:
                 self.joints[i] = replace(joint, a=joint.b, b=joint.a, axes=joint.axes[::-1])
 
     def freedoms(self) -> Array | None:
-        """Return joint velocities of all motions at home, from body twists and ties; None if the rank is unclear.
+        """Return a basis of the feasible joint velocities at the home pose; None if the rank is ambiguous.
 
         Returns:
             Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).

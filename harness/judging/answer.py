@@ -82,7 +82,7 @@ class Answer:
         return set(quantities) <= set(self.values)
 
     def loosened(self, quantity: str, unit: str) -> float:
-        """Return the scale of an error that the scene allows in a quantity: its largest magnitude in a unit."""
+        """Return the largest magnitude of a quantity in a unit if the scene loosens its tolerance, else 0."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
         values = self.values[quantity]

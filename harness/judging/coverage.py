@@ -199,7 +199,7 @@ class _Composition:
         self.planar = normal_of_plane(twists) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
-        """Return the coverage of the motion, naming what stays hidden in any other motion as well."""
+        """Return the coverage of the motion, with the parameters and terms that no motion can reveal."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))

@@ -177,7 +177,7 @@ class MeasuredForces:
             yield MeasuredPart(answer, admissible, needed, names)
 
     def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Yield each kind with its largest force, among several units that with the largest share."""
+        """Yield the largest force of each kind of omitted term; among units, the one with the largest share."""
         if not self.left_out:
             return
         times, whole, drives = list[Array](), list[tuple[Array, Array]](), True

@@ -49,7 +49,7 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained(results: Comparison) -> Iterator[str]:
-    """Describe tables and engines whose values include the additions."""
+    """Report tables and engines whose values include forces that the description leaves out."""
     for name, kinds in results.left_out.contained.items():
         yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
 

@@ -204,7 +204,7 @@ class Scene:
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
-        """Return a copy of the scene with other gravity, loads, springs or motors.
+        """Return a copy of the scene with different gravity, loads, springs or motors.
 
         Args:
             changes: `gravity`, `loads`, `springs`, `motors` as a scene file has them: `loads=[{"on": "coupler",

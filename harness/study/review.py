@@ -157,7 +157,7 @@ def _review_quantity(
 def _columns(
     scene: Scene, quantity: str, right: Values, table: Solution, rows: Rows, known: Mapping[str, Any]
 ) -> dict[str, Column]:
-    """Return columns of a table that have a unique value."""
+    """Return the table columns whose reference values are uniquely determined."""
     given, natural = table.values[quantity].at(rows), natural_scales(scene.mechanism)
     recorded, columns = scene.tables[table.engine], {}
     stated, at = recorded.error.get(quantity, 0.0), same_times(scene.t[rows], recorded.t)[1]

@@ -139,7 +139,7 @@ def placement(table: Mapping[str, Any]) -> arb_mat:
 
 
 def rigid(R: arb_mat, p: Vector) -> arb_mat:
-    """Build the homogeneous matrix of a rotation and an origin. Shape (4, 4)."""
+    """Build the homogeneous transform from a rotation and an origin. Shape (4, 4)."""
     rows = R.tolist()
     return arb_mat([*([*rows[i], p[i]] for i in range(3)), [0, 0, 0, 1]])
 

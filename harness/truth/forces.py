@@ -33,7 +33,7 @@ Component = tuple[Vector, list[Vector]] | Callable[[float], arb]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VaryingLoad:
-    """A load over time.
+    """A time-varying load on a body.
 
     Attributes:
         body: Index of its body.
@@ -259,7 +259,7 @@ def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
 
 
 def along_coordinate(linkage: Linkage, now: State, column: int) -> list[arb]:
-    """Return the effect of a unit force along a joint coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
+    """Return the wrenches of a unit force along a coordinate on the bodies, as in `balances`. Shape (6 n_body,)."""
     joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
     return balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])[0]
 

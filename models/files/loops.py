@@ -197,7 +197,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
 
 
 def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
-    """Convert closures to readings, named like the constraints of the written MJCF; a pair of points gives two."""
+    """Convert closures to readings, named like the constraints in the exported MJCF; a pair of points yields two."""
     found = {}
     for closure in closures:
         kind = "weld" if closure.type == "weld" else "point"

@@ -193,7 +193,7 @@ def _mechanism(
 
 
 def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
-    """Rename a reading so that a description accepts all names; return it with namespace -> name -> accepted name."""
+    """Give parts of a reading names that a description accepts; return it with namespace -> name -> accepted name."""
     joints = accept_names(reading.joints, "joint")
     names = {
         "bodies": accept_names(reading.bodies, "body"),

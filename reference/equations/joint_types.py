@@ -143,7 +143,7 @@ def _named_axis(joint: Joint) -> tuple[str, Array]:
 
 
 def _tilt(at: JointPose) -> Array:
-    """Return the residual of two axes that should coincide."""
+    """Return the misalignment of two axes that should be parallel."""
     return cross(at.first, at.last)
 
 
@@ -307,7 +307,7 @@ SURE = 1e8
 
 
 def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
-    """Read the coordinates of a cut joint as floats; unlike `cut_coordinates` it passes gimbal lock.
+    """Read the coordinates of a cut joint as floats; unlike `cut_coordinates`, it also works in gimbal lock.
 
     Args:
         near: The equivalent angles nearest to these are chosen, from either triple; without

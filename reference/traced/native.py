@@ -72,7 +72,7 @@ def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
 
 
 def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
-    """Emit the program, storing outputs at once. Returns checks, and 0, or NaN if values are infinite."""
+    """Emit the program, storing outputs once computed. Return the checks, and 0 or, if one is not finite, NaN."""
     b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
     lost, values_end = zero, len(program.outputs) - program.checks
 

@@ -250,7 +250,7 @@ def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) 
 
 
 def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
-    """Minimise residuals with robust Gauss-Newton steps: large residuals lose weight (Cauchy).
+    """Minimise residuals with robust Gauss-Newton steps: large residuals are down-weighted (Cauchy loss).
 
     Args:
         residuals: Maps coordinates, shape (k,), to residuals whose rows are weighted as units. Shape (n, m).

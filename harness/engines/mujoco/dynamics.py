@@ -250,7 +250,7 @@ def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 class MujocoStepper:
-    """Stepper by `mj_step` or its stages, see `screwgauge.engines.tree.protocol.Stepper`."""
+    """Stepper that calls `mj_step` or its stages, see `screwgauge.engines.tree.protocol.Stepper`."""
 
     def __init__(
         self, model: mujoco.MjModel, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings

@@ -168,7 +168,7 @@ def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float
 
 
 def _sizes(name: str, whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
-    """List the units of a quantity with the size of their terms; `whole` is the sum of squares of all components."""
+    """Return the magnitude of a quantity's terms in each of its units; `whole` is the sum of all squares."""
     local = apply("sqrt", whole) + summand(name, units[0], trust) if units else 0.0
     return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
 

@@ -121,7 +121,7 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def under(self, gravity: Array | None) -> None:
-        """Set gravity [m/s^2], shape (3,); None restores that of the model file."""
+        """Set gravity [m/s^2], shape (3,); None restores the model file's gravity."""
 
     @abstractmethod
     def poses(self, q: Array) -> BodyPoses:

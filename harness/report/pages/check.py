@@ -50,7 +50,7 @@ WORDS: dict[Outcome, str] = {
 
 
 def _banners(check: Check) -> list[Banner]:
-    """Build banners of the verdict and of content that no real machine can have."""
+    """Build the verdict banner and warnings about physically implausible models."""
     odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
     odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
     odd += [(row.scene, f"{sentence}.") for row in check.rows for sentence in row.remarks]
@@ -118,7 +118,7 @@ def _pictures(check: Check) -> list[Picture]:
 
 
 def _about(check: Check) -> dict[str, Any]:
-    """Return the facts of the first screen: size of the check, engines, files and date."""
+    """Return the summary for the top of the page: size of the check, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
