@@ -76,7 +76,7 @@ def but_every(n: int) -> Callable[[str], bool]:
 PARTS: dict[str, Part] = {
     "scenes": Part(solved.given, solved.scene),
     "simulations": Part(solved.simulations, solved.simulated, usual),
-    "wrong": Part(solved.given, solved.wrong, long=but_every(2)),
+    "wrong": Part(solved.given, solved.wrong, long=but_every(3)),
     "covered": Part(solved.given, solved.covered, long=but_every(3)),
     "proved": Part(solved.unsprung, solved.proved, every(3)),
     "random": Part(lambda: map(str, range(200)), solved.drawn, every(4), further_random),
