@@ -82,6 +82,7 @@ class Matter:
     Attributes:
         bodies: Bodies with a changed number.
         loaded: Indices of bodies with a load at the centre of mass.
+        end: How many numbers the bodies have; those of the joints follow.
         resists: Rotors, damping and friction that change, whole names.
         entries, nominal: Numbers of these bodies, ten each, then resistances: whole names and values. Shape (E,).
     """
@@ -90,7 +91,7 @@ class Matter:
         self.machine, self.backend = machine, backend
         self.bodies = [body for body in machine.scene.mechanism.bodies if any(_of(body, name) for name in names)]
         self.resists = [name for name in names if resisting_joint(name)]
-        self._end = 10 * len(self.bodies)
+        self.end = 10 * len(self.bodies)
         entries = [*(f"bodies.{body.name}.{entry}" for body in self.bodies for entry in ENTRIES), *self.resists]
         known = numbers(machine.scene.mechanism, machine.scene.applied)
         self.nominal = np.array([known[name] for name in entries])
@@ -109,7 +110,7 @@ class Matter:
 
     def of_bodies(self, numbers: Array) -> Array:
         """Reshape numbers body by body. Shape (..., E) -> (..., n_body, 10)."""
-        return numbers[..., : self._end].reshape(*numbers.shape[:-1], -1, 10)
+        return numbers[..., : self.end].reshape(*numbers.shape[:-1], -1, 10)
 
     def possible(self, p: Array) -> NDArray[np.bool_]:
         """True for variants all of whose bodies are possible. Shape (P, V) -> (V,)."""
@@ -140,7 +141,7 @@ class Matter:
         Shape (V, E) -> (V, n_feature).
         """
         bodies = self.of_bodies(numbers)
-        found = [moments(bodies).reshape(len(numbers), -1), numbers[:, self._end :]]
+        found = [moments(bodies).reshape(len(numbers), -1), numbers[:, self.end :]]
         return np.concatenate([*found, *(bodies[:, i, 1:4] for i in self.loaded)], axis=1)
 
     def _neighbours(self) -> Array:
@@ -154,13 +155,13 @@ class Matter:
                 steps[-1][[10 * i, 10 * i + axis]] = 2.0 * away[[0, axis]]
         shifts = np.concatenate([np.zeros((1, len(self.nominal))), np.reshape(steps, (-1, len(self.nominal)))])
         bodies = numbers_of(moments(self.of_bodies(self.base)) + self.of_bodies(shifts))
-        return np.concatenate([bodies.reshape(len(shifts), -1), (self.base + shifts)[:, self._end :]], axis=1)
+        return np.concatenate([bodies.reshape(len(shifts), -1), (self.base + shifts)[:, self.end :]], axis=1)
 
     @property
     def base(self) -> Array:
         """Base numbers of the matrix: the nominal numbers, with nonzero mass for all bodies. Shape (E,)."""
         base = self.nominal.copy()
-        masses = np.arange(0, self._end, 10)
+        masses = np.arange(0, self.end, 10)
         base[masses[base[masses] == 0.0]] = self.machine.scene.mechanism.mass
         return base
 

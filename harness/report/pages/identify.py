@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -133,9 +132,3 @@ PAGE = Report(
         "prior": lambda found: _share(found.size),
     },
 )
-DATA, terminal = PAGE.DATA, PAGE.terminal
-
-
-def write(found: Identification, out: Path, **writing: Any) -> Path:
-    """Write the report, see `Report.write`."""
-    return PAGE.write(found, out, **writing)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -33,18 +34,23 @@ class Unknowns:
     @property
     def least(self) -> Array:
         """Lower bounds of the coordinates, below which a resistance would be negative. Shape (count,)."""
-        first = 10 * len(self.matter.bodies)
+        first = self.matter.end
         return np.concatenate([np.full(first, -np.inf), -self.matter.nominal[first:] / self.deviations])
 
     def numbers(self, x: Array) -> Array:
         """Return the numbers in the order of `Matter.nominal`. Shape (count, V) -> (V, count)."""
-        bodies, first = self.matter.of_bodies(self.matter.nominal), 10 * len(self.matter.bodies)
+        bodies, first = self.matter.of_bodies(self.matter.nominal), self.matter.end
         parts = [consistent(body, self.prior * x[10 * i : 10 * i + 10]).T for i, body in enumerate(bodies)]
         return np.concatenate([*parts, self.matter.nominal[first:] + self.deviations * x[first:].T], axis=1)
 
     def features(self, x: Array) -> Array:
         """Return the features in which forces are linear, see `Matter.features`. Shape (count, V) -> (V, n_feature)."""
         return self.matter.features(self.numbers(x))
+
+    @cached_property
+    def nominal_slopes(self) -> tuple[Array, Array]:
+        """Slopes at the numbers of the scene."""
+        return self.slopes(np.zeros(self.count))
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
         """Return derivatives of numbers and of features. Shape (count,) -> (count, count), (n_feature, count)."""
@@ -89,13 +95,13 @@ class Rows:
 
 def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
     """Return the singular values of the information in rows, in prior standard deviations over those of the noise."""
-    slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
+    slopes = matrix @ unknowns.nominal_slopes[1] / noise
     return np.asarray(np.linalg.svd(slopes, compute_uv=False))
 
 
 def expected(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
     """Return the covariance of the coordinates after rows that are not measured yet. Shape (count, count)."""
-    slopes = matrix @ unknowns.slopes(np.zeros(unknowns.count))[1] / noise
+    slopes = matrix @ unknowns.nominal_slopes[1] / noise
     return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
 
 

@@ -32,6 +32,7 @@ class Regressor:
 
     Attributes:
         matter: The unknown numbers.
+        values, matrix: `forces` at the poses of the scene. Shapes (n, m), (n, m, n_feature).
         sizes: Largest nominal force of the unit of each component [N or N m]. Shape (m,).
         deviations: Prior standard deviation of each resistance. Shape (n_resist,).
     """
@@ -52,13 +53,13 @@ class Regressor:
         self.matter = Matter(self.machine, unknown(scene, patterns), "llvm")
         motion = scene.motion
         self.poses = self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)
-        values, matrix = self.forces(self.poses)
+        self.values, self.matrix = self.forces(self.poses)
         units = described(scene.mechanism)[FORCE][1]
-        peaks = np.abs(values).max(axis=0)
+        peaks = np.abs(self.values).max(axis=0)
         largest = {unit: max(x for x, u in zip(peaks, units, strict=True) if u == unit) for unit in units}
         self.sizes = np.array([largest[unit] or 1.0 for unit in units])
-        first = 10 * len(self.matter.bodies)
-        resist = (matrix / self.sizes[:, None])[..., first : first + len(self.matter.resists)]
+        first, count = self.matter.end, len(self.matter.nominal)
+        resist = (self.matrix / self.sizes[:, None])[..., first:count]
         taken = np.abs(resist).max(axis=(0, 1), initial=0.0)
         given = prior * np.abs(self.matter.nominal[first:])
         self.deviations = np.where(given > 0.0, given, share / np.where(taken > 0.0, taken, np.inf))
@@ -75,10 +76,9 @@ class Regressor:
         free = preload_space(at.B)
         return np.asarray(measured - np.einsum("nip,njp,nj->ni", free, free, measured))
 
-    def rows(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Return `forces` over `sizes`, sample after sample. Shapes (n m,), (n m, n_feature)."""
-        values, matrix = self.forces(poses)
-        return (values / self.sizes).ravel(), (matrix / self.sizes[:, None]).reshape(-1, matrix.shape[-1])
+    def rows(self, matrix: Array) -> Array:
+        """Return changes per unit feature over `sizes`, sample after sample. Shapes (n, m, f), (n m, f)."""
+        return np.asarray((matrix / self.sizes[:, None]).reshape(-1, matrix.shape[-1]))
 
     @cached_property
     def names(self) -> list[str]:
@@ -98,7 +98,7 @@ class Regressor:
             q, k = np.tile(some, (DRAWS, 1)), poses.motion.y.shape[1]
             y = q[:, columns]
             yd, ydd = rng.standard_normal((2, len(q), k)) * self.machine.work.loops.sizes[columns]
-            found.append(self.rows(NominalPoses(GivenMotion(np.zeros(len(q)), y, yd, ydd), q))[1])
+            found.append(self.rows(self.forces(NominalPoses(GivenMotion(np.zeros(len(q)), y, yd, ydd), q))[1]))
         matrix, count = np.concatenate(found), len(self.matter.nominal)
         return matrix[:, :count] + matrix[:, count:] @ self._centres
 

@@ -151,7 +151,7 @@ def identify(
     scene = scene if table is None else _measured(scene, table)
     progress("motion", 0.0)
     regressor = Regressor(scene, numbers, prior, SHARE)
-    unknowns, matrix = Unknowns(regressor, prior), regressor.rows(regressor.poses)[1]
+    unknowns, matrix = Unknowns(regressor, prior), regressor.rows(regressor.matrix)
     progress("any motion", 0.3)
     any_motion = structure(regressor, seed)
     fit = None
@@ -159,7 +159,7 @@ def identify(
         progress("estimate", 0.7)
         fit = _fitted(regressor, unknowns, noise)
     share = fit.noise if fit else noise or NOISE
-    ways = unknowns.slopes(np.zeros(unknowns.count))[0]
+    ways = unknowns.nominal_slopes[0]
     return Identification(
         scene=scene,
         names=regressor.matter.entries,
@@ -168,7 +168,7 @@ def identify(
         expected=_deviations(ways, expected(unknowns, matrix, share)),
         structure=any_motion,
         told=_told(unknowns, matrix, share),
-        faster=_told(unknowns, regressor.rows(_faster(regressor.poses))[1], share),
+        faster=_told(unknowns, regressor.rows(regressor.forces(_faster(regressor.poses))[1]), share),
         noise=share,
         size=prior,
         fit=fit,
@@ -220,7 +220,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
         raise DescriptionError(what, where, "give all of them")
     if surplus:
         measured = regressor.without_preload(measured)
-    base, matrix = regressor.forces(regressor.poses)
+    base, matrix = regressor.values, regressor.matrix
     nothing = base - matrix @ regressor.matter.features(regressor.matter.base[None])[0]
     scaled = (measured - nothing[:, columns]) / regressor.sizes[columns]
     rows = np.isfinite(scaled).all(axis=1)
