@@ -1,1 +1,1 @@
-"""The engines, one directory or file each, which alone imports the engine's library."""
+"""The engines. Each has its own directory or file, the only place that imports the engine's library."""

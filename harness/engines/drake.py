@@ -1,4 +1,4 @@
-"""Drake on the URDF, for given motions: Drake supplies the open tree's mechanics; shared code closes the loops."""
+"""The engine `drake`, for given motions: Drake computes the URDF's open tree, and shared code closes the loops."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def load(files: kit.ModelFiles) -> kit.TreeModel:
 
 
 class DrakeTree(kit.OpenTree):
-    """Drake's open tree, see `OpenTree`. Twists are [angular; linear] and bodies sit at their joints, as here."""
+    """Drake's open tree, see `OpenTree`. Twists are [angular; linear]; the origin of each body lies at its joint."""
 
     engine, version = "drake", version("drake")
 

@@ -1,12 +1,13 @@
 """Error estimates: trustworthy accuracy of each quantity of an engine at each sample.
 
-Poses close up to rounding, eps in each closing equation. That moves the unknowns by up to g eps, where g is the norm of
-the dimensionless inverse of the closing system; the rates, solved with a matrix at that pose, by g^2 eps;
-the accelerations, which contain the rates, by g^3 eps. Measured along b -> 0.3568 rad of the 3-UPS-UPU-S, distance
-1e-1 to 1e-12: projected engines lose exactly that, and their forces lose the inertial part. As powers
-of g overstate the loss of a mechanism with heavy loads and slow motion, ill-conditioned samples are not
-extrapolated but solved again: the pose is moved as rounding may have moved it, once in the worst direction, once in
-a general one, and the results are compared. For well-conditioned samples the powers are used, at no cost.
+Loops close only up to rounding, eps in each closing equation. This moves the unknowns by up to g eps, where g is the
+norm of the dimensionless inverse of the closing system. It changes the rates, solved with a matrix at that pose, by up
+to g^2 eps, and the accelerations, which contain the rates, by up to g^3 eps. Measurements on the 3-UPS-UPU-S, at
+distances of 1e-1 to 1e-12 from b = 0.3568 rad, show that engines with projection lose exactly these digits, and that
+their forces lose the digits of the inertial part. Powers of g overstate the loss if loads are heavy and the motion is
+slow. Ill-conditioned samples are therefore solved again rather than extrapolated: the pose is perturbed by an amount
+of the size of rounding, once in the worst direction and once in a generic one, and the results are compared.
+Well-conditioned samples use the powers, which take no extra time.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.solution import Clock, Error, Values
 
-#: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
-#: have condition numbers of a thousand where nothing is wrong.
+#: Norms of the inverse above which a sample is solved again instead of extrapolated. Force systems are larger: their
+#: condition numbers reach a thousand in regular poses.
 CLEAR, CLEAR_FORCES = 30.0, 1e4
 #: Ratio of the worst case to the larger change over the two perturbed poses.
 SAFETY = 4.0
@@ -50,13 +51,13 @@ class Trust:
             the mechanism's length, see `stretch`. Shape (n,).
         charts: Condition number of the charts of cut joints, 1 at best; affects joint coordinates only. (n,).
         forces: Quantity -> condition number of the system that its forces were solved from. Shape (n,).
-        speed, rush: Largest rate, in rad/s or mechanism lengths per s; acceleration scale: largest one, or square of
-            that rate. Shape (n,).
+        speed: Largest rate, in rad/s or mechanism lengths per s. Shape (n,).
+        rush: Acceleration scale: the largest acceleration or the square of `speed`. Shape (n,).
         load: Largest force term [N]; terms may cancel. Shape (n,).
         open: Loop residuals beyond rounding, dimensionless. Shape (n,).
         rushes: Quantity -> acceleration scale replacing `rush` where its accelerations have larger terms. (n,).
-        stretch: Rounding of one closing equation in terms of the shortest loop over that in terms of the mechanism, if
-            gains are per loop. (n,).
+        stretch: Rounding of one closing equation relative to the shortest loop, divided by its rounding relative to the
+            mechanism, if gains are per loop. (n,).
     """
 
     condition: Array
@@ -76,7 +77,7 @@ class Trust:
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
-        """Find samples whose errors powers of the gain would overestimate; `slack` scales the thresholds."""
+        """Find samples for which powers of the gain would overestimate the errors; `slack` scales the thresholds."""
         worst = np.maximum(self.gain, self.charts) / CLEAR
         for condition in self.forces.values():
             worst = np.maximum(worst, condition / CLEAR_FORCES)
@@ -122,9 +123,10 @@ def worst_of(some: Mapping[str, Array], others: Mapping[str, Array]) -> dict[str
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolvedPart:
-    """Some samples of a solution with their error data: quantity -> (n, m).
+    """Some samples of a solution with their error data.
 
     Attributes:
+        values: Quantity -> values. Shape (n, m).
         doubtful: Samples that were solved again.
         moved: Quantity -> change of the components at these samples. Shape (n_doubtful, m).
     """
@@ -136,10 +138,10 @@ class SolvedPart:
 
 
 def shakes(A: Array, k: int) -> list[Array]:
-    """Return perturbations of the unknowns as by rounding: in the most sensitive direction and in a general one.
+    """Return two perturbations of the unknowns of the size of rounding: in the most sensitive and a generic direction.
 
     Args:
-        A: Dimensionless closing system, whose last k rows select y, which is exact. Shape (n, m + k, n_unknown).
+        A: Dimensionless closing system. Its last k rows select y and are exact. Shape (n, m + k, n_unknown).
 
     Returns:
         Two arrays of shape (n, n_unknown).
@@ -192,10 +194,10 @@ def examined(
 
 
 def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
-    """Choose representative samples to solve again where a unit of a quantity vanishes relative to its terms.
+    """Choose representative samples to solve again where the values in one unit vanish relative to their terms.
 
-    Cancelling values are measured by their terms, which may be a million times the comparison scale; powers of the
-    gain, which ignore cancellation, would then allow far too much. One sample represents all those with smaller
+    Values that cancel are measured by their terms, which may be a million times the comparison scale. Powers of the
+    gain ignore cancellation and would then allow far too large errors. One sample represents all samples with smaller
     powers, see `absolute`.
 
     Args:
@@ -217,9 +219,10 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
 def by_unit(
     name: str, array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
-    """Yield each unit of a quantity with its columns and the size of its values at each sample.
+    """Yield each unit of a quantity with its columns and three sizes at each sample.
 
-    The sizes are those of the values alone, then with their terms, then with the values of another unit in them.
+    The first size covers only the values in this unit. The second adds their terms, except for inertias, and the third
+    adds the terms to the values in all units.
     """
     whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
     for unit in dict.fromkeys(units):
@@ -233,15 +236,15 @@ def by_unit(
 def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float, mass: float) -> Error:
     """Estimate the rounding error of a quantity.
 
-    A value below `FLOOR` of its largest term, or without a correct digit, cannot be a scale: if the error is within the
-    tolerance of that term, the quantity is zero within rounding, and the term is its scale.
+    A value smaller than `FLOOR` times its largest term, or without a correct digit, cannot serve as a scale. If the
+    error is within the tolerance of that term, the quantity is zero within rounding, and the term is its scale.
 
     Args:
         length, mass: Length and mass of the mechanism [m, kg].
 
     Returns:
-        The error, scaled by a magnitude of at least `FLOOR` of the natural one. By unit, the absolute
-        error is the largest at any sample, at most the tolerance of the largest term.
+        The error, scaled by at least `FLOOR` times the natural magnitude. The absolute error of each unit is the
+        largest at any sample, limited to the tolerance of the largest term.
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
@@ -270,12 +273,12 @@ def error_of(name: str, parts: Sequence[SolvedPart], has: Values, length: float,
 
 
 def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
-    """Return the estimated error of the worst of some components, in their unit.
+    """Return the largest estimated error of the given components, in their unit.
 
     Args:
-        local: Size of their terms. Shape (n,).
-        zero: Whether they vanish relative to these terms: samples with smaller powers than those solved again
-            then have no larger errors.
+        local: Size of the components' terms. Shape (n,).
+        zero: Whether the components vanish relative to these terms. The largest error of the samples solved again then
+            limits the errors of samples with smaller powers.
 
     Returns:
         Shape (n,).
@@ -289,7 +292,7 @@ def absolute(name: str, part: SolvedPart, local: Array, columns: Sequence[int], 
         if zero and len(again):
             smaller = powers <= powers[again].max()
             error[smaller] = np.minimum(error[smaller], error[again].max())
-        if name != "joint_position":  # a value that depends on partial rates without a correct digit has none either
+        if name != "joint_position":  # without a correct digit in the partial rates, the value has no correct digit
             error[~(ROUNDED * linear.EPS * trust.stretch * trust.gain**2 < DIGIT)] = np.inf
     return np.asarray(error)
 

@@ -1,7 +1,8 @@
-"""EXUDYN on the description: bodies in absolute coordinates (Euler parameters), every joint a GenericJoint.
+"""The engine `exudyn`: bodies in absolute coordinates (Euler parameters), with every joint as a GenericJoint.
 
-There is no spanning tree and no cut. Mass matrix, gravity, loads, springs between points, constraints, their derivative
-and their multipliers are EXUDYN's; forces along joint coordinates are added here through their virtual work.
+It uses neither a spanning tree nor a cut. EXUDYN computes the mass matrix, gravity, loads, springs between points,
+constraints, and their derivative and multipliers. This module adds forces along joint coordinates through their virtual
+work.
 """
 
 from __future__ import annotations
@@ -24,8 +25,7 @@ STENCIL = ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1))
 
 
 def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> ExudynModel:
-    """Load a description; given `integrator`, a solver type of EXUDYN, the model also integrates, at steps of dt
-    [s]."""
+    """Load a description; with `integrator`, an EXUDYN solver type, the model can integrate with step `dt` [s]."""
     return ExudynModel(kit.load_mechanism(files.model), str(files.model), integrator, dt)
 
 
@@ -57,7 +57,8 @@ class ExudynSystem(kit.Stepped):
 
     Attributes:
         home: x at home. Shape (n_x,).
-        kept, rows: Algebraic equations that are gaps, after one parameter norm per body; gaps of each joint.
+        kept: Algebraic equations used as gaps: the norm of the Euler parameters of each body, then the joints' gaps.
+        rows: Indices of the gaps of each joint.
     """
 
     def __init__(self, mechanism: kit.Mechanism, applied: kit.Applied, integrator: str) -> None:
@@ -140,7 +141,7 @@ class ExudynSystem(kit.Stepped):
         return out, np.zeros((len(x), len(self.numbers), 6))
 
     def dynamics(self, x: Array, xd: Array, applied: kit.Applied) -> tuple[Array, Array]:
-        """Return the mass matrix, and applied forces with velocity terms."""
+        """Return the mass matrix, and the sum of applied forces and velocity terms."""
         M, acting = np.empty((len(x), x.shape[1], x.shape[1])), np.empty_like(x)
         vectors = [np.broadcast_to(v, (len(x), 3)) for load in applied.loads for v in (load.force, load.torque)]
         for i, state in enumerate(zip(x, xd, strict=True)):

@@ -50,7 +50,7 @@ def features(mechanism: Mechanism, applied: Applied) -> dict[str, str]:
 
 
 def refusal(engine: Engine, mechanism: Mechanism, applied: Applied) -> str:
-    """Return a message naming the features that an engine lacks; empty if it supports all."""
+    """Return a message about the first feature that an engine lacks; empty if the engine supports all."""
     for feature, whose in features(mechanism, applied).items():
         if why := engine.refuses.get(feature):
             return f"{engine.name} takes no {FEATURES[feature]}, which {whose} has or is: {why}"

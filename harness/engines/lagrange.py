@@ -1,6 +1,6 @@
 """The engine `lagrange`: Lagrange's equations in all joint coordinates, an independent second formulation.
 
-They are derived from positions of bodies alone, see `virtual_work`.
+The equations are derived only from the positions of bodies, see `virtual_work`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Lagrange:
         """Solve a given motion.
 
         Raises:
-            ScrewgaugeError: The problem does not fit the description, or its motion cannot be followed.
+            ScrewgaugeError: The problem does not match the description, or its motion cannot be followed.
         """
         kit.check_fits(problem, self.mechanism, self.where)
         if not isinstance(problem.task, kit.GivenMotion):
@@ -77,8 +77,8 @@ class SolvedMotion:
 
     Attributes:
         q, v, a: All joint coordinates and their derivatives. Shape (n, n_q).
-        back: Derivative of the coordinates by the gaps. Shape (n, n_q, m).
-        K: Derivative of the coordinates by the independent ones. Shape (n, n_q, k).
+        back: Derivative of the coordinates with respect to the gaps. Shape (n, n_q, m).
+        K: Derivative of the coordinates with respect to the independent coordinates. Shape (n, n_q, k).
         conditions: Condition numbers of the force equations, once solved. Shape (n,).
     """
 
@@ -165,7 +165,7 @@ class SolvedMotion:
 
     @cached_property
     def actuator_force(self) -> kit.Array:
-        """Actuator forces of minimum norm, or by the rule of a joint's line."""
+        """Actuator forces of minimum norm, or those that keep a joint's force along its line."""
         given = [i for i in range(self.K.shape[2]) if i not in self.motion.idle]
         A = self.K[:, self.mechanism.actuated_columns][..., given].swapaxes(1, 2)
         b = self.generalized_force[:, given]
@@ -191,11 +191,11 @@ class SolvedMotion:
         return out
 
     def multipliers(self, needs: kit.Array, f: kit.Array) -> kit.Array:
-        """Return minimum-norm forces along the gaps that balance the forces actuators leave. Shape (n, m)."""
+        """Return minimum-norm forces along the gaps that supply what actuators do not. Shape (n, m)."""
         return times(self.back.swapaxes(1, 2), needs - self.driven(f))
 
     def wrenches(self, needs: kit.Array, f: kit.Array, **state: kit.Array) -> kit.Array:
-        """Return force and moment of each joint on its child, about the joint's point there. Shape (n, n_joint, 6)."""
+        """Return each joint's force on its child, and moment about the joint's child-side point. (n, n_joint, 6)."""
         forces, equations = self.multipliers(needs, f), self.equations
         found = equations.transmitted(self.n, **state, multipliers=forces)["wrenches"].reshape(self.n, -1, 6)
         each = {joint.name: found[:, i] * (1 if out else -1) for i, (joint, out) in enumerate(equations.tree)}
@@ -213,7 +213,7 @@ class SolvedMotion:
 
     @property
     def jacobian(self) -> kit.Array:
-        """The quantity `jacobian`, computed from derivatives of poses by each independent coordinate."""
+        """The quantity `jacobian`, computed from derivatives of poses with respect to each independent coordinate."""
         twists, R = np.zeros((self.n, len(self.mechanism.body_index), 6, self.K.shape[2])), self.matrices("pose")
         com = np.array([body.com for body in self.mechanism.bodies])
         for j, v in enumerate(np.moveaxis(self.K, 2, 0)):

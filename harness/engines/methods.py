@@ -1,4 +1,4 @@
-"""Integrators of scipy, retries of steps with unreliable accelerations, and detection of sticking friction."""
+"""Integrators from scipy, retries of steps with unreliable accelerations, and detection of sticking friction."""
 
 from __future__ import annotations
 
@@ -21,24 +21,25 @@ MOST = 100
 #: Factors applied in turn to the size of a step that met such a pose.
 SIZES = (0.8, 1.25, 0.65, 1.5, 0.5, 0.9, 1.1, 0.4, 0.3, 0.2)
 
-#: Order of the error with which a method chooses its steps: an error of `tol` needs steps of tol^(1/order) of the time
-#: in which the motion changes. BDF, whose order varies, counts with the lower order.
+#: Order of the error estimate with which a method chooses its steps: an error of `tol` needs steps of tol^(1/order)
+#: times the time scale of the motion. For BDF, whose order varies, the lower order is used.
 ORDER = {"DOP853": 8, "Radau": 4, "BDF": 4}
-#: Largest number of such times that a fast phase of the motion may last.
+#: Longest duration of a fast phase of the motion, as a multiple of this time scale.
 PHASES = 10.0
 #: More steps than this take most of an hour. The fastest phases of `cart-pole` predict 2e4 steps.
 ENDLESS = 1e6
 
 
 class Pace:
-    """Distinguishes permanently shrunken steps from a fast phase of the motion, at any scale.
+    """Detector of steps that stay short forever, as opposed to a fast phase of the motion.
 
-    Near some singular poses accelerations vary with rounding, or an engine's regularisation, over distances that no
-    motion has: the error is within tolerance only for steps so short that the integration makes no progress.
+    Near some singular poses, accelerations vary with rounding or an engine's regularisation over distances much shorter
+    than those of any motion. The error is then within tolerance only for steps so short that integration makes no
+    progress.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:
-        """Watch the steps of a method with a tolerance until the `end` of the motion [s]."""
+        """Watch the steps of a method with a given tolerance until the `end` of the motion [s]."""
         self.end, self.window = end, int(PHASES * tolerance ** (-1.0 / ORDER[method]))
         self.times: deque[float] = deque(maxlen=self.window)
 
@@ -51,7 +52,8 @@ class Pace:
 #: Rates on both sides of rest at which friction is examined [rad/s or m/s], and the interval [s] over which rates
 #: are followed to estimate their accelerations.
 BESIDE, MOMENT = 1e3 * REST, 1e-6
-#: Rate per rate of the state below which a coordinate is at a dead centre, where it reverses and nothing sticks.
+#: Derivative of a coordinate's rate with respect to the rates of the state below which the coordinate is at a dead
+#: centre, where it reverses without sticking.
 DEAD = 1e-6
 
 State = tuple[float, Array]
@@ -67,7 +69,7 @@ def straight(before: State, after: State) -> Callable[[float], Array]:
 class DryFriction:
     """Detector of joints that come to rest and stick, which a rate-dependent friction law cannot describe.
 
-    Friction holds where it stops the joint from either side of rest.
+    A joint sticks if friction decelerates it on both sides of rest.
     """
 
     def __init__(
@@ -100,13 +102,13 @@ class DryFriction:
             row = self._row(still, c)
             if row @ row < DEAD**2:
                 continue
-            way = row / float(row @ row)  # the smallest change by which the rate becomes larger by one
+            way = row / float(row @ row)  # the smallest change that increases the rate by one
             if all(side * self._acceleration(t, still + side * BESIDE * way, c) <= 0 for side in (1, -1)):
                 return f"'{self.names[c]}' comes to rest at {t:.6g} s, and its dry friction holds it there"
         return ""
 
     def _row(self, state: Array, c: int) -> Array:
-        """Differentiate a coordinate's rate by the rates in a state; zero by other entries. Shape (2 n + 1,)."""
+        """Differentiate a coordinate's rate with respect to a state's rates; zero for other entries. (2 n + 1,)."""
         n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
             row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
@@ -122,7 +124,7 @@ def check_method(name: str) -> type[OdeSolver]:
     """Return the integration method with a given name.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: No method has this name.
     """
     check_choice("method", [name], METHODS)
     return METHODS[name]

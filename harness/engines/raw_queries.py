@@ -1,4 +1,4 @@
-"""Raw queries to a library about any model, in terms of its reading, without problem and closure."""
+"""Raw queries to a library about any model, in terms of the model's reading, without a problem or loop closure."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class JointStates:
     Attributes:
         kind: An entry of `reading.FREEDOMS`.
         frame: Frame carried by a ball or free joint, in the world at home. Shape (4, 4).
-        q: For a hinge or slide, as the file counts; for a ball or free joint, that of its frame in the frame at home:
-            for a free joint the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
+        q: For a hinge or slide, the coordinate as defined in the file. For a ball or free joint, the pose of its frame
+            in the home frame: for a free joint the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
         qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
     """
 
@@ -61,14 +61,14 @@ Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], A
 
 
 def carried(states: JointStates, frame: Array) -> tuple[Array, Array]:
-    """Convert the reading's motion to that of a frame of the library.
+    """Convert the reading's motion to the motion of a frame of the library.
 
     Args:
         frame: Frame of the library's joint in the world at home. Shape (4, 4).
 
     Returns:
-        Pose in that frame at home, (n, 4, 4), and the map of velocities of the reading to those of that frame, along
-        its axes, (3 or 6, 3 or 6).
+        Pose relative to that frame at home, (n, 4, 4), and the map from velocities of the reading to velocities of that
+        frame along its axes, (3 or 6, 3 or 6).
     """
     C = np.linalg.inv(frame) @ states.frame
     if states.kind == "ball":

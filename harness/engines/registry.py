@@ -1,4 +1,4 @@
-"""The registry of engines, one entry each. Further ones are `Engine`s of the entry point group
+"""The registry of engines, with one entry each. Other packages add `Engine`s in the entry point group
 ``screwgauge.engines``."""
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from screwgauge.solution import Solution
 from screwgauge.truth import LACKS, MOST
 
 GROUP = "screwgauge.engines"
-TEXT = 1000  # largest number of characters of a text in an engine's description
+TEXT = 1000  # largest number of characters in a string of an engine's description
 LONGEST = 300.0  # time limit [s] for importing its module: GPU libraries take a minute on a busy machine
 CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
@@ -34,8 +34,8 @@ _WORDS: dict[type[Task], str] = {
 class EngineModel(Protocol):
     """A loaded model file that solves any number of problems.
 
-    It may have an attribute `independent`: labels of its independent coordinates, if their order differs from
-    that of the description, and `lacks`: quantities that it cannot give for this model -> reason.
+    It may have an attribute `independent`, the labels of its independent coordinates if their order differs from the
+    description's, and an attribute `lacks`, which maps quantities that it cannot compute for this model to reasons.
     """
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
@@ -58,16 +58,16 @@ class Engine:
         package: Distribution that must be installed.
         reads: File extension of its model file.
         cut: Generated model that it reads, ``minimal`` or ``full``; empty if it reads the description.
-        lacks: Quantity that it cannot give -> reason. It must give all other quantities.
+        lacks: Quantity that it cannot compute -> reason. It must compute all other quantities.
         most: Largest number of samples solved, see `problem.spread`; 0 for all. In engines of other packages, missing
             samples always count as missing.
-        refuses: Unsupported item -> reason: kinds of joints and other `features.FEATURES`, for which no
-            mechanism is passed to it; or a task that it does not accept.
+        refuses: Unsupported item -> reason. An item is a task, or an entry of `features.FEATURES` such as a kind of
+            joint; the engine gets no mechanism with such a feature.
         extra: Extra of Screwgauge that installs its package; empty if `package` itself is to be installed.
-        apart: Whether each problem is solved in its own process: what a library prints, changes or breaks there
-            affects only its own answer. Engines of other packages always run so.
-        precisions: Number types in which it can compute given motions, see `NUMBER_TYPES`. If a method is named with
-            a type other than float64, ``mjx@float32``, the function takes it as the setting `precision`.
+        apart: Whether each problem is solved in its own process, where anything that a library prints, changes or
+            breaks affects only its own answer. Engines of other packages always run in this way.
+        precisions: Number types in which it can compute given motions, see `NUMBER_TYPES`. If a method name contains a
+            type other than float64, as in ``mjx@float32``, the function receives it as the setting `precision`.
         precision: The requested number type.
     """
 
@@ -103,7 +103,7 @@ class Engine:
         """Load a model file.
 
         Args:
-            settings: The engine's own settings, see its directory.
+            settings: The engine's own settings, see its module.
 
         Raises:
             ImportError: The engine's package is not installed.
@@ -125,7 +125,9 @@ class Engine:
         return {self.name if each == FLOAT64.name else f"{self.name}{AS}{each}": each for each in self.precisions}
 
     def in_precision(self, name: str, where: str = "") -> Engine:
-        """Return the engine in the number type of a name like ``mjx@float32``; only given motions if not float64.
+        """Return the engine with the number type of a name like ``mjx@float32``.
+
+        With a type other than float64, the engine accepts only given motions.
 
         Raises:
             DescriptionError: The engine does not compute in that type.
@@ -138,7 +140,7 @@ class Engine:
         return replace(self, name=name, precision=self.methods[name], tasks=self.tasks & {GivenMotion})
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
-        """Reject settings for which their receiver has no parameters."""
+        """Reject settings that are not parameters of the class or function that receives them."""
         parameters = signature(takes).parameters.values()
         if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
             return
@@ -156,7 +158,7 @@ _MUJOCO = (f"{_HERE}.mujoco.model:load", "mujoco", ".xml")
 
 
 def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) -> Engine:
-    """Build the entry of an open-tree engine; `code` has its source, package and file ending."""
+    """Build the entry of an open-tree engine; `code` is its source, package and file extension."""
     source, package, reads = code
     if cut == "minimal":
         return Engine(name, meaning, source, _ALL, package, reads, cut)
@@ -167,7 +169,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 
 def _port(name: str, meaning: str, package: str, precisions: tuple[str, ...]) -> Engine:
-    """Build the entry of a port of MuJoCo."""
+    """Build the entry of a MuJoCo port."""
     source = f"{_HERE}.mujoco.ports:load_{name}"
     refuses = {"InitialValue": "forward, it has soft constraints alone", "States": "it is asked given motions only"}
     more: dict[str, Any] = {"extra": name, "apart": True, "precisions": precisions, "refuses": refuses}
@@ -246,7 +248,7 @@ def further_entries() -> Mapping[str, EntryPoint]:
 
 
 def engine_names() -> tuple[str, ...]:
-    """List all names, other packages' last, without loading any engine."""
+    """List the names of all engines, those of other packages last, without loading any engine."""
     return (*ENGINES, *further_entries())
 
 
@@ -258,10 +260,10 @@ def engines() -> dict[str, Engine]:
 def get_engine(name: str, where: str = "") -> Engine:
     """Return an engine by name; ``mjx@float32`` also names a number type other than float64.
 
-    An engine of another package that cannot be described states the reason when it is loaded.
+    If the description of another package's engine is invalid, loading the engine raises an error with the reason.
 
     Raises:
-        UnknownNameError: There is no engine of that name.
+        UnknownNameError: No engine has that name.
         DescriptionError: The engine does not compute in that number type.
     """
     return _named(name.partition(AS)[0]).in_precision(name, where)
@@ -291,7 +293,7 @@ os._exit(0)
 def _load_description(entry: EntryPoint) -> Engine:
     """Return the engine of another package, using the description printed by a separate process.
 
-    An invalid description yields an engine that is loaded, and fails, on use.
+    For an invalid description, return an engine whose `load` raises an error.
     """
     try:
         command = python("-c", _DESCRIBE, json.dumps(safe_path()), entry.value)
@@ -323,7 +325,7 @@ def description(value: str) -> str:
 
 
 def _check_description(engine: object) -> Engine:
-    """Return an engine with a complete, printable description; reject others.
+    """Return the engine if its description is complete and printable; reject it if not.
 
     Raises:
         TypeError, ValueError: The description is incomplete or not printable.
@@ -360,7 +362,8 @@ def check_engines(
         others: Further allowed names that are not engines.
 
     Raises:
-        ScrewgaugeError: The list is empty, a name is not an engine, or an engine does not accept such tasks.
+        ScrewgaugeError: The list is empty, a name is neither an engine nor in `others`, or an engine does not accept
+            the task.
     """
     named = names if isinstance(names, str) or not isinstance(names, Iterable) else [*names]
     bases = named if named is names else [str(name).partition(AS)[0] for name in named]

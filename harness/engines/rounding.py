@@ -1,8 +1,9 @@
-"""Rounding error of a narrow number type in a given motion, for any engine: by type, conditioning and operations.
+"""Rounding error of any engine in a low-precision number type, estimated from eps, conditioning and operation count.
 
-Each operation rounds by at most half an eps, and n operations, as often up as down, by about the root of n. Poses
-close up to rounding; perturbing poses by as much shows the effect on other quantities, as in `error_estimate`.
-Only the description is used, with the array solver in float64; the engine's own statements do not count.
+Each operation rounds by at most eps/2; with random signs, n operations accumulate about sqrt(n) times this error.
+Loops close only up to rounding; perturbing the poses by this amount shows the effect on other quantities, as in
+`error_estimate`. The estimate uses only the description and the array solver in float64, and ignores the engine's own
+error estimates.
 """
 
 from __future__ import annotations
@@ -22,21 +23,23 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Error
 
-#: Operations for each joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
-#: No traced program of a built-in mechanism has more, with those that solve for all coordinates.
+#: Operations per joint coordinate: poses in each of two steps of Newton's method, rates, accelerations, balance.
+#: No traced program of a built-in mechanism exceeds the total of `operations`.
 PER_COORDINATE = 450
 #: Number of samples at which idle coordinates are examined.
 MOST = 64
 
 
 def operations(mechanism: Mechanism) -> float:
-    """Return the number of operations per sample of forces: along the joints, and to solve for all coordinates."""
+    """Return the number of operations per sample of the forces: work at each joint, and solving the linear system."""
     n = len(mechanism.coordinates)
     return PER_COORDINATE * n + n**3 / 3
 
 
 def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) -> dict[str, Error]:
-    """Estimate the rounding error of each quantity, `Error.scaled` relative to the largest term, 1 or L for positions.
+    """Estimate the rounding error of each quantity; empty unless the task is a given motion.
+
+    `Error.scaled` is relative to the largest term; positions use 1 rad or the mechanism's length.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -52,8 +55,8 @@ def rounding_errors(mechanism: Mechanism, problem: Problem, kind: NumberType) ->
 def idle_errors(mechanism: Mechanism, problem: Problem) -> dict[str, dict[str, float]]:
     """Estimate rounding of accelerations that depend on idle coordinates, for any solver: quantity -> unit -> error.
 
-    A freely spinning rod loads its bearings a thousand times more than its axis: cancelling terms are large, and so is
-    their rounding, whatever the rest of the motion.
+    A freely spinning rod loads its bearings a thousand times more than its axis. Large terms cancel, and their rounding
+    errors are therefore large too, regardless of the rest of the motion.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -89,7 +92,7 @@ def _sizes(work: Work, name: str, trust: Trust, values: Array, shaken: Iterable[
     found, charts = {}, trust.charts if name in OF_JOINTS else 1.0
     for unit, columns, _, _, most in by_unit(name, values, work.names()[name][1], trust, work.loops.length):
         error = rounded * charts * most + SAFETY * moved[:, columns].max(axis=1, initial=0.0)
-        if unit in ("rad", "m"):  # how far a loop is open is measured by these, however often a joint has turned
+        if unit in ("rad", "m"):  # closure errors are relative to 1 rad or L, however far a joint has turned
             most = np.full_like(error, arm(unit, work.loops.length))
         found[unit] = np.nan_to_num(error, nan=np.inf), np.nan_to_num(most)
     return trust.of(name), found

@@ -1,8 +1,9 @@
 """Lagrange's equations in all joint coordinates, derived from body positions only: programs of the engine `lagrange`.
 
 Time derivatives are taken in forward mode. One reverse sweep of the virtual work of inertia, weight, loads and
-multipliers gives the equations of the coordinates, and those of six virtual displacements at each joint of the tree,
-which give the wrench that the joint transmits. There are no twists, recursions, or charts of joints that close loops.
+multipliers yields the equations of the coordinates and of six virtual displacements at each joint of the tree. The
+latter equations give the wrench that the joint transmits. The derivation uses neither twists nor recursions, and no
+charts of joints that close loops.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ Pose = tuple[Any, Any]
 
 
 def outward(mechanism: kit.Mechanism) -> tuple[list[tuple[kit.Joint, bool]], list[kit.Joint]]:
-    """List the joints of an open tree in order, flagged if the parent is the inner body, and the remaining joints.
+    """List the joints of an open tree outward from ground, and the remaining joints.
 
-    The tree is the one with the fewest joints between each body and ground.
+    A flag marks tree joints whose parent is the inner body. The tree has as few joints as possible between each body
+    and ground.
     """
     tree, rest, known = list[tuple[kit.Joint, bool]](), [*mechanism.joints], [kit.GROUND]
     for body in known:
@@ -54,9 +56,9 @@ class Equations:
 
     Attributes:
         tree, cuts: See `outward`.
-        inputs: Coordinates q, their derivatives v and a, gravity g, force and torque of each load, pull of each spring
-            between points, multipliers of the gaps, and the virtual displacements: shift and turn at each joint of the
-            tree, of all that hangs on it, about the joint's point of the child.
+        inputs: Coordinates q, their derivatives v and a, gravity g, force and torque of each load, tension of each
+            spring between points, multipliers of the gaps, and virtual displacements. At each tree joint these are a
+            translation and a rotation of all bodies beyond it, about the joint's child-side point.
         gaps: Residual displacements and small rotations of joints that close loops, six per joint, followed by the
             residuals of couplings.
         pose: R and p of each body without virtual displacements.
@@ -82,7 +84,7 @@ class Equations:
 
     @cached_property
     def closing(self) -> kit.Function:
-        """q, v -> gaps and their rates. Shape (n, m)."""
+        """Function: q, v -> gaps and their rates. Shape (n, m)."""
         return self._function(gaps=self.gaps, rates=self.rate(self.gaps))
 
     def closed(self, q: kit.Array) -> tuple[kit.Array, kit.Array]:
@@ -99,9 +101,9 @@ class Equations:
 
     @cached_property
     def motion(self) -> kit.Function:
-        """q, v, a -> R and centre of mass of each body with two time derivatives, and its origin.
+        """Function: q, v, a -> R and centre of mass of each body with two time derivatives, and the body's origin.
 
-        Also lengths of springs with their rates, and the second time derivative of gaps without accelerations.
+        It also returns lengths of springs with their rates, and second time derivatives of gaps at zero accelerations.
         """
         lengths = [self._length(spring, self.pose) for spring in self.springs]
         made = {"pose": self.flat, "rate": self.rate(self.flat), "second": self.second, "lengths": lengths}
@@ -110,12 +112,12 @@ class Equations:
 
     @cached_property
     def balance(self) -> kit.Function:
-        """q, v, a, g, loads, pulls -> remaining forces along q that the motion requires. Shape (n, n_q)."""
+        """Function: q, v, a, g, loads, pulls -> remaining forces along q that the motion requires. Shape (n, n_q)."""
         return self._function("multipliers", "moved", needs=self._virtual_work[: len(self.q)])
 
     @cached_property
     def transmitted(self) -> kit.Function:
-        """The same inputs and multipliers -> force and moment of each tree joint on its outer body. (n, 6 n_tree)."""
+        """Function: inputs of `balance`, multipliers -> wrench of each tree joint on its outer body. (n, 6 n_tree)."""
         return self._function("moved", wrenches=self._virtual_work[len(self.q) :])
 
     def _function(self, *zero: str, **outputs: Sequence[Any]) -> kit.Function:
@@ -125,11 +127,11 @@ class Equations:
 
     @cached_property
     def _virtual_work(self) -> list[Any]:
-        """Derivatives of the virtual work by coordinates and virtual displacements."""
+        """Derivatives of the virtual work with respect to coordinates and virtual displacements."""
         return kit.adjoints(self._works(), self.q + self.inputs["moved"])
 
     def _works(self) -> Iterator[tuple[Any, Any]]:
-        """Yield coordinates with forces along them: inertia minus weight, loads, pulls of springs, multipliers."""
+        """Yield coordinates with forces along them: inertia minus weight, loads, spring tensions and multipliers."""
         inputs = {name: np.array(some, dtype=object) for name, some in self.inputs.items()}
         pose = self._poses(self.inputs["moved"])
         changes = np.array(self.second, dtype=object).reshape(-1, 12)

@@ -1,7 +1,7 @@
 """Applied forces besides gravity: loads, springs, dampers, motors, rotors, damping and friction of joints.
 
-`exert_along` and `exert_on_bodies` state them once, for many samples and for one state. `acting` converts them to
-wrenches on bodies and forces along joint coordinates; tree engines use their own conversion.
+`exert_along` and `exert_on_bodies` compute them for many samples or for one state. `acting` converts them to wrenches
+on bodies and forces along joint coordinates; tree engines use their own conversion.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class ActingForces:
     Attributes:
         wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
         along: Coordinate and the force along it [N or N m]. Shape (...).
-        power: Input power of motors, loads and dampers, which is not stored [W]. Shape (...).
+        power: Input power of motors, loads and dampers, excluding stored energy [W]. Shape (...).
     """
 
     wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
@@ -50,7 +50,7 @@ def exert_along(
 
     Args:
         t: Times [s]. Shape (...).
-        resist: Damping and dry friction; rotors are the engine's own.
+        resist: Damping and dry friction; the engine itself includes rotors.
     """
     for motor in applied.motors:
         force = motor.force(t)
@@ -79,7 +79,7 @@ def exert_on_bodies(
     """Add forces of loads, and of springs and dampers between points of bodies.
 
     Args:
-        index: Body -> its number, ground being 0.
+        index: Body -> its index, 0 for ground.
         t: Times [s]. Shape (...).
     """
     for load in applied.loads:
@@ -125,7 +125,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[Array, Array]:
-    """Return wrenches on bodies and forces along joints, without gravity and rotors; their powers add up.
+    """Return wrenches on bodies and forces along joints, without gravity and rotors; neither part contains the other.
 
     Args:
         t: Times [s]. Shape (n,).
@@ -133,11 +133,11 @@ def acting(applied: Applied, t: Array, joints: JointReading, V: Array) -> tuple[
         V: Twists of the bodies, angular, then of their origins. Shape (n, n_body + 1, 6).
 
     Returns:
-        Force and moment about its origin of loads and springs between points on each body, (n, n_body + 1, 6), and of
-        motors, springs, dampers and friction along the coordinates [N or N m], shape (n, n_q).
+        Wrenches of loads and point springs on each body: force, then moment about the body's origin, shape
+        (n, n_body + 1, 6); forces of motors, springs, dampers and friction along the coordinates [N or N m], (n, n_q).
 
     Raises:
-        SingularPoseError: The ends of a spring meet.
+        SingularPoseError: The two ends of a spring coincide.
     """
     mechanism, found, wrenches = joints.mechanism, ActingForces(), np.zeros_like(V)
     point = partial(load_point, mechanism)
@@ -173,7 +173,7 @@ def resistance(joints: tuple[Joint, ...], qd: Array, qdd: Array) -> Array:
 
 
 def load_point(mechanism: Mechanism, load: Load) -> Array:
-    """Return the body point of a load [m], by default the centre of mass, for ground the origin. Shape (3,)."""
+    """Return the body point of a load [m], by default the centre of mass or, for ground, the origin. Shape (3,)."""
     if load.point is not None:
         return load.point
     i = mechanism.body_index[load.body]

@@ -55,7 +55,7 @@ class Answered:
 
 
 def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelerated | None = None) -> dict[str, Array]:
-    """Return the requested quantities of velocity, or of acceleration if `moved` is given."""
+    """Return the requested velocities, or the accelerations and resistances if `moved` is given."""
     n, V = len(closed.x), closed.V
     known: dict[str, Callable[[], Array]] = {
         "joint_velocity": lambda: closed.qd,
@@ -73,7 +73,7 @@ def motion_values(wanted: Collection[str], closed: ClosedMotion, moved: Accelera
 
 
 def force_values(closed: ClosedMotion, moved: Accelerated, balanced: Balanced, along: Array) -> dict[str, Array]:
-    """Return the quantities of forces except reactions.
+    """Return generalised forces, actuator forces and axis moments.
 
     Args:
         along: Forces of motors, springs and losses along the joint coordinates, see `along_joints`. Shape (n, n_q).
@@ -109,7 +109,7 @@ def answer(
     """Solve a given motion part by part; return the requested values with names and units.
 
     Args:
-        labels: Engine, its version, and method and settings in words.
+        labels: Name and version of the engine, and a description of its method and settings.
         solve_part: Solves the parts of the motion in order, given the applied forces at their samples.
         clock: Measures the engine's stages.
     """

@@ -1,7 +1,7 @@
-"""Closed poses of a motion, followed from home, for engines whose unknowns are all joint coordinates.
+"""Closed poses of a motion, followed from the home pose, for engines whose unknowns are all joint coordinates.
 
-Poses are predicted along the tangent and closed with Newton's method; steps are halved until two neighbours verifiably
-lie on one branch. It shares nothing with the continuation of `screw` and of trees.
+Poses are predicted along the tangent and closed with Newton's method. Steps are halved until two neighbouring poses
+verifiably lie on the same branch. No code is shared with the continuation of `screw` and of tree engines.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ that are solved from more than closed poses.
 """
 
 # Angles are in rad and distances in mechanism lengths wherever these constants are used.
-#: Number of Newton steps; step size after which only rounding is left, and step size that counts as divergence.
+#: Number of Newton steps; step size after which only rounding errors remain, and step size that counts as divergence.
 STEPS, SMALL, FAR = 12, 1e-8, 10.0
 #: Residual above which loops do not close; condition number of a singular pose.
 OPEN, SINGULAR = 1e-10, 1e12
-#: Fraction of a step by which a pose may miss the tangents at both ends, rounding, and the longest step.
+#: Fraction of a step by which a pose may miss the tangents at both ends, allowance for rounding, and longest step.
 BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
 #: Largest number of samples tried at a time, and of halvings of the path to a sample.
 MANY, HALVINGS = 256, 17
 
 
 class Branch:
-    """The branch of closed poses from home to the last pose followed."""
+    """The branch of closed poses from the home pose to the last pose reached."""
 
     def __init__(self, mechanism: Mechanism, gaps: Gaps, angular: Sequence[bool], points: Sequence[Point] = ()) -> None:
-        """Start at home.
+        """Start at the home pose.
 
         Args:
             gaps: Residuals of loops and couplings, which may be redundant.
@@ -64,7 +64,7 @@ class Branch:
         """Follow the branch along the next samples; return all joint coordinates [rad or m]. Shape (n, n_q).
 
         Raises:
-            ClosureError: The branch ends, or meets another one, on the way.
+            ClosureError: The branch ends before a sample is reached, or meets another branch.
         """
         parts, first = list[Array](), 0
         while first < len(motion):
@@ -80,8 +80,8 @@ class Branch:
         """Return the closing system at poses, with the rows of y last.
 
         Returns:
-            Its least-squares inverse for the coordinates, (n, n_q, m + k); its dimensionless condition
-            number, (n,); residuals of gaps and of y, (n, m + k).
+            Least-squares inverse of the system for the coordinates, (n, n_q, m + k); dimensionless condition number,
+            (n,); residuals of gaps and of y, (n, m + k).
         """
         A, missed = self._matrix(q, y)
         with np.errstate(all="ignore"):
@@ -91,8 +91,8 @@ class Branch:
     def answered(self, motion: GivenMotion, applied: Applied, solve: Solve, clock: Clock) -> Answered:
         """Solve the next samples, with error estimates.
 
-        Estimates follow from the condition of the solved systems. Ill-conditioned samples are solved again, with poses
-        perturbed as by rounding.
+        Estimates follow from the condition of the solved systems. Ill-conditioned samples are solved again with poses
+        perturbed by the size of rounding.
 
         Raises:
             ClosureError: See `follow`.
@@ -120,7 +120,7 @@ class Branch:
             return A * self._sizes / self._units[:, None], missed
 
     def _go(self, motion: GivenMotion, t: float, y: Array, halvings: int = 0) -> None:
-        """Move to a pose, in shorter steps if it is far, along the motion between samples if known."""
+        """Move to a pose, halving the step if necessary; intermediate poses follow the motion's curve if known."""
         if len(self._link(np.array([t]), y[None])):
             return
         if halvings == HALVINGS:
@@ -134,7 +134,7 @@ class Branch:
         self._go(motion, t, y, halvings + 1)
 
     def _link(self, t: Array, y: Array) -> Array:
-        """Follow poses while steps are short and agree with the tangents at both ends."""
+        """Return the leading poses whose steps are short and agree with the tangents at both ends."""
         q, K, good = self._newton(self._q + (self._K @ (y - self._y)[..., None])[..., 0], y)
         K, way = np.concatenate([self._K, K]), np.diff(np.concatenate([self._y[None], y]), axis=0)[..., None]
         step = np.diff(np.concatenate([self._q, q]), axis=0)
@@ -147,7 +147,7 @@ class Branch:
         return q[:count]
 
     def _newton(self, q: Array, y: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Close poses with Newton's method until a step is small; its square is the remaining error.
+        """Close poses with Newton's method until a step is small; the remaining error is about the step squared.
 
         Returns:
             Coordinates, tangents, and flags of regular closed poses. Shapes (n, n_q), (n, n_q, k), (n,).

@@ -1,7 +1,7 @@
 """Closed poses, velocities and accelerations of a given motion, for engines with coordinates of their own.
 
-An engine states the body poses at its coordinates and the constraint residuals there. Joint coordinates that a
-motion prescribes, or that couplings relate, become further unknowns, because body poses do not show their full turns.
+An engine supplies the body poses and the constraint residuals at its coordinates. Joint coordinates that a motion
+prescribes, or that couplings relate, become further unknowns, because body poses do not show their full turns.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Placement:
     Attributes:
         R, p: Poses of the bodies, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
         T: Twist of each body, angular, then of its origin, per rate of x. Shape (n, n_body + 1, 6, n_x).
-        gaps: Residual of each constraint, couplings excluded [m or rad]. Shape (n, m).
+        gaps: Residual of each constraint except couplings [m or rad]. Shape (n, m).
         G: Derivative of the gaps with respect to x. Shape (n, m, n_x).
     """
 
@@ -86,9 +86,10 @@ class ClosedMotion:
         x: Coordinates of the engine. Shape (n, n_x).
         at: Poses and gaps at these coordinates.
         joints: Joint coordinates at these poses.
-        system: Dimensionless closing system: derivative of the gaps, of the links of further unknowns to the poses,
-            of the couplings, and of y, by x and by the s further unknowns. Shape (n, m + s + c + k, n_x + s).
-        units, rows: Units of its columns and rows. Shapes (n_x + s,), (m + s + c + k,).
+        system: Dimensionless closing system: derivatives of the gaps, of the equations that link further unknowns to
+            the poses, of the couplings and of y, with respect to x and the s further unknowns.
+            Shape (n, m + s + c + k, n_x + s).
+        units, rows: Units of the system's columns and rows. Shapes (n_x + s,), (m + s + c + k,).
         tracked: Joint coordinates that are further unknowns.
     """
 
@@ -191,7 +192,7 @@ class ClosedMotion:
             across = np.pad(line, ((0, 0), (0, 0), (0, self.A.shape[1] - m)))
             f, condition = along_line(np.pad(drive, wide), self.A, np.pad(need, wide[1:]), across)
         rest = need - (f[:, None] @ drive)[:, 0]
-        # the force that actuators leave over moves no y, so the rows of y take none of it
+        # the force that actuators do not supply does no work on motions of y, so the rows of y get none of it
         forces = (rest[:, None] @ self.inverse[:, :n_x])[:, 0]
         return Balanced(Q, f, forces[:, :m], forces[:, m + s : -self.task.y.shape[1]], condition)
 
@@ -208,13 +209,13 @@ class Closing:
     """
 
     def __init__(self, mechanism: Mechanism, place: Place, home: Array, units: Array, gap_units: Array) -> None:
-        """Start at home.
+        """Start at the home pose.
 
         Args:
-            home: Coordinates of the engine at home, which nearly close the loops. Shape (n_x,).
+            home: Coordinates of the engine at the home pose, which nearly close the loops. Shape (n_x,).
             units: Unit of each entry of x: 1 for angles and dimensionless entries, a length for lengths.
                 Shape (n_x,).
-            gap_units: Unit of each gap, likewise. Shape (m,).
+            gap_units: Unit of each gap, as for `units`. Shape (m,).
         """
         self.mechanism, self.place, names = mechanism, place, mechanism.coordinates
         wanted = {*mechanism.independent.values(), *(name for one in mechanism.couplings for name in one.named)}
@@ -273,7 +274,7 @@ class Closing:
         return self._close(task, x, at, joints, system)
 
     def shaken(self, closed: ClosedMotion, some: Rows, shake: Array) -> ClosedMotion:
-        """Perturb the unknowns at some samples as by rounding.
+        """Perturb the unknowns at some samples to simulate rounding.
 
         Args:
             some: Indices of the samples.

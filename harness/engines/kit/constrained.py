@@ -1,4 +1,4 @@
-"""Inverse dynamics for engines that state constraints in their own coordinates, such as absolute body coordinates."""
+"""Inverse dynamics for engines with constraints in their own coordinates, such as absolute body coordinates."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from screwgauge.solution import Clock, Solution
 
 
 class Constrained(Protocol):
-    """An engine's statement of a mechanism in its coordinates x; couplings and forces along joints are handled here.
+    """An engine's equations of a mechanism in coordinates x; this module adds couplings and forces along joints.
 
     Attributes:
         mechanism: Description of the mechanism.
-        home, units: x at home, which nearly closes the loops, and the unit of each entry: 1 for angles and
-            dimensionless entries, a length for lengths. Shape (n_x,).
-        gap_units: Unit of each gap, likewise. Shape (m,).
+        home: x at the home pose, which nearly closes the loops. Shape (n_x,).
+        units: Unit of each entry of x: 1 for angles and dimensionless entries, a length for lengths. Shape (n_x,).
+        gap_units: Unit of each gap, as for `units`. Shape (m,).
         rows: Indices of the gaps of each joint, in the order of the description. Other gaps belong to no joint.
     """
 
@@ -57,7 +57,7 @@ class Constrained(Protocol):
 
     @abstractmethod
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Return the second derivatives of the gaps, and body accelerations, at constant rates.
+        """Return the second derivatives of the gaps and the body accelerations, both at constant rates.
 
         Args:
             x, xd: Shape (n, n_x).
@@ -85,11 +85,11 @@ def solve_constrained(
     """Solve a given motion for all quantities except those of an open tree.
 
     Args:
-        labels: Engine, its version, and method and settings in words.
+        labels: Name and version of the engine, and a description of its method and settings.
 
     Raises:
         ClosureError: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
-        ValueError: The engine contradicts itself, see `check_statement`.
+        ValueError: The engine's equations are inconsistent, see `check_statement`.
     """
     clock = Clock()
     check_statement(engine, problem)
@@ -156,7 +156,7 @@ class _PartSolver:
     def _accelerate(
         self, closed: ClosedMotion, dynamics: tuple[Array, Array] | None, conditions: dict[str, Array]
     ) -> Accelerated:
-        """Compute second derivatives; forces determine those of undriven coordinates.
+        """Compute second derivatives; forces determine the accelerations of undriven coordinates.
 
         Args:
             dynamics: See `Constrained.dynamics`; needed for undriven coordinates.
@@ -181,7 +181,7 @@ class _PartSolver:
         return np.asarray((along[:, None] @ closed.J)[:, 0])
 
     def _rates(self, closed: ClosedMotion) -> tuple[Array, Array]:
-        """Return the rates per rate of each actuator, with their condition number."""
+        """Return body and point rates per rate of each actuator, and the condition number of the actuator rates."""
         mechanism = self.engine.mechanism
         B = closed.J[:, mechanism.actuated_columns] @ closed.K
         twists, points = closed.at.T @ closed.K[:, None], self.problem.points
@@ -190,7 +190,7 @@ class _PartSolver:
     def _forces(
         self, closed: ClosedMotion, moved: Accelerated, need: Array, conditions: dict[str, Array]
     ) -> dict[str, Array]:
-        """Return the forces, with condition numbers of their systems.
+        """Return the forces and add the condition numbers of the solved systems to `conditions`.
 
         Args:
             need: Total force of constraints, actuators and joints. Shape (n, n_x).

@@ -1,4 +1,4 @@
-"""Conversion between joint coordinates with their rates, and poses and motions of bodies."""
+"""Conversion between joint coordinates and rates and the poses and motions of bodies."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class JointReading:
 
     @cached_property
     def _screws(self) -> list[tuple[slice, int, int, Array, Array]]:
-        """Per joint: columns, parent, child, unit screws of its freedoms and dual wrenches, at O."""
+        """Each joint's columns, parent, child, unit screws of its degrees of freedom and dual wrenches, about O."""
         found, index = list[tuple[slice, int, int, Array, Array]](), self.mechanism.body_index
         for joint, columns in _columns(self.mechanism):
             frames = joint_frames(self.mechanism, joint, self.R, self.p)
@@ -95,7 +95,7 @@ class JointReading:
 
     @cached_property
     def matrix(self) -> Array:
-        """Rates of the coordinates per body twist, angular, then of the origin. (n, n_q, n_body + 1, 6)."""
+        """Rates of the coordinates per unit of body twist: angular, then of the origin. (n, n_q, n_body + 1, 6)."""
         out = np.zeros((*self.q.shape, self.p.shape[1], 6))
         for columns, parent, child, _, duals in self._screws:
             for body, sign in ((child, 1.0), (parent, -1.0)):
@@ -106,20 +106,20 @@ class JointReading:
 
     @cached_property
     def condition(self) -> Array:
-        """Worst condition of a joint's angle rates, 1 at best, see `angle_condition`. Shape (n,)."""
+        """Largest condition number of any joint's angle rates, 1 at best, see `angle_condition`. Shape (n,)."""
         worst = np.ones(len(self.q))
         for joint, columns in _columns(self.mechanism):
             worst = np.maximum(worst, angle_condition(self.q[:, columns][:, np.array(KINDS[joint.kind])]))
         return worst
 
     def rates(self, V: Array) -> Array:
-        """Return the coordinate rates at body twists. Shape (n, n_body + 1, 6) -> (n, n_q)."""
+        """Return the coordinate rates for given body twists. Shape (n, n_body + 1, 6) -> (n, n_q)."""
         at_origin = _at_origin(V, cross(self.p, V[..., :3]))
         parts = [powers(W, (at_origin[:, j] - at_origin[:, i])[:, None])[..., 0] for _, i, j, _, W in self._screws]
         return np.concatenate(parts, axis=1)
 
     def accelerations(self, V: Array, A: Array) -> Array:
-        """Return the second derivatives of the coordinates at body twists and accelerations.
+        """Return the second derivatives of the coordinates for given body twists and accelerations.
 
         Args:
             V, A: Twists and accelerations, angular, then of the origin of each body. Shape (n, n_body + 1, 6).
@@ -154,8 +154,8 @@ def read_joints(mechanism: Mechanism, R: Array, p: Array, near: Array | None = N
 
     Args:
         R, p: Orientations and origins, ground first. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        near: Values nearest to which equivalent angles are chosen; NaN if unknown: such angles
-            are within half a turn. Shape (n, n_q).
+        near: Values to which the equivalent angles chosen are nearest. Where a value is NaN, the angle is within half
+            a turn. Shape (n, n_q).
     """
     parts = list[Array]()
     for joint, columns in _columns(mechanism):
@@ -183,7 +183,7 @@ def follow_joints(mechanism: Mechanism, R: Array, p: Array, near: Array, before:
     Args:
         R, p: Body poses at successive samples, see `read_joints`.
         near: As in `read_joints`; values of independent coordinates must be known.
-        before: Joint coordinates at the sample before the first, by default home. Shape (n_q,).
+        before: Joint coordinates at the sample before the first, by default the home pose. Shape (n_q,).
     """
     read = read_joints(mechanism, R, p, near)
     known: Flags = np.asarray(np.isfinite(near).all(axis=0))
@@ -217,7 +217,7 @@ def shifted(V: Array, A: Array, arms: Array) -> Array:
 
 
 def angle_condition(angles: Array) -> Array:
-    """Return the condition of angle rates about a joint's axes, 1 at best and for up to two axes. (n, m) -> (n,)."""
+    """Return the condition number of a joint's angle rates; it is 1 for up to two axes. (n, m) -> (n,)."""
     if angles.shape[1] < 3:
         return np.ones(len(angles))
     return np.asarray(np.sqrt((1.0 + 2.0 / np.cos(angles[:, 1]) ** 2) / 3.0))
@@ -228,8 +228,8 @@ def counted_turns(begin: Array, angles: Array, given: bool) -> Array:
 
     Args:
         begin: As in `follow`.
-        given: Whether some angles are independent and thus select the triple. Otherwise joints keep the triple
-            that is read, like poses in closed form, which have no path.
+        given: Whether some angles are independent and thus select the triple of angles. If not, joints keep the triple
+            that was read, as for poses in closed form, which have no path.
     """
     if given:
         return follow(begin, angles, angle_condition(angles) < SURE)

@@ -17,10 +17,10 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
     Args:
         B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
         Q: Generalised forces. Shape (n, k).
-        idle: Coordinates that no actuator drives: along them the equations already hold.
+        idle: Coordinates that no actuator drives and whose equations already hold.
 
     Returns:
-        Shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
+        Actuator forces, shape (n, n_actuator), and the condition number of B without its idle columns, (n,).
     """
     given = given_columns(B.shape[2], idle)
     back, condition = linear.inverted(B[..., given])
@@ -30,7 +30,8 @@ def min_norm(B: Array, Q: Array, idle: Sequence[int] = ()) -> tuple[Array, Array
 def idle_accelerations(B: Array, M: Array, Q: Array, idle: Sequence[int]) -> tuple[Array, Array]:
     """Solve for accelerations x of undriven coordinates such that actuators can supply the remaining forces.
 
-    ``N^T (Q + M x) = 0``: N, the motions of y in which no actuator moves, eliminates the actuator forces.
+    Solves ``N^T (Q + M x) = 0``. The columns of N are motions of y in which no actuator moves, which eliminates the
+    actuator forces.
 
     Args:
         B: Actuator rates per rate of y. Shape (n, n_actuator, k).

@@ -17,13 +17,13 @@ def per_actuator(
 ) -> tuple[Array, Array]:
     """Return the quantity `jacobian`, and the condition number of the actuator rates.
 
-    Undriven coordinates are at rest. With more actuators than freedoms the pseudo-inverse is used: its
-    transpose gives minimum-norm forces.
+    Undriven coordinates are at rest. If there are more actuators than degrees of freedom, the pseudo-inverse is used;
+    its transpose gives minimum-norm forces.
 
     Args:
         twists: Body twists, ground first, angular, then of their origins, per rate of y. Shape (n, n_body + 1, 6, k).
         R: Orientations of the bodies. Shape (n, n_body + 1, 3, 3).
-        points: Points whose velocities follow those of the bodies.
+        points: Points whose velocities follow the body twists in the result.
         index: Body -> its index, 0 for ground.
         B: Rates of the actuators per rate of y. Shape (n, n_actuator, k).
         idle: Indices of the coordinates that no actuator drives.

@@ -17,10 +17,10 @@ Rows = Sequence[int]
 
 
 def unit_wrenches(mechanism: Mechanism, joint: Joint, at: Placement, rows: Rows) -> Array:
-    """Return a joint's wrench on its child per multiplier of its gaps: force, moment about the joint's point there.
+    """Return a joint's wrench on its child per unit multiplier: force, then moment about the joint's child-side point.
 
     Args:
-        rows: Gaps of the joint. Coordinates of a body that they depend on move no other body.
+        rows: Gaps of the joint. Each body coordinate on which these gaps depend must move only its own body.
 
     Returns:
         Wrenches in world axes. Shape (n, 6, m_joint).
@@ -59,7 +59,7 @@ def axial_line(mechanism: Mechanism, at: Placement, rows: Sequence[Rows]) -> Arr
         Components in two directions. Shape (n, 2, m).
 
     Raises:
-        ModelFileError: The mechanism names no such joint.
+        ModelFileError: The description lacks the table ``[spherical_axial]``, which names the joint.
     """
     if mechanism.axial is None:
         raise ModelFileError("has no [spherical_axial]", "rule spherical_axial", "add it to the description")

@@ -1,6 +1,7 @@
-"""Checks of an engine's statement of a mechanism: array shapes, and derivatives against finite differences.
+"""Checks of the arrays that an engine supplies: shapes, and derivatives against finite differences.
 
-Checked once, at home. Errors would otherwise surface as loops that do not close, far from their cause.
+Arrays are checked once, at the home pose. Without the check, errors would surface as loops that do not close, far from
+their cause.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ if TYPE_CHECKING:
 #: Step of finite differences, in units of x.
 STEP = 1e-5
 #: Allowed error of a derivative relative to the largest rate, and lower bound of the largest rate:
-#: differences are accurate to nine digits, mistakes leave none.
+#: finite differences agree to nine digits with a correct derivative, and to none with a wrong one.
 OFF, LEAST = 1e-4, 1e-4
 
 
 def check_statement(engine: Constrained, problem: Problem) -> None:
-    """Reject statements of an engine that contradict each other at home, as far as a problem needs them.
+    """Reject an engine whose arrays are inconsistent at the home pose; checks only arrays that the problem needs.
 
     Raises:
-        ValueError: An array has the wrong shape, is not finite, or is not the derivative of another: not an error
-            with which an engine rejects mechanisms: the engine is wrong.
+        ValueError: An array has the wrong shape, is not finite, or is not the derivative that it must be. The type
+            differs from the errors with which engines reject mechanisms, because the engine itself is wrong.
     """
     x, n_x, m = np.asarray(engine.home), np.size(engine.home), np.size(engine.gap_units)
     _check_arrays("", {"home": (x, (n_x,)), "units": (engine.units, (n_x,)), "gap_units": (engine.gap_units, (m,))})
@@ -53,7 +54,7 @@ def check_statement(engine: Constrained, problem: Problem) -> None:
 
 
 def _pair(found: object, method: str, names: str) -> tuple[Array, Array]:
-    """Return the two arrays of a method; reject anything else."""
+    """Return the two arrays that a method returned; reject anything else."""
     if not isinstance(found, tuple) or len(found) != 2:
         raise ValueError(f"{method}: it has to return two arrays, {names}")
     return found
@@ -76,7 +77,7 @@ def _check_rows(rows: Sequence[Sequence[int]], mechanism: Mechanism, m: int) -> 
 
 
 def _direction(engine: Constrained, at: Placement) -> Array:
-    """Return rates of x that violate no joint's gaps, which relate redundant coordinates."""
+    """Return rates of x that satisfy the gaps belonging to no joint, which relate redundant coordinates."""
     units = np.asarray(engine.units, dtype=float)
     v = units * np.cos(1.0 + 2.4 * np.arange(len(units)))
     own = [row for row in range(at.G.shape[1]) if row not in {row for some in engine.rows for row in some}]
@@ -120,7 +121,7 @@ def _check_dynamics(engine: Constrained, x: Array, v: Array, applied: Applied) -
 
 
 def _gap_names(engine: Constrained) -> list[str]:
-    """Return the owner of each gap by name."""
+    """Return a phrase for each gap that names its joint, if any."""
     names = [f"gap {row}, which is of no joint" for row in range(np.size(engine.gap_units))]
     for joint, rows in zip(engine.mechanism.joints, engine.rows, strict=True):
         for row in rows:
@@ -131,7 +132,7 @@ def _gap_names(engine: Constrained) -> list[str]:
 def _check_same(
     method: str, found: Array, right: Array, what: str, names: Sequence[str], of: str = "body '{}'"
 ) -> None:
-    """Reject values, one row per name, that differ from the expected ones."""
+    """Reject values that differ from the expected ones; both have one row per name."""
     away = np.abs(found - right).reshape(len(names), -1).max(axis=1, initial=0.0)
     size, most = max(np.abs(some).max(initial=LEAST) for some in (found, right)), away.max(initial=0.0)
     if most > OFF * size:

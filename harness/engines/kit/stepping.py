@@ -1,4 +1,4 @@
-"""Simulation with an engine's own fixed-step integrator, for engines that state constraints."""
+"""Simulation with an engine's own fixed-step integrator, for engines with constraints in their own coordinates."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class Stepped(Constrained, Protocol):
 def solve_stepwise(
     labels: tuple[str, str, str], engine: Stepped, problem: Problem, dt: float, progress: Progress = quiet
 ) -> Solution:
-    """Integrate from a closed start, with steps that meet all requested times.
+    """Integrate from a closed initial pose, with steps that end at all requested times.
 
     Args:
-        labels: Engine, its version, and method and settings in words.
+        labels: Name and version of the engine, and a description of its method and settings.
         dt: Largest step [s].
 
     Raises:
@@ -74,7 +74,7 @@ def solve_stepwise(
 
 
 def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
-    """Reject couplings and forces along joints, which an engine's equations lack.
+    """Reject couplings and forces along joints, which the engine's equations lack.
 
     Raises:
         ModelFileError: The problem has couplings or forces along joints.
@@ -94,7 +94,7 @@ def check_bodies_alone(problem: Problem, engine: Constrained) -> None:
 
 
 def _read_joints(engine: Constrained, problem: Problem, x: Array, xd: Array, before: Array) -> JointMotion:
-    """Read joint coordinates and the engine's accelerations from states."""
+    """Read joint coordinates from states, and compute their accelerations from the engine's equations."""
     at, n = engine.place(x), x.shape[1]
     unknown = np.full((len(x), len(before)), np.nan)
     joints = follow_joints(engine.mechanism, at.R, at.p, unknown, before)
