@@ -37,16 +37,16 @@ def run(
     """Compare engines on a scene: each reads its own model file; all pairs are compared, and each answer is judged.
 
     Args:
-        engines: Names, with a number type as in ``screw@float32``; those of the scene by default.
-        quantities: Names; those of the scene by default. Nothing else is computed.
-        progress: Called as work goes on, with the name of a step and its completed share, 0 to 1.
+        engines: Names of engines, optionally with a number type as in ``screw@float32``; by default those of the scene.
+        quantities: Names of the only quantities to compute; by default those of the scene.
+        progress: Called during the work with the name of a step and its completed share, 0 to 1.
         warn: Called with a warning before a step that may take long or fail.
-        limits: Limits of each engine in its own process, as on the command line: an engine that crashes or hangs is
-            a row, too. By default engines run in this process, which is faster for small scenes than starting others,
-            and visible to a debugger; engines of other packages never run in it.
+        limits: Run each engine in its own process under these limits, as the command line does; an engine that crashes
+            or hangs then becomes a row, too. By default engines run in this process, which is faster for small scenes
+            and can be debugged, except engines of other packages.
 
     Raises:
-        ScrewgaugeError: Bad input. An engine that fails is a row of the results, not an error.
+        ScrewgaugeError: The input is invalid. An engine that fails becomes a row of the results, not an error.
     """
     from screwgauge.report.results import Results
     from screwgauge.study.run import run as compared
@@ -69,18 +69,18 @@ def check(
     """Compare engines on scenes, or compare pairs of model files, against tolerances.
 
     Args:
-        what: Built-in scenes, files or folders of TOML, at least one; two model files form a pair.
+        what: Built-in scenes, TOML files, or folders with TOML files, at least one; two model files form a pair.
         smoke: Use a few samples of an exciting motion instead of the scene's own motion.
         tolerances: Quantity -> admitted scaled error, or a TOML file with them; tolerances in a scene take precedence.
         baseline: File of a known state, whose errors must not have grown.
-        jobs: Number of parallel processes, if there are limits.
-        limits: Limits of each scene in its own process; by default all scenes are checked in this process, except by
-            engines of other packages.
+        jobs: Number of parallel processes; takes effect only with `limits`.
+        limits: Check each scene in its own process under these limits; by default all scenes are checked in this
+            process, except by engines of other packages.
         meshes: Let MuJoCo compute mass and inertia of the bodies of MJCFs from meshes in their folders.
         progress: Called during the work with the current step and the completed share of all work.
 
     Raises:
-        ScrewgaugeError: Bad input. A fault of a single scene is a row, not an error.
+        ScrewgaugeError: The input is invalid. A fault of a single scene becomes a row, not an error.
     """
     from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages.check import check_with
@@ -106,28 +106,29 @@ def diagnose(
 ) -> DiagnosisReport:
     """Compare two models of a machine, explain their differences, and prove the explanation.
 
-    Both are compared as machines: links, joints and loops, however a file cuts them. Joints are paired by name, else by
-    geometry. If B as a whole is displaced, rotated, mirrored or in other units, that is one cause. Each cause has
-    its share of the torque difference at random states: the torques of A with the values of B. As a proof, B's file is
-    corrected and read again.
+    Links, joints and loops are compared regardless of where a file cuts the loops. Joints are paired by name, or else
+    by geometry. If B as a whole is displaced, rotated, mirrored or in different units, that counts as one cause. Each
+    cause has its share of the torque difference at random states: the torques of A with the values of B. As a proof,
+    B's file is corrected and read again.
 
     Args:
-        a, b: URDF, MJCF, SDF, USD or description (name or path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
-            ``yourdfpy`` reads it.
-        map: Joints and bodies of A -> those of B, where names and geometry do not decide; or a TOML file with them.
+        a, b: URDF, MJCF, SDF, USD or description (name or path), or ``FILE@LIBRARY`` to let ``pinocchio``, ``mujoco``
+            or ``yourdfpy`` read the file.
+        map: Joints and bodies of A -> their partners in B, where names and geometry do not decide; or a TOML file with
+            this table.
         seed: Seed of the random states.
         loops: File with the loop closures of URDFs, ``robot.yaml`` or ``.loops.toml``, if it is not beside the URDF:
-            one file for both, or one for each side (None for the file beside the URDF).
+            one file for both models, or one for each (None for the file beside the URDF).
         limit: Time after which no further step begins, 3600 by default [s]; `left_out` names the omitted steps.
-        load: Function that reads a file; by default in this process, which a crashing library takes down with it.
+        load: Function that reads a file; by default files are read in this process, which ends if a library crashes.
         only: ``rigid`` compares only geometry, masses and inertias; by default everything is compared.
 
     Returns:
-        The diagnosis, true if the two are the same. `verdict` is a sentence or two, `differences` and `causes` have a
-        `sentence` each, and `write_fix` writes a corrected B.
+        The diagnosis, which is true if the two models are the same. `verdict` is a sentence or two, `differences` and
+        `causes` have a `sentence` each, and `write_fix` writes a corrected B.
 
     Raises:
-        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
+        ScrewgaugeError: A model file or the map cannot be read, or the loops of neither model close.
     """
     from screwgauge.diagnosis.diagnose import diagnose as compared
     from screwgauge.diagnosis.model import read_here
@@ -151,10 +152,10 @@ def import_model(
         model: A ``pinocchio.Model``.
         constraints: Constraint models of points (3D) or frames (6D) that coincide.
         q: A configuration near which the loops close; by default the neutral one. Shape (nq,).
-        independent, actuated: Joints; by default chosen as for a model file.
+        independent, actuated: Names of joints; by default chosen as for a model file.
 
     Raises:
-        ScrewgaugeError: The model is not a Pinocchio model, loops do not close, or a choice does not fit.
+        ScrewgaugeError: `model` is not a Pinocchio model, its loops do not close, or a chosen joint does not fit.
     """
     from screwgauge.models.importing.model import Options
     from screwgauge.scene.default import write_model
@@ -168,19 +169,19 @@ def import_model(
 def review(
     numbers: str | Path | Recorded, scene: Scene | str | Path, quantities: Iterable[str] | None = None
 ) -> ReviewReport:
-    """Find the faults of a table of numbers, column by column, and prove them by correcting the table.
+    """Find the faults in a table of numbers, column by column, and prove them by correcting the table.
 
     Args:
         numbers: A CSV or Parquet file, or arrays.
-        scene: The scene that the numbers describe; its times may differ from those of the table.
+        scene: The scene that the numbers describe; its times may differ from the times in the table.
         quantities: Names of the quantities to review; all by default.
 
     Returns:
-        The review, true if all columns agree to their printed digits. `verdict` is a sentence or two, `columns`
-        have `faults` each.
+        The review, which is true if all columns agree to their printed digits. `verdict` is a sentence or two, and each
+        of the `columns` has `faults`.
 
     Raises:
-        ScrewgaugeError: Bad input.
+        ScrewgaugeError: The table, the scene or a quantity is invalid.
     """
     from screwgauge.report.blocks import as_kind
     from screwgauge.report.reviewed import ReviewReport
@@ -222,20 +223,20 @@ def compile(
     """Compile a fast function for the inverse dynamics of a scene.
 
     Args:
-        quantities: Names; those of the scene by default. Nothing else is computed.
+        quantities: Names of the only quantities to compute; by default those of the scene.
         backend: ``llvm`` (extra ``fast``) or ``numpy``.
-        threads: Number of parallel threads; one with parameters.
-        parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become further inputs.
+        threads: Number of parallel threads; must be 1 if `parameters` are given.
+        parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become additional inputs.
 
     Returns:
-        With parameters a function ``variants(y, yd, ydd, parameters={name: values})`` of shape (V, n, k), see
-        `screwgauge.engines.screw.variants.Variants`. Else a function ``solver(y, yd, ydd, out=None)`` of plain float64
-        arrays of shape (n, k). ``out`` is made by ``solver.buffers(n)``, or by ``solver.buffers(n, {quantity: array})``
-        of arrays of your own, and filled again and again. Rows that cannot be solved, or whose values are not finite,
-        raise an error.
+        With parameters, a function ``variants(y, yd, ydd, parameters={name: values})`` of arrays of shape (V, n, k),
+        see `screwgauge.engines.screw.variants.Variants`. Without, a function ``solver(y, yd, ydd, out=None)`` of plain
+        float64 arrays of shape (n, k); ``solver.buffers(n)`` or, with arrays of your own, ``solver.buffers(n,
+        {quantity: array})`` makes an ``out`` that each call fills again. Rows that cannot be solved, or whose values
+        are not finite, raise an error.
 
     Raises:
-        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+        ScrewgaugeError: The input is invalid, or the motion cannot be followed.
     """
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.quantities import OF_MOTION, check_quantities

@@ -74,15 +74,15 @@ def _command(arguments: Sequence[str] | None) -> int:
             return 2
         options = _parse(given)
     finally:
-        say("", end="")  # a command that cannot print is not begun
+        say("", end="")  # fail before any work if standard output cannot be written
     fix_threads()
     save_time()
-    os.environ["MUJOCO_GL"] = "disable"  # no rendering, for which MuJoCo would load libGL
+    os.environ["MUJOCO_GL"] = "disable"  # no rendering: MuJoCo would load libGL for it
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report shows what is not a number
+        warnings.simplefilter("ignore", RuntimeWarning)  # raised by numpy; the report shows non-finite values
         try:
             return int(options.command(options))
-        except SystemExit as error:  # raised by a library; it would pass for that of the command
+        except SystemExit as error:  # raised by a library; its status would pass for the command's
             raise RuntimeError(f"a library ended the program, status {error.code}") from error
 
 
@@ -125,19 +125,19 @@ def _path(text: str) -> Path:
 
 
 def _sides(text: str) -> str | list[str]:
-    """Parse ``FILE``, or ``A,B``, of which one may be empty."""
+    """Parse ``FILE``, or ``A,B``, where either may be empty."""
     return text.split(",") if "," in text and not Path(text).exists() else _nonempty(text)
 
 
 class _Parser(argparse.ArgumentParser):
-    """Parser that reports errors in one line, whatever the input."""
+    """Parser that reports every error in one line."""
 
     def error(self, message: str) -> NoReturn:
         super().error(log_text(" ".join(message.split())))
 
 
 class _Version(argparse.Action):
-    """Action that prints the version, which is looked up only on request."""
+    """Action that prints the version, which is only looked up on request."""
 
     def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
         from screwgauge import __version__

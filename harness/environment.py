@@ -1,4 +1,6 @@
-"""Record of the environment of a run: machine, versions, threads. No path, user or host name; no engine is imported."""
+"""Record of the environment of a run: machine, versions, threads. It omits paths, user and host names, and imports no
+engine.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,7 @@ def environment() -> dict[str, Any]:
 
 
 def plain(value: Any, text: Callable[[str], str] = str) -> Any:
-    """Convert a value to JSON types; non-finite numbers become null, and texts are passed through `text`."""
+    """Convert a value to JSON types; non-finite numbers become null, and strings are passed through `text`."""
     if isinstance(value, Mapping):
         return {str(key): plain(item, text) for key, item in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -51,9 +53,9 @@ def plain(value: Any, text: Callable[[str], str] = str) -> Any:
 
 
 def json_text(value: Any, *, escaped: bool = False) -> str:
-    """Format indented JSON that every reader accepts; `escaped`: in ASCII, for any stream or log."""
+    """Format indented JSON that every parser accepts; if `escaped`, in ASCII for any stream or log."""
     text = json.dumps(plain(value), indent=2, ensure_ascii=escaped, allow_nan=False) + "\n"
-    return text.replace("##", "#\\u0023") if escaped else text  # two are a command to a CI service
+    return text.replace("##", "#\\u0023") if escaped else text  # CI services read ## as a command
 
 
 @cache
@@ -88,7 +90,9 @@ def _blas() -> str:
 
 @cache
 def _commit() -> str | None:
-    """Return the commit of the checkout that this package runs from, marked if its code was changed; None elsewhere."""
+    """Return the commit of the checkout that this package runs from, marked if its code was changed; None outside a
+    checkout.
+    """
     root = Path(__file__).resolve().parents[1]
     if not (root / ".git").exists() or not (root / "pyproject.toml").is_file():
         return None
@@ -97,7 +101,7 @@ def _commit() -> str | None:
         command = ["git", "-C", str(root), *words]
         return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
 
-    try:  # reports are not code: a rewritten report does not change the commit
+    try:  # reports are excluded: a rewritten report does not make the code dirty
         return git("rev-parse", "HEAD") + "-dirty" * bool(git("status", "--porcelain", "--", *CODE))
-    except (OSError, subprocess.SubprocessError):  # no git, or not a checkout that it trusts
+    except (OSError, subprocess.SubprocessError):  # git is missing, or does not trust the checkout
         return None

@@ -4,65 +4,68 @@
 below stay within a major version; modules behind them may move in any version.
 
 Conventions. SI units; angles in rad. Arrays run over samples first. Bodies are those of the description in its order,
-ground before them at 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3). World axes
-unless said otherwise. Wrenches (..., 6) are force, then moment about a named point; twists (..., 6), and
-accelerations of bodies, are angular, then of the body's origin, as in `OpenTree`. `Array` is the type of all of
-these.
+ground before them at 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3). Vectors are in
+world axes unless stated otherwise. Wrenches (..., 6) are force, then moment about a named point. Twists and
+accelerations of bodies (..., 6) consist of an angular part, then the velocity or acceleration of the body's origin, as
+in `OpenTree`. `Array` is the type of all these arrays.
 
-**Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package.
-That function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress`
-takes the share of the work that is done, 0 to 1; `quiet` shows nothing. An engine that can compute in float32 lists
-it, ``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` where a user names it
-``NAME@float32``; its answers are arrays of float64 in any case.
+**Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package. That
+function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress` takes
+the share of the work that is done, 0 to 1; `quiet` ignores it. An engine that can compute in float32 lists it,
+``precisions=("float64", "float32")``, and its function takes ``precision="float32"`` if a user requests
+``NAME@float32``; its answers are always arrays of float64.
 
-**Question.** A `Problem` has a task, the acting forces, names of wanted quantities, the rule for redundant actuators
-and each named `Point`. Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an `Integration`)
-and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` where none is given), each `Load`,
-springs (`JointSpring`, `PointSpring`) and each `Motor`. A `Load` may follow a `Course` or `Samples` over time, see
-its `at`, and turn with its body (`axes`). `GIVEN` names the default quantities of a given motion, `OF_MOTION` all
-that are available.
+**Question.** A `Problem` has a task, the acting forces, the names of the wanted quantities, the rule for redundant
+actuators, and named points (`Point`). Tasks are `GivenMotion` (inverse dynamics), `InitialValue` (simulation, by an
+`Integration`) and `States` (given states of an open tree). `Applied` holds gravity (`GRAVITY` by default), loads
+(`Load`), springs (`JointSpring`, `PointSpring`) and motors (`Motor`). A `Load` may vary over time by a `Course` or
+`Samples`, see its `at`, and may turn with its body (`axes`). `GIVEN` names the default quantities of a given motion,
+`OF_MOTION` all available ones.
 
 **Description.** `load_mechanism` reads a `Mechanism` of `Body`, `Joint` (with a `Frame` on each side) and couplings
-(`Coupling`, a `PolynomialSum`; `Fixing` holds a fixed joint). `GROUND` is the name of the ground. `resistances` lists
-rotors, dampers and dry friction as `Resistance`.
+(`Coupling`, a `PolynomialSum`; `Fixing` constrains a fixed joint). `GROUND` is the name of the ground. `resistances`
+lists rotors, dampers and dry friction as `Resistance`.
 
-**Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` gives components and
-units of each quantity in order; `Names` is their type. `stages` returns the last stage of the computation that wanted
-quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
+**Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` returns the ordered
+components and units of each quantity, of type `Names`. `stages` returns the last stage of the computation that the
+wanted quantities require: ``q``, ``v``, ``a`` or ``f``. A `Clock` measures the time of each stage. `answer` builds the
 solution from a function that solves each part of a motion (`Answered`).
 
-**Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of home;
+**Bodies and joints.** `body_poses` computes the poses of bodies from joint coordinates, such as those of the home pose;
 `absolute_poses` computes them from positions and quaternions. `read_joints` reads joint coordinates from poses,
-`follow_joints` counts turns along a motion; a `JointReading` has their rates and accelerations from twists and
-accelerations of bodies. `com_accelerations` and `shifted` move accelerations to other points. `length` is the
-characteristic length of a mechanism, which makes lengths dimensionless.
+`follow_joints` counts turns along a motion; a `JointReading` computes joint rates and accelerations from twists and
+accelerations of bodies. `com_accelerations` and `shifted` convert accelerations to different reference points. `length`
+is the characteristic length of a mechanism, which makes lengths dimensionless.
 
-**What acts.** `acting` gives loads, springs, motors, dampers and friction as wrenches on bodies and forces along
-joint coordinates, `along_joints` only the latter; `load_point` is the point at which a load acts; `resistance` is the
-quantity of that name. `required_wrenches` computes the wrench that a motion requires on each body (Newton, Euler)
-from its `Matter`, which `matter_of` reads from a description; `summed_inwards` adds them up along a tree.
+**What acts.** `acting` returns loads, springs, motors, dampers and friction as wrenches on bodies and forces along
+joint coordinates, and `along_joints` returns only the forces along joint coordinates; `load_point` is the point at
+which a load acts; `resistance` is the quantity of that name. `required_wrenches` computes the wrench that a motion
+requires on each body (Newton-Euler equations) from its `Matter`, which `matter_of` reads from a description;
+`summed_inwards` adds them up along a tree.
 
 **Closed loops.** An engine that formulates bodies and constraints in its own coordinates is a `Constrained`:
-`solve_constrained` solves a problem with it, for all quantities except those of an open tree, and estimates their
-errors; one with an integrator is a `Stepped`, for `solve_stepwise`. `temporary` changes settings of a library within
-a context. Its parts: `Closing` follows a motion from the assembly of home by the `Placement` of coordinates; a
-`ClosedMotion` has rates, accelerations (`Accelerated`) and forces (`Balanced`); `min_norm` and `along_line` are the
-rules of redundant actuators, `axial_line` the line of the second; `idle_accelerations` are those of coordinates that
-no actuator drives, which a `GivenMotion` names; `unit_wrenches` and `joint_wrenches` are the wrenches that joints
-exert, from their multipliers; `reactions` returns components of wrenches at joints; `motion_values`, `force_values`
-and `inertia_values` return the quantities, `per_actuator` computes `jacobian`. An engine whose unknowns are all joint
-coordinates follows the `Branch` of poses that begins at home, which estimates its errors; `worst_of` merges condition
-numbers of quantities by their maximum (`ACCELERATED` names the quantities that depend on accelerations).
+`solve_constrained` solves a problem with it, for all quantities except tree forces, and estimates their errors; an
+engine that also has an integrator is a `Stepped`, which `solve_stepwise` uses. `temporary` changes settings of a
+library within a context. `solve_constrained` consists of these parts: `Closing` follows a motion from the assembly mode
+of the home pose by the `Placement` of coordinates; a `ClosedMotion` has rates, accelerations (`Accelerated`) and forces
+(`Balanced`); `min_norm` and `along_line` are the rules for redundant actuators, `axial_line` returns the line for
+`along_line`; `idle_accelerations` computes the accelerations of the `idle` coordinates of a `GivenMotion`, which no
+actuator drives; `unit_wrenches` and `joint_wrenches` are the wrenches that joints exert, from their multipliers;
+`reactions` returns components of wrenches at joints; `motion_values`, `force_values` and `inertia_values` return the
+quantities, and `per_actuator` computes the `jacobian`. An engine whose unknowns are all joint coordinates follows the
+`Branch` of poses that begins at the home pose and estimates its errors; `worst_of` merges condition numbers of
+quantities by their maximum (`ACCELERATED` names the quantities that depend on accelerations).
 
-**Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks what
-the engine needs, or has what it does not support), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do
-not close), `SingularPoseError`. `check_fits` rejects a problem that does not belong to a description.
+**Errors.** Raise a `ScrewgaugeError` that says what is wrong, where, and what to do: `ModelFileError` (the model lacks
+content that the engine needs, or contains something that the engine does not support), `DescriptionError`,
+`UnknownNameError`, `ClosureError` (loops do not close), `SingularPoseError`. `check_fits` rejects a problem that does
+not belong to a description.
 
-**Open trees.** An engine whose library has a tree and no loops implements `OpenTree` (and `Mover`, `TreeDynamics` for
-simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` of tree and `loops_file` (a
-`LoopsFile`). `tree_urdf` reads a URDF whose fixed joints become hinges that couplings hold. A port of MuJoCo may
-derive its tree from `MujocoTree`, which reads an MJCF with its closures and couplings; its `open_model` is the file
-without equality constraints.
+**Open trees.** An engine whose library supports trees but no loops implements `OpenTree` (and `Mover`, `TreeDynamics`
+for simulations), and `BodyPoses`. `close_tree` closes its loops, given the tree and its `loops_file` (a
+`LoopsFile`), and a `TreeModel` solves the result. `tree_urdf` reads a URDF whose fixed joints become hinges that
+couplings lock. A port of MuJoCo may derive its tree from `MujocoTree`, which reads an MJCF with its closures and
+couplings; its `open_model` returns the model without equality constraints.
 
 **Tracer.** `Trace` records arithmetic on `Node` numbers; `program` compiles it to a `Program`, which `Lanes` runs
 over samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names

@@ -1,4 +1,4 @@
-"""Problems for engines: applied forces on a mechanism, task, redundancy rule, and requested quantities."""
+"""Problems for engines: a task, applied forces on a mechanism, a redundancy rule, and requested quantities."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ def spread(n: int, most: int) -> Rows:
 
 
 def given_columns(k: int, idle: Collection[int]) -> list[int]:
-    """Return the indices, out of k, of the independent coordinates with given motion, which are not idle."""
+    """Return the indices, out of k, of the independent coordinates that are not idle and thus have a given motion."""
     return [i for i in range(k) if i not in idle]
 
 
 def quiet(share: float) -> None:
-    """Ignore the progress."""
+    """Ignore a progress report."""
 
 
 def silent(step: str, share: float) -> None:
-    """Ignore the progress report."""
+    """Ignore a progress report with a step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +62,9 @@ class GivenMotion(_ReadOnly):
     Attributes:
         t: Time [s]. Shape (n,).
         y, yd, ydd: Independent coordinates [rad or m] and their derivatives. Shape (n, n_independent).
-        drive: The motion as a function of time, if available.
-        idle: Indices of the independent coordinates that no actuator drives: their motion follows from the forces. y
-            and yd have been integrated, ydd follows from them up to rounding; an engine may solve for it itself.
+        drive: Function that returns the motion at given times, if available.
+        idle: Indices of the independent coordinates that no actuator drives. Their y and yd were integrated from the
+            forces, and their ydd follows up to rounding; an engine may solve for this ydd itself.
     """
 
     t: Array
@@ -81,14 +81,14 @@ class GivenMotion(_ReadOnly):
         return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive, self.idle)
 
     def ordered(self, columns: list[int]) -> GivenMotion:
-        """Return the motion with its independent coordinates in another order."""
+        """Return the motion with its independent coordinates in a given order."""
         drive = None if self.drive is None else partial(_reorder, self.drive, columns)
         idle = tuple(columns.index(i) for i in self.idle)
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive, idle)
 
 
 def _reorder(drive: Callable[[Array], GivenMotion], columns: list[int], t: Array) -> GivenMotion:
-    """Return a motion at times [s] with its independent coordinates in another order."""
+    """Return the motion at times [s] with its independent coordinates in a given order."""
     return drive(t).ordered(columns)
 
 
@@ -97,9 +97,9 @@ class Integration:
     """Method and tolerances of an integration.
 
     Attributes:
-        name: ``DOP853`` for smooth motion, ``Radau`` or ``BDF`` for stiff ones.
-        rtol, atol: Tolerances of a step, the same for rad, m and their rates.
-        near: Condition number of the closed loops above which a pose is stepped over.
+        name: ``DOP853`` for smooth motion, ``Radau`` or ``BDF`` for stiff motion.
+        rtol, atol: Tolerances of a step; the same value applies to rad, m and their rates.
+        near: Condition number of the closed loops above which the integrator steps over a pose.
     """
 
     name: str = "DOP853"
@@ -134,20 +134,21 @@ class InitialValue(_ReadOnly):
         return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
 
     def ordered(self, columns: list[int]) -> InitialValue:
-        """Return the initial value with its independent coordinates in another order."""
+        """Return the initial value with its independent coordinates in a given order."""
         return replace(self, start=self.start[columns], rates=self.rates[columns])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class States(_ReadOnly):
-    """Sampled states of an open tree, used unmodified: loops are not closed first.
+    """Sampled states of an open tree, used unmodified: the engine does not close loops first.
 
     Attributes:
         coordinates: Joint coordinates of the tree, in the order of the arrays.
         q, v: Coordinates [rad or m] and rates. Shape (n, n_v).
-        a: Accelerations, for inverse dynamics of the tree; None if accelerations are requested. Shape (n, n_v).
-        tau: Total force along the coordinates except gravity [N or N m], for accelerations; None if forces are
-            requested. Shape (n, n_v).
+        a: Accelerations, for inverse dynamics of the tree; None if the accelerations are to be computed. Shape (n,
+            n_v).
+        tau: Total force along the coordinates, excluding gravity [N or N m], for forward dynamics; None if the forces
+            are to be computed. Shape (n, n_v).
     """
 
     coordinates: tuple[str, ...]
@@ -165,11 +166,12 @@ Task = GivenMotion | InitialValue | States
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """Source text of values rounded to doubles, for exact readers; None where the doubles themselves are exact.
+    """Strings from which the values of a scene were rounded to doubles, for exact readers; None where the doubles are
+    exact.
 
     Attributes:
         motion: Label -> table of the motion.
-        gravity: Three components.
+        gravity: The three components of gravity.
         loads: Tables of the loads.
     """
 
@@ -193,14 +195,14 @@ class ModelFiles:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A problem for a loaded model, which closes its own loops. Frozen and picklable.
+    """A problem for a loaded model, which closes its own loops. Frozen; can be pickled.
 
     Attributes:
         applied: Applied forces other than actuator forces.
         task: Given motion, initial value or states.
         wanted: Names of the quantities to compute.
         rule: Rule that resolves redundant actuation: ``min_norm`` or ``spherical_axial``.
-        wording: The source text of motion, gravity and loads before rounding; only ``truth`` reads it.
+        wording: Strings of motion, gravity and loads before rounding; only the engine ``truth`` reads them.
         points: Named points, whose velocities are components of ``jacobian``.
     """
 
@@ -216,7 +218,8 @@ def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
     """Reject a problem that does not fit a description.
 
     Raises:
-        ModelFileError: The number of independent coordinates differs, or a loaded body does not exist.
+        ModelFileError: The problem has a different number of independent coordinates, or loads a body that the
+            description lacks.
     """
     task, k = problem.task, len(mechanism.independent)
     given = {"motion": task.y.shape[1]} if isinstance(task, GivenMotion) else {}

@@ -1,8 +1,8 @@
 """Settings of processes that run Python: BLAS with one thread, no imports from the current folder.
 
-Anybody may have put modules into that folder, and Python puts it first on the path of what it starts by ``-c`` and
-``-m``: a file ``json.py`` there would run in place of Python's own. Imports little: BLAS reads its variables when numpy
-is first imported.
+Anyone may have put modules into the current folder, and Python puts it first on the path of a process started with
+``-c`` or ``-m``: a file ``json.py`` there would run in place of Python's own. This module imports little, because BLAS
+reads its variables when numpy is first imported.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def fix_threads() -> bool:
     """Limit BLAS and OpenMP to one thread.
 
     Returns:
-        True if the limit takes effect: False if numpy is already imported, with the settings that it was started with.
+        True if the limit takes effect; False if numpy was already imported with different settings.
     """
     if "numpy" in sys.modules:
         return one_thread()
@@ -40,10 +40,10 @@ def one_thread() -> bool:
 
 
 def save_time() -> None:
-    """Trade memory for time: collect garbage rarely, and never at exit; keep memory that arrays have freed.
+    """Trade memory for time: collect garbage rarely and never at exit, and keep memory freed by arrays.
 
-    Imports and traces of equations make many objects and no garbage. Memory returned to the system is cleared by the
-    kernel when it is requested again, which takes as long as many computations.
+    Imports and traces of equations make many objects but no garbage. The kernel clears memory that was returned to the
+    system when it is requested again, which takes as long as many computations.
     """
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)

@@ -1,4 +1,4 @@
-"""Plugin of pytest: the fixture ``screwgauge``, and scenes as tests. Nothing heavy is imported before it is used."""
+"""Pytest plugin: the fixture ``screwgauge``, and scenes as tests. Heavy modules are imported only when they are used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Find the scenes before anything is tested: workers may run in another folder."""
+    """Find the scenes before any test runs, because workers may run in a different folder."""
     names = config.option.screwgauge_folders
     config.option.screwgauge_folders = folders = [Path(name).absolute() for name in names]
     config.stash[_SCENES] = [path for folder in folders for path in _scenes(folder)]
@@ -35,7 +35,7 @@ def contract_engines(config: pytest.Config) -> list[str]:
     """Return the names of the engines that the contract tests.
 
     Raises:
-        pytest.UsageError: No engine is named, or one of them is unknown.
+        pytest.UsageError: No engine is named, or a named engine is unknown.
     """
     from screwgauge.engines.registry import check_engines
     from screwgauge.reference.errors import ScrewgaugeError
@@ -60,9 +60,9 @@ def _scenes(folder: Path) -> list[Path]:
         raise pytest.UsageError(f"--screwgauge: {error}") from None
 
 
-@pytest.hookimpl(tryfirst=True)  # so that they can be deselected
+@pytest.hookimpl(tryfirst=True)  # before other hooks, so that scenes can be deselected
 def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """Add the scenes, whether or not pytest would search their folder."""
+    """Add the scenes, even if pytest does not search their folder."""
     for path in session.config.stash[_SCENES]:
         items += SceneFile.from_parent(session, path=path).collect()
 
@@ -75,7 +75,7 @@ class SceneFile(pytest.File):
 
 
 class SceneItem(pytest.Item):
-    """Test item of a scene, which has to pass the gate."""
+    """Test item of a scene, which must pass the gate."""
 
     def runtest(self) -> None:
         from screwgauge.api import check

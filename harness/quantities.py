@@ -26,13 +26,14 @@ class Quantity:
 
     Attributes:
         of: Items with one component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
-            ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``axis`` of a joint
-            coordinate, ``resistance`` of one, ``rate`` of a body or point per actuator, ``observable``.
+            ``independent`` coordinates, a ``pair`` of independent coordinates, ``actuator``, ``reaction`` components,
+            ``axis`` of a joint coordinate, each ``resistance`` along a joint coordinate, ``rate`` of a body or point
+            per actuator, ``observable``.
         needs: Prerequisite of its computation: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
-        ruled: Whether a rule resolves its redundancy.
+        ruled: True if a rule for redundant actuators determines its values.
         body: Kind of body motion in world axes, one of `BODY_UNITS`.
-        named: Whether it is computed only if requested by name.
+        named: True if it is computed only when requested by name.
     """
 
     name: str
@@ -49,20 +50,20 @@ class Quantity:
 BODY_UNITS = {"w": "rad/s", "b": "rad/s^2", "v": "m/s", "a": "m/s^2"}
 #: Prerequisite of a joint quantity -> suffix of the coordinate's unit.
 RATE = {"q": "", "v": "/s", "a": "/s^2"}
-# 1e-11: rounding (2.2e-16) times the condition of the closure and force systems (up to 1e3 away from singular
-# poses) leaves about 12.5 digits; a wrong term leaves none. 1e-12 where nothing is solved: recursions only.
+# 1e-11: rounding (2.2e-16) times the condition of the closure and force systems (up to 1e3 away from singular poses)
+# leaves about 12.5 digits; a wrong term leaves none. 1e-12 for recursions, which solve no system.
 SOLVED, RECURSIVE = 1e-11, 1e-12
 
 
 @dataclass(frozen=True, slots=True)
 class NumberType:
-    """A floating-point type in which a method computes, and the differences that it may explain.
+    """Floating-point type in which a method computes, and the differences that its rounding may explain.
 
     Attributes:
         eps: Distance from 1 to the next larger number.
-        limit: Scaled error up to which rounding explains a difference: half of the digits, so that it cannot be
-            mistaken for a modelling error of interest, nor the reverse.
-        zero: Fraction of its terms below which a number is zero within rounding.
+        limit: Scaled error up to which rounding explains a difference: half of the digits, so that neither rounding nor
+            a modelling error of interest can be mistaken for the other.
+        zero: Fraction of its terms below which a sum is zero within rounding.
         sure: Scaled error allowed where rounding may exceed `limit`.
     """
 
@@ -73,8 +74,9 @@ class NumberType:
     sure: float
 
 
-#: The quantities have tolerances of float64. Of float32, whose eps times the usual condition is next to half of its
-#: digits, tolerances follow from an estimate of each quantity, see `screwgauge.engines.rounding`.
+#: The tolerances of the quantities apply to float64. The eps of float32 times the usual condition is close to half of
+#: its
+#: digits, so its tolerances follow from an estimate for each quantity, see `screwgauge.engines.rounding`.
 FLOAT64 = NumberType("float64", float(np.finfo(np.float64).eps), limit=1e-8, zero=SOLVED, sure=0.0)
 _HALF = float(np.finfo(np.float32).eps) ** 0.5
 FLOAT32 = NumberType("float32", float(np.finfo(np.float32).eps), limit=_HALF, zero=_HALF, sure=_HALF)
@@ -84,7 +86,7 @@ AS = "@"
 
 
 def number_type(method: str) -> NumberType:
-    """Return the number type in the name of a method, float64 if there is none."""
+    """Return the number type in the name of a method; float64 if the name contains none."""
     return NUMBER_TYPES.get(method.partition(AS)[2], FLOAT64)
 
 
@@ -153,7 +155,7 @@ GIVEN = tuple(name for name in OF_MOTION if not QUANTITIES[name].named)
 SIMULATED = (*OF_JOINTS, "observable")
 #: Quantities that depend on the rule for redundant actuators.
 RULED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.ruled)
-#: Quantities that need actuators for all freedoms.
+#: Quantities that need actuators for all degrees of freedom.
 ACTUATED = RULED | {"jacobian"}
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
@@ -163,8 +165,9 @@ INERTIA = ("kg", "kg m", "kg m^2")
 RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
 #: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as scale.
 FLOOR = 1e-6
-#: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
-#: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
+#: Ratio of the error of a motion to the tolerance of its steps. Smooth established problems show up to 160
+#: (a01-pendulum
+#: at 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them set their own tolerances.
 GROWTH = 1e3
 
 
@@ -172,7 +175,7 @@ def pairs(units: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units of the upper triangle of a mass matrix, row by row, in the order of `np.triu_indices`.
 
     Args:
-        units: Label of each coordinate -> rad or m. Names do not depend on their order.
+        units: Label of each coordinate -> rad or m. The names do not depend on the order of the labels.
     """
     both = [*combinations_with_replacement(units, 2)]
     names = tuple(",".join(sorted(pair)) for pair in both)
@@ -184,7 +187,7 @@ Names = Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
 
 
 def stages(quantities: frozenset[str]) -> str:
-    """Return the last stage of the computation that is needed: ``q``, ``v``, ``a`` or ``f``."""
+    """Return the last stage of the computation that the quantities need: ``q``, ``v``, ``a`` or ``f``."""
     return max((QUANTITIES[name].needs for name in quantities), key="qvaf".index, default="q")
 
 
@@ -212,7 +215,7 @@ def component_names(
         tree: Coordinates of the spanning tree.
         actuators: Names of the actuators, in the order of the actuated joints.
         reactions: Names and units of the reaction components.
-        points: Named ones.
+        points: Named points.
     """
     unit = joint_units(joints)
     axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
@@ -244,7 +247,7 @@ def component_names(
 def _ratios(
     bodies: Sequence[str], points: Sequence[Point], actuators: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return names and units of rates per rate of each actuator. `actuators`: name -> rad or m."""
+    """Return names and units of rates of bodies and points per rate of each actuator. `actuators`: name -> rad or m."""
     turns = {"w": "rad", "v": "m"}
     rates = {f"{body}.{what}{axis}": unit for body in bodies for what, unit in turns.items() for axis in "xyz"}
     rates |= {f"{point.name}.v{axis}": "m" for point in points for axis in "xyz"}
@@ -253,10 +256,10 @@ def _ratios(
 
 
 def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
-    """Return names and units that follow from the description alone, without those of an engine's tree.
+    """Return the names and units that the description alone determines, without coordinates of an engine's tree.
 
     Args:
-        points: Named ones.
+        points: Named points.
     """
     bodies, reactions = [body.name for body in mechanism.bodies], reaction_names(mechanism.joints, mechanism.couplings)
     named = mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions
@@ -264,7 +267,7 @@ def described(mechanism: Mechanism, points: Sequence[Point] = ()) -> Names:
 
 
 def digits(scaled: float) -> float:
-    """Return the digits of agreement of a scaled error: between 0 and 17, NaN for NaN."""
+    """Return the digits of agreement for a scaled error: between 0 and 17, NaN for NaN."""
     if not np.isfinite(scaled):
         return float("nan")
     return float(np.clip(-np.log10(scaled), 0.0, MAX_DIGITS)) + 0.0 if scaled > 0.0 else MAX_DIGITS
@@ -296,7 +299,9 @@ def length(mechanism: Mechanism) -> float:
 
 
 def arm(unit: str, length: float) -> float:
-    """Return the length that converts angles to lengths, forces to moments, masses to inertias, by unit; else 1."""
+    """Return the factor by unit that converts angles to lengths, forces to moments, masses to inertias; 1 for other
+    units.
+    """
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))
@@ -308,7 +313,7 @@ def natural_scales(mechanism: Mechanism) -> dict[str, float]:
 
 
 def scales_of(L: float, M: float) -> dict[str, float]:
-    """Return S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, M, of a length [m] and a mass [kg]."""
+    """Return S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, M, for a length [m] and a mass [kg]."""
     return {
         "rad": 1.0,
         "m": L,

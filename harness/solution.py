@@ -1,4 +1,4 @@
-"""Solutions: values with condition numbers, error estimates, work and cost."""
+"""Solutions of engines: values with condition numbers, error estimates, work and cost."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Values:
         return Values, (self.components, self.units, self.array)  # a copy is also read-only
 
     def pick(self, components: tuple[str, ...]) -> Values:
-        """Return some components, in the given order."""
+        """Return the given components, in the given order."""
         columns = [self.components.index(name) for name in components]
         return Values(components, tuple(self.units[i] for i in columns), self.array[:, columns].copy())
 
     def at(self, rows: slice | Rows) -> Values:
-        """Return the values at some samples."""
+        """Return the values at the given samples."""
         return Values(self.components, self.units, self.array[rows])
 
 
@@ -53,8 +53,7 @@ class Mismatch:
     Attributes:
         key: Element and property that differ: ``coupler.inertia``.
         sentence: Both values in words.
-        physical: Whether the machine differs physically; rounding of printed digits and coordinate zeros are
-            not.
+        physical: True if the machine differs physically; rounded digits and shifted coordinate zeros are not physical.
     """
 
     key: str
@@ -64,7 +63,7 @@ class Mismatch:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """A measured stage; `covers` describes what the clock includes."""
+    """Timing of a stage; `covers` describes what the clock includes."""
 
     engine: str
     setting: str
@@ -96,19 +95,19 @@ ROUNDING, SOFTNESS, ENCLOSURE = "rounding of its largest summands", "softness of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Error:
-    """Error of one quantity, as stated by its engine.
+    """Error of one quantity, as its engine estimates it.
 
     Attributes:
-        scaled: Error at each sample over the unit's largest magnitude over all samples, worst unit; a value zero within
-            rounding is measured by its largest term. Infinite where no digit is correct, or the value is missing.
-            Shape (n,).
+        scaled: Error at each sample divided by the unit's largest magnitude over all samples, maximum over units; a
+            value that is zero within rounding is compared with its largest term. Infinite where no digit is correct, or
+            the value is missing. Shape (n,).
         absolute: Unit -> absolute error from `source`, for values that may be zero [unit].
-        condition: Condition number of the systems it was solved from; NaN if unknown. Shape (n,).
+        condition: Condition number of the systems that determine the quantity; NaN if unknown. Shape (n,).
         source: Source of the absolute error.
-        radius: Rigorous bounds of the distance to the true value; None if the engine has none. Same shape as the
-            values.
-        precision: Name of the number type of the computation. If it is not float64, the caller of the engine has
-            estimated the errors; an engine's own statement does not count.
+        radius: Rigorous bounds of the distance to the true value, in the shape of the values; None if the engine does
+            not compute bounds.
+        precision: Name of the number type of the computation. If it is not float64, the caller of the engine estimates
+            the errors and ignores the engine's own estimate.
     """
 
     scaled: Array
@@ -140,23 +139,25 @@ class Solution:
 
     Attributes:
         values: Quantity -> values.
-        condition: Condition number of the closing system with the selection of y, as solved. Shape (n,).
+        condition: Condition number of the solved closing system, including the rows that select y. Shape (n,).
         notes: Messages for the report, such as samples where a rule is singular.
-        errors: Quantity -> its estimated error. An estimate above 1e-8 never makes two numbers agree, see
+        errors: Quantity -> estimated error. An estimate above 1e-8 never makes two numbers agree, see
             `judging.allowance`.
-        assembly: All joint coordinates [rad or m] in the order of the description, which identify the assembly that was
-            solved, whichever quantities were requested; None if unknown. Shape (n, n_q).
-        rows: Indices of the solved samples, if not all; arrays are NaN at the others. Shape (n_solved,).
-        setting: Method and settings, in words.
-        work: For a simulation, work of motors, loads and dampers since the start [J]; NaN if not
-            known. Shape (n,).
-        stopped: Why a simulation ended early, empty if it did not.
-        cost: Cost of the solution, if the engine measured it.
-        warnings: Warnings of the engine itself, and statements of its model file that contradict the description or go
-            beyond it; they are also notes. With warnings, agreement is qualified.
-        otherwise: Mismatches of its model file, largest first; engines do not set it.
-        lacks: Quantity that the engine does not give -> reason. The caller of the engine sets it, never the engine.
-        left_out: Forces that act in a user's own model file and in no other engine.
+        assembly: All joint coordinates [rad or m] in the order of the description, which identify the solved assembly
+            mode even if they were not requested; None if unknown. Shape (n, n_q).
+        rows: Indices of the solved samples, None if all are solved; arrays are NaN at unsolved samples. Shape
+            (n_solved,).
+        setting: Description of the method and its settings.
+        work: For a simulation, work of motors, loads and dampers since the start [J]; NaN if unknown. Shape (n,).
+        stopped: Reason why a simulation ended early; empty if it did not.
+        cost: Cost of the solution, if the engine measured the cost.
+        warnings: Warnings by the engine, and content of its model file that contradicts the description or goes beyond
+            it; `notes` repeats them. With warnings, agreement is qualified.
+        otherwise: Mismatches between the engine's model file and the description, largest first; engines do not set
+            this.
+        lacks: Quantity that the engine does not compute -> reason. Set by the caller of the engine, never by the
+            engine.
+        left_out: Forces in a user's own model file that no other engine applies.
     """
 
     engine: str
@@ -178,7 +179,7 @@ class Solution:
     left_out: tuple[LeftOut, ...] = ()
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
-        """Return the solution with the components of some quantities in another order."""
+        """Return the solution with the components of given quantities in a given order."""
         moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
         values = {name: self.values[name].pick(components) for name, components in moved.items()}
         errors = dict(self.errors)
@@ -195,12 +196,12 @@ class Solution:
 
 
 def reference_first(solutions: Iterable[Solution]) -> list[Solution]:
-    """Return the solutions in order, except that the truth comes first."""
+    """Return the solutions in order, except that the solution of `TRUTH` comes first."""
     return sorted(solutions, key=lambda one: one.engine != TRUTH)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:
-    """Return the indices, out of n samples, of those that all solutions solved."""
+    """Return the indices, out of n samples, of the samples that all solutions contain."""
     rows: Rows = np.arange(n)
     for solution in solutions:
         if solution.rows is not None:
@@ -210,7 +211,7 @@ def common_rows(n: int, *solutions: Solution) -> Rows:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An engine that is missing or raised an error; `traceback` holds the details on request."""
+    """Failure of an engine that is missing or raised an error; `traceback` holds the details on request."""
 
     engine: str
     reason: str
@@ -256,5 +257,5 @@ class Stopwatch:
         self.cpu += process_time() - cpu
 
     def cost(self, steps: int = 0, evaluations: int = 0) -> Cost:
-        """Return the time spent since the start."""
+        """Return the cost since the start."""
         return Cost(perf_counter() - self.wall, process_time() - self.cpu, steps, evaluations)

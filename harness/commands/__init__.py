@@ -1,4 +1,4 @@
-"""The commands of the command line: each returns its exit status, and imports its dependencies when it is called."""
+"""The commands of the command line. Each returns its exit status, and imports its dependencies when it is called."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def list_(options: argparse.Namespace) -> int:
 
 
 def models(options: argparse.Namespace) -> int:
-    """Write the model files of a mechanism; with --check, compare the readings of the libraries."""
+    """Write the model files of a mechanism; with --check, compare what each library reads from them."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import keep_models
     from screwgauge.models.home import check_home
@@ -100,7 +100,7 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
 
 
 def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False) -> None:
-    """Import a model file that is named in place of a mechanism or scene, and print notes on it.
+    """Import a model file that is named in place of a mechanism or scene, and print notes about it.
 
     Args:
         allow: See `models.importing.model.Options`.
@@ -138,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.seed is not None:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
     if options.pdf:
-        browser()  # a missing one is an error before any work
+        browser()  # fail before any work if no browser is found
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     more: Any = {"limits": limits(options), "warn": lambda text: complain(f"screwgauge: warning: {text}")}
@@ -164,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def review(options: argparse.Namespace) -> int:
-    """Report the faults of a table of numbers."""
+    """Report the faults in a table of numbers."""
     from screwgauge.api import review
     from screwgauge.environment import json_text
     from screwgauge.report.reviewed import blocks, summary
@@ -177,13 +177,13 @@ def review(options: argparse.Namespace) -> int:
 
 
 def _files(scene: Scene) -> list[Path]:
-    """Return the files that a scene consists of."""
+    """Return the files that make up a scene."""
     tables = (table.file for table in scene.tables.values())
     return [file for file in (scene.file, scene.mechanism_file, *scene.models.values(), *tables) if file]
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Measure errors against run times on a scene."""
+    """Measure errors against run times for a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench.run import bench, plan_of
@@ -294,7 +294,7 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.fix is not None:
         fixed = diagnosis.write_fix(options.fix, force=options.force)
         lines = [f"fixed: {fixed}", *(f"not fixed: {text}" for text in diagnosis.not_fixed)]
-        (complain if options.json else say)("\n".join(lines))  # standard output is JSON alone
+        (complain if options.json else say)("\n".join(lines))  # standard output must contain only JSON
     return int(diagnosis.exit_status)
 
 
@@ -316,7 +316,7 @@ def casebook(options: argparse.Namespace) -> int:
 
 
 def limits(options: argparse.Namespace) -> Limits:
-    """Return the time and memory limits of a process from the options."""
+    """Return the time and memory limits of a process that the options set."""
     from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}
@@ -335,7 +335,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check scenes and pairs of models; leave the files for CI services where these look for them."""
+    """Check scenes and pairs of models; write the files for CI services where these services look for them."""
     from screwgauge.commands.gate_files import check_files, check_inputs, check_outputs
     from screwgauge.report.pages.check import PAGE, check_with
 
@@ -364,7 +364,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def matrix(options: argparse.Namespace) -> int:
-    """Repeat the check with several versions of the engines; pairs that already have rows are skipped."""
+    """Repeat the check with several versions of the engines; skip pairs of versions that already have rows."""
     from importlib.metadata import version
     from itertools import product
 

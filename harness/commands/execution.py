@@ -1,4 +1,4 @@
-"""Execution of a command: rejection of retired names, work with progress, data written to disk, then pages."""
+"""Execution of a command: rejects retired names, runs the work with progress, writes data to disk, then pages."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ def carry_out(
 
     Args:
         work: Function of the progress that returns the results.
-        tell: Function that returns the text to print for the results; by default the page's text for a terminal.
+        tell: Function that formats the results for printing; by default the page formats them for a terminal.
         again: True if the same command resumes from existing rows.
-        files: Files that the command reads, and writes beside its report; none is overwritten, no two are the same.
+        files: Files that the command reads, and files that it writes beside its report; none is overwritten, and no two
+            may be the same.
         force: Replace existing files, whatever their origin.
         writing: Further arguments for writing the page.
 
@@ -70,7 +71,7 @@ def _write(
     tell: Callable[[Any], str] | None,
     writing: dict[str, Any],
 ) -> None:
-    """Write a report, and print the results as soon as their data are on disk, or cannot be written."""
+    """Write a report, and print the results as soon as their data are on disk or cannot be written."""
     from screwgauge.report.folder import PAGES
     from screwgauge.report.text import terminal
 
@@ -84,14 +85,14 @@ def _write(
         try:
             say(tell(results) if tell else terminal(page.terminal(results)))
             printed.append(True)
-        except ScrewgaugeError as error:  # a closed standard output is no reason to skip the drawings
+        except ScrewgaugeError as error:  # draw the report even if standard output is closed
             lost.append(error)
         progress.show("report", 0.5)
 
     progress.show("report", 0.0)
     try:
         page.write(results, out, safe=show, **writing)
-    except ScrewgaugeError as error:  # results are printed anyway
+    except ScrewgaugeError as error:  # print the results nevertheless
         lost.append(error)
     show()
     progress.wipe()
@@ -106,7 +107,7 @@ _KEPT = "keep check.json of each check, and compare with a known state by check 
 _TLS = "leave it out, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "has another name"
-#: Retired command, or command and option -> what became of it, and its replacement.
+#: Retired command, or command and option -> its fate, and its replacement.
 ENDED = {
     "bench --budget": (_RENAMED, "write bench --limit SECONDS"),
     "bench --random": (_ENDED, _CAMPAIGN.format("random")),

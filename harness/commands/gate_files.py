@@ -1,4 +1,4 @@
-"""Files of the gate beside its report: inputs and outputs, and a check that they can be written."""
+"""Files of the gate beside its report: inputs, outputs, and a check before the work that outputs can be written."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def check_files(options: Namespace) -> None:
     """Check before long work that single files can be written.
 
     Raises:
-        OutputError: One of the files cannot be written.
+        OutputError: A file given by an option cannot be written.
     """
     if options.junit is not None:
         check_free(options.junit, force=options.force)
@@ -27,7 +27,7 @@ def check_files(options: Namespace) -> None:
 
 
 def check_outputs(options: Namespace) -> dict[str, Path]:
-    """Return option or variable -> file that the command writes beside its report."""
+    """Return the files that the command writes beside its report, by option or variable."""
     known = options.baseline if options.update else None
     named = {"--junit": options.junit, "--baseline": known, SUMMARY: os.environ.get(SUMMARY)}
     return {name: Path(file) for name, file in named.items() if file}

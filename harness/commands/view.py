@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from screwgauge.solution import Solution
 
 PICTURES = ("png", "svg", "pdf")
-WIDTH, DPI = "17cm", 200  # size of a picture: as wide as a page's text
+WIDTH, DPI = "17cm", 200  # a picture is as wide as the text of a page
 
 
 def view(options: argparse.Namespace) -> int:
@@ -57,7 +57,9 @@ def view(options: argparse.Namespace) -> int:
 
 
 def _load(name: str) -> Scene | Mechanism:
-    """Load a scene, or the default scene of a description or model file; a mechanism at rest if none can be made."""
+    """Load a scene, or the default scene of a description or model file; return the mechanism at rest if no scene can
+    be made.
+    """
     from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
     from screwgauge.models.importing import is_model
     from screwgauge.reference.files import A_PATH, is_path
@@ -84,7 +86,9 @@ def _load(name: str) -> Scene | Mechanism:
 
 
 def _unnamed_joints(name: str, mechanism: Mechanism) -> set[str]:
-    """Return joints without names in a model file: they stand for closure points, and their axes have no sense."""
+    """Return joints that a model file does not name: they stand for closure points, and their axes have no sense of
+    direction.
+    """
     from screwgauge.models.importing import is_model
 
     if not is_model(name):
@@ -110,7 +114,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
 
 
 def _solve(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
-    """Solve a few samples of a scene; return no solution if the solver fails, with a warning."""
+    """Solve a few samples of a scene; if the solver fails, warn and return no solution."""
     from screwgauge.problem import spread
     from screwgauge.report.stage.motion import FRAMES
     from screwgauge.study.run import run
@@ -144,7 +148,7 @@ def _serve(text: bytes, port: int) -> int:
 
     class Server(ThreadingHTTPServer):
         def service_actions(self) -> None:
-            if stopped():  # while a thread was started, which does not let it through
+            if stopped():  # interrupted while a thread was started, which suppresses the exception
                 raise KeyboardInterrupt
 
         def handle_error(self, *request: object) -> None:
