@@ -6,8 +6,6 @@ A case is the scene of a small built-in mechanism with a CSV motion and model fi
 an entry, an element or a cell deleted, renamed, replaced, moved or scaled, or bytes changed.
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 import json

@@ -8,8 +8,6 @@ and anything written outside ``--out``. A process with all imports is forked for
 tenth case; libraries read models in the same process, and in one of their own only where they do not survive that.
 """
 
-from __future__ import annotations
-
 import argparse
 import atexit
 import importlib

@@ -1,7 +1,5 @@
 """Files that commands read, whole and broken at random: input of others, and what earlier commands have left."""
 
-from __future__ import annotations
-
 import copy
 import json
 import os

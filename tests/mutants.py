@@ -11,8 +11,6 @@ golden numbers overlook are looked at by `witness`: the same kinds of facts of o
 mutant counts as one that changes a number if any of these is off by more than a twentieth of what golden numbers admit.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

@@ -9,8 +9,6 @@ Each is written into a copy of the package, see `mutants`. One line is printed f
 sees it first.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """Differing files and wide tolerances weaken the word of a gate."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The plan of the package: imports point one way, libraries stay in their rooms, modules and functions stay small."""
 
-from __future__ import annotations
-
 import ast
 import os
 import shutil

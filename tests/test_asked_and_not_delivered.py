@@ -1,7 +1,5 @@
 """Undelivered quantities are named, and no agreement."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

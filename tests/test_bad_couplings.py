@@ -1,7 +1,5 @@
 """Couplings that cannot be, and models that lack them, are refused in one sentence that names them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Random edits of descriptions and scenes are read or refused."""
 
-from __future__ import annotations
-
 import random
 import tomllib
 from pathlib import Path

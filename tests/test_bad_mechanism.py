@@ -1,7 +1,5 @@
 """What a description may say, and what no mechanism can do; all else is refused by `claims/refusals.toml`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

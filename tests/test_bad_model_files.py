@@ -1,7 +1,5 @@
 """A model file of one's own that an engine cannot use is bad input; one that can be used is judged."""
 
-from __future__ import annotations
-
 import pytest
 
 import screwgauge

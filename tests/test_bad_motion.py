@@ -1,7 +1,5 @@
 """Motions that cannot be are refused with time and pose."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

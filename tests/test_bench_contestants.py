@@ -1,7 +1,5 @@
 """Contestants of benches."""
 
-from __future__ import annotations
-
 import pickle
 import re
 import sys

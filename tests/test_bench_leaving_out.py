@@ -1,7 +1,5 @@
 """Work that a request leaves out."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

@@ -1,7 +1,5 @@
 """`screwgauge bench` of given motions."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

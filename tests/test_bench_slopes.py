@@ -1,7 +1,5 @@
 """Slopes of errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nothing that stands in the current folder is imported by a process that this package starts."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """A Dask cluster loses and doubles no row, whoever dies."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

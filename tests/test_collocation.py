@@ -1,7 +1,5 @@
 """The reference of stiff motions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Commands share folders, progress, tracebacks on request, silence of numpy."""
 
-from __future__ import annotations
-
 import os
 import re
 import warnings

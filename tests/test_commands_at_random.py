@@ -1,7 +1,5 @@
 """Commands on broken files answer or refuse, see ``fuzz_commands.py``."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Import and run name the second point of a connect that MuJoCo has put off its body, and the case of the casebook."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Contacts and floating bases: forces, refusals, stated assumptions."""
 
-from __future__ import annotations
-
 import math
 import re
 

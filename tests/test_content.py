@@ -1,7 +1,5 @@
 """Every kind of content that acts on dynamics is compared, or two models that have it are not called the same."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

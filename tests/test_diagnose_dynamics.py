@@ -1,7 +1,5 @@
 """Own dynamics of a reading: a third witness beside Pinocchio and MuJoCo, and what it is linear in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pairs of files with a known answer and planted edits: a small part of the corpus that campaigns measure at large."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import mujoco

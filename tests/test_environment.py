@@ -1,7 +1,5 @@
 """What a report says of the machine and the code that made it: versions, commit, and nothing private."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

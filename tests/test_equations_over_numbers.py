@@ -4,8 +4,6 @@ Balls of 256 bits are the measure: of the same doubles they give the same quanti
 floats are off by is rounding. It is counted in roundings of the type times the condition number of the closing system.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import replace

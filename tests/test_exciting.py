@@ -1,7 +1,5 @@
 """Exciting motions start at home, keep limits, and load inertia like weight."""
 
-from __future__ import annotations
-
 import json
 import re
 

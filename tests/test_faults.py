@@ -1,7 +1,5 @@
 """What has been computed is not lost where the disk is full, a folder cannot be written or nobody has a home."""
 
-from __future__ import annotations
-
 import resource
 from contextlib import contextmanager
 

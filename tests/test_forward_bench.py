@@ -1,7 +1,5 @@
 """`screwgauge bench` of simulations."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from types import ModuleType

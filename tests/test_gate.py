@@ -1,7 +1,5 @@
 """The gate: rows, their sentences, their forms, and their processes."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

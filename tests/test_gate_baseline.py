@@ -1,7 +1,5 @@
 """Baselines: grown errors fail, and no interruption damages the file."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

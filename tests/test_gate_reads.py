@@ -1,7 +1,5 @@
 """A gate names unread files; a smoke test can fail."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

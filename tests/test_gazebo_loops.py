@@ -1,7 +1,5 @@
 """Loops as Gazebo's physics tests have them, in files of our own, move alike in four engines of three formulations."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """What the pages say is so: their files, commands, code, output, links, keys, columns and options."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Home is solved for: rough or missing in a description, it is the nearest pose in which all loops close."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

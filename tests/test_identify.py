@@ -1,7 +1,5 @@
 """Identification: what no motion tells, estimates from another engine's forces, and numbers written back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

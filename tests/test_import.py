@@ -1,7 +1,5 @@
 """Models in the forms that public ones use become descriptions that move as the library that read them says."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

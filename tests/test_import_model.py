@@ -1,7 +1,5 @@
 """A Pinocchio model that was built in Python, with its constraints, becomes a scene whose engines agree."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The wrists of `claims/readings.toml` whose couplings are solved for other joints are the machines of their files."""
 
-from __future__ import annotations
-
 import pytest
 
 import screwgauge

@@ -1,7 +1,5 @@
 """Description -> URDF with its loops file, MJCF -> import -> description: the same mechanism."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

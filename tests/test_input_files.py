@@ -1,7 +1,5 @@
 """Whatever a path leads to, it is read or refused at once in one sentence; so is more than anyone can work with."""
 
-from __future__ import annotations
-
 import os
 import re
 import tomllib

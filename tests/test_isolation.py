@@ -1,7 +1,5 @@
 """Engines that crash, hang or eat memory cost their own row only."""
 
-from __future__ import annotations
-
 import errno
 import os
 import pickle

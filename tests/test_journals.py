@@ -1,7 +1,5 @@
 """Journals are taken up where nothing has changed, and from their own user alone."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

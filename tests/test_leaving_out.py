@@ -1,7 +1,5 @@
 """Imports and numbers of a request."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache

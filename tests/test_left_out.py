@@ -1,7 +1,5 @@
 """Forces of model files beyond the description are measured, or refused by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

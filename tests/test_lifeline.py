@@ -1,7 +1,5 @@
 """Processes end with their parent, and keep their own limit of time."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

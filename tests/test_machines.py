@@ -1,7 +1,5 @@
 """A machine is the same machine wherever its file cuts loops, whatever it calls its parts, in whichever pose."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import combinations, permutations
 

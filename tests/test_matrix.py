@@ -1,7 +1,5 @@
 """Checks by versions of engines: a row a pair. Nothing is installed."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The model check passes what was written, and names what was edited."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """Model files: kept ones are those written now, cuts have their counts, and nothing unasked is in them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Nothing in the writers knows the paper's mechanism: other joints, other directions, other names."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

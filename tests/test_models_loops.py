@@ -1,7 +1,5 @@
 """The loops file reads back as it was written, and says what is wrong with an edited one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

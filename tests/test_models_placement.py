@@ -1,7 +1,5 @@
 """Roll-pitch-yaw and quaternions give the rotation back, also where their angles are not determined."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

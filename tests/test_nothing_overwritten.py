@@ -1,7 +1,5 @@
 """Commands overwrite no input and no foreign file without ``--force``."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

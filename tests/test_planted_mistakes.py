@@ -1,7 +1,5 @@
 """The list of planted mistakes can be planted: each line stands once in its file, and both are Python."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 

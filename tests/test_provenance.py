@@ -1,7 +1,5 @@
 """Reports name the judged files by name and content, the date, the schema."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from datetime import UTC, datetime, timedelta, timezone

@@ -1,7 +1,5 @@
 """A repository gates its models by pytest; ten changes fail it."""
 
-from __future__ import annotations
-
 import os
 import re
 import tomllib

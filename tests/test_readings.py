@@ -1,7 +1,5 @@
 """Every library gives the same reading of a file that they read alike; every kind of joint is read."""
 
-from __future__ import annotations
-
 import pickle
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A library that crashes costs its reading only, and is named; one that refuses a file says why, as in this process."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """What XML alone does not show is resolved by MuJoCo: models that are attached, masses that come from meshes."""
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

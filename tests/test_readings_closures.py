@@ -1,7 +1,5 @@
 """Closures and couplings of an MJCF are those that MuJoCo itself keeps closed, in whatever form the file has them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

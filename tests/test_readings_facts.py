@@ -1,7 +1,5 @@
 """What readings and imports of model files hold, a row each of `claims/readings.toml`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Loops that stand beside a URDF, in a file of our own or in the `robot.yaml` of parallel robots, close its reading."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A model file that nobody here wrote is refused in one sentence, before a library could do harm."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

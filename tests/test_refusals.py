@@ -1,7 +1,5 @@
 """Input that cannot be used is refused by its place and a remedy, a row each of `claims/refusals.toml`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

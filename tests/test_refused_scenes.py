@@ -1,7 +1,5 @@
 """Refused scenes, a row each of ``claims/refused_scenes.toml``."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path

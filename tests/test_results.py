@@ -1,7 +1,5 @@
 """Results show themselves in one screen, and can be drawn and written."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

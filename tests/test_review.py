@@ -1,7 +1,5 @@
 """Faults of tables."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tasks become rows once each, in order; interrupted work goes on."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

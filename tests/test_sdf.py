@@ -1,7 +1,5 @@
 """SDF as its specification has it, where a table of texts and facts does not do: long chains, a capsule, a loop."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

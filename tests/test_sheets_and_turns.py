@@ -5,8 +5,6 @@ on that sample alone, on the part of the assembly that home reaches without a si
 to two assemblies, or where none is reached, it is refused by its number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """MuJoCo's soft loops."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

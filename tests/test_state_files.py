@@ -1,7 +1,5 @@
 """What earlier commands left on disk is read as carefully as anybody's files: in bounds, or refused in one sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

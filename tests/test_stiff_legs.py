@@ -1,7 +1,5 @@
 """Stiff springs in the legs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

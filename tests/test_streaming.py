@@ -1,7 +1,5 @@
 """A scene streamed part by part gives what it gives at once."""
 
-from __future__ import annotations
-
 import gc
 import tracemalloc
 

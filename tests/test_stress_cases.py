@@ -1,7 +1,5 @@
 """Stress cases and their questions."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import asdict, replace
 from fractions import Fraction

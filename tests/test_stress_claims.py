@@ -1,7 +1,5 @@
 """Rows of `claims/stress.toml`."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The report of stress."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

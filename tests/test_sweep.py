@@ -1,7 +1,5 @@
 """Sweeps: draws, statistics of variants, which number costs most, chunks that go on after a stop, and the page."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """Tables of numbers are compared and judged as engines are."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

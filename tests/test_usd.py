@@ -1,7 +1,5 @@
 """USD is read as UsdPhysics has it: units, matter, joints between frames, loops, drives, mimics, files beside."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

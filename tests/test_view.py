@@ -1,7 +1,5 @@
 """The command ``view``: pages, pictures, refusals."""
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess

@@ -1,7 +1,5 @@
 """Words of a diagnosis: each kind of fact, cause and reason has its sentence, as ``told.txt`` keeps them."""
 
-from __future__ import annotations
-
 from golden import told
 
 from screwgauge.diagnosis.answer import SLIPS, WORDS

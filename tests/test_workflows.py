@@ -1,7 +1,5 @@
 """The action, the hook and this project's own workflow say what is there, and their commands gate somebody's models."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

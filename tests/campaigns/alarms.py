@@ -1,7 +1,5 @@
 """False alarms of the gate, and changes that it misses, counted over random mechanisms."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory

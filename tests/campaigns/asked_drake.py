@@ -1,7 +1,5 @@
 """Drake's inverse dynamics of an SDF, of the tree that its reading has."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory

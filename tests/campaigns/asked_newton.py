@@ -1,7 +1,5 @@
 """Newton's inverse dynamics of a USD, in 32 bits, of the tree that its reading has."""
 
-from __future__ import annotations
-
 import warnings
 from itertools import pairwise
 from pathlib import Path

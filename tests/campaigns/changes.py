@@ -1,7 +1,5 @@
 """Other numbers in the place of those in a model file: which, where they have an effect, and how far off they are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

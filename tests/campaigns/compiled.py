@@ -3,8 +3,6 @@
 A row for each mechanism and backend. The array solver answers all samples, truth some.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -6,8 +6,6 @@ pytest -m campaign -k random --count 50 --reports=DIR      # one of them, smalle
 With a blank in place of ``=``, pytest takes a folder that is there for one of tests.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The reports of the corpus that a diagnosis is measured by: pairs, single edits, several at once."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import pandas as pd

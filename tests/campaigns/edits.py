@@ -3,8 +3,6 @@
 An edit changes physics, changes content besides rigid bodies, or only the way in which a file states the same.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Descriptions (TOML) of mechanisms that grow: legs of one kind side by side, joints of one kind in a row."""
 
-from __future__ import annotations
-
 from math import cos, pi, sin
 
 

@@ -5,8 +5,6 @@ default engines do not agree, the scene is run again with the engine ``truth``: 
 the two engines is off from the truth, too.
 """
 
-from __future__ import annotations
-
 import csv
 import tomllib
 from functools import partial

@@ -1,7 +1,5 @@
 """The same model in other words: nothing physical changes, and no diagnosis may name a difference."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

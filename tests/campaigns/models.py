@@ -1,7 +1,5 @@
 """Public models put through import and run, and beside their own library: a row each, with the reason where it ends."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Kinds of change of a model file, each made in its attributes, and what a diagnosis has to name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Dynamics of imported machines, beside those that the library of the file's own format has of the file itself."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module

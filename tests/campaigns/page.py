@@ -1,7 +1,5 @@
 """Pages of campaigns, made of one table each."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path

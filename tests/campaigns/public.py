@@ -3,8 +3,6 @@
 ``pip install --no-deps $(python tests/campaigns/public.py)`` installs the packages.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Random mechanisms put to all engines, a row each: do these agree, and does the truth certify `screw`?"""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """The report of many random mechanisms put to all engines: by family, by size and by reason."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A matrix of readers: each model file read by each library, and why it is not, or is read in another way."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Rows of campaigns by the runner; those of random mechanisms of all families are kept from run to run."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from io import StringIO

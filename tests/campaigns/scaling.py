@@ -1,7 +1,5 @@
 """What compiled programs cost as motions and mechanisms grow, with fitted exponents."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Random mechanisms put to `screw` and `lagrange`, which share no formulation, a row each, and the page of these."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory

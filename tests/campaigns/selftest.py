@@ -1,7 +1,5 @@
 """Models changed at random, each put to a diagnosis, and as many that only look different: one row each."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

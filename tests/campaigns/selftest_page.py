@@ -1,7 +1,5 @@
 """The report of what a diagnosis makes of changed models."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from statistics import median

@@ -1,7 +1,5 @@
 """The gate is quiet about random mechanisms and catches changes of their dynamics by 1e-9."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

@@ -1,7 +1,5 @@
 """The casebook with several versions of the engines: ``casebook/shown.toml``, which the package's is a copy of."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import pytest

@@ -1,7 +1,5 @@
 """No number of a compiled program is wrong by more than its estimate: random states, mechanisms built in and drawn."""
 
-from __future__ import annotations
-
 import pytest
 from campaigns.compiled import compiled
 

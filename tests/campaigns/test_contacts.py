@@ -1,7 +1,5 @@
 """Random trees, most of them floating, held by one to three random contacts: every pair of four engines agrees."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The corpus that a diagnosis is measured by: pairs with a known answer, and edits that it has to name."""
 
-from __future__ import annotations
-
 import pytest
 from campaigns.corpus.edit_rows import MULTIPLE, SINGLE, multiple_edits, single_edits
 from campaigns.corpus.pair_rows import pair_rows

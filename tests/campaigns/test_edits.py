@@ -1,7 +1,5 @@
 """Edits of public models are detected and named; where nothing changes but the form, nothing differs."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Random mechanisms of which nothing drives some freedoms: every pair of engines agrees, or the refusal is true."""
 
-from __future__ import annotations
-
 import tomllib
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Engines agree in motions larger than those that mechanisms are drawn with, or the truth says which one is off."""
 
-from __future__ import annotations
-
 import pytest
 from campaigns.larger_motions import rows_of_larger_motions
 

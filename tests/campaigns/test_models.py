@@ -1,7 +1,5 @@
 """Public models imported and driven in three engines: no two of these differ, nor the library of the file's format."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

@@ -1,7 +1,5 @@
 """USD files of the package ``newton``, 1.8.0: read, with the matter that Newton's own importer gives."""
 
-from __future__ import annotations
-
 from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Planted mistakes: `check --smoke` sees nearly all of them, and a test sees each of the rest."""
 
-from __future__ import annotations
-
 import pytest
 from planted import FILES, mistakes, seen
 

@@ -1,7 +1,5 @@
 """Diagnoses of public models: one robot in two files, and a model that MuJoCo has saved again."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Engines agree on random mechanisms of all families; the verdict of a row is what was compared."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

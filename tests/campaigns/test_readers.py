@@ -1,7 +1,5 @@
 """Public models read by both libraries: what differs has a cause that is named."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

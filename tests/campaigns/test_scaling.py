@@ -1,7 +1,5 @@
 """What programs cost grows with motions and mechanisms, and little faster; how that compares with bare `rnea`."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 from campaigns import volume

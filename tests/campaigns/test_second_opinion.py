@@ -1,7 +1,5 @@
 """A second formulation confirms the solver on random mechanisms of all families."""
 
-from __future__ import annotations
-
 import pytest
 from campaigns.rows import rows_of_mechanisms
 from campaigns.second_opinion import COLUMNS, PAGE, measured

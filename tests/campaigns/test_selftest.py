@@ -1,7 +1,5 @@
 """Changes of models are detected, named and measured; what only looks different is not taken for a change."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

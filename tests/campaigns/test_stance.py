@@ -1,7 +1,5 @@
 """Public humanoids on both feet: torques of all actuated joints, and forces of contacts, in three engines."""
 
-from __future__ import annotations
-
 import pytest
 from campaigns.public import installed
 

@@ -1,7 +1,5 @@
 """One file read by two libraries: what they read in other ways, and what torques either computes itself."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

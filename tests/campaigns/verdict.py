@@ -1,7 +1,5 @@
 """The verdict of a comparison in a row: who agrees, and the worst pair."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What compiled programs cost a sample, next to bare inverse dynamics of Pinocchio and MuJoCo on the same tree."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

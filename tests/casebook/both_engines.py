@@ -1,7 +1,5 @@
 """Reproductions that need both engines: one MJCF read by Pinocchio and MuJoCo, and one machine in both conventions."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Reproductions with Drake."""
 
-from __future__ import annotations
-
 import numpy as np
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant

@@ -1,7 +1,5 @@
 """Reproductions with EXUDYN."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import mujoco_warp
 import numpy as np
 

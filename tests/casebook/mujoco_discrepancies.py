@@ -4,8 +4,6 @@ First what MuJoCo counts among forces and accelerations, and what it leaves out;
 springs, and nobody projects forces onto the actuators.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -4,8 +4,6 @@ First what Pinocchio counts among forces and masses, and in which frame it gives
 settings, kinds of contact, and whose force it is.
 """
 
-from __future__ import annotations
-
 import math
 import subprocess
 import tempfile

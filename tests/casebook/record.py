@@ -1,7 +1,5 @@
 """Measures with which versions of the engines cases are shown, for ``shown.toml`` of the package."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

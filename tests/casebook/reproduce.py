@@ -3,8 +3,6 @@
 As a program it runs the cases that are named and prints a line of JSON for each: name, result, numbers.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import string
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Small models as text, of which the right numbers are known in closed form, and what a discrepancy on one measures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Facts of what engines answer: values, what they admit of their errors, comparison and judgement."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any

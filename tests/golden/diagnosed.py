@@ -1,7 +1,5 @@
 """Golden numbers of diagnoses: pairs of models, and edits of small robots and of built-in mechanisms."""
 
-from __future__ import annotations
-
 import copy
 import tempfile
 import xml.etree.ElementTree as ET

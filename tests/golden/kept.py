@@ -1,7 +1,5 @@
 """The parts of the golden numbers: what cases each has, which of them take long, and what makes their facts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 

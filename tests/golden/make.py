@@ -1,7 +1,5 @@
 """Makes the golden tables anew: ``python tests/golden/make.py [PART ...]``; their difference is the review."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

@@ -1,7 +1,5 @@
 """Golden numbers of what is solved: built-in scenes, random mechanisms, imported models, compiled programs."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from contextlib import redirect_stdout

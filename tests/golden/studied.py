@@ -1,7 +1,5 @@
 """Golden rungs."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import defaultdict

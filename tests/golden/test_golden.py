@@ -1,7 +1,5 @@
 """Numbers and words are those that were kept; ``python tests/golden/make.py`` keeps others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from golden.facts import differences, read

@@ -1,7 +1,5 @@
 """Examples of all sentences of a diagnosis: ``python tests/golden/told.py`` writes ``told.txt``."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

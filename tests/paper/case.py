@@ -1,7 +1,5 @@
 """The paper's case, solved: eq. (59) on the mechanism of Tables 1 to 3. All errata are measured on it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism

@@ -1,7 +1,5 @@
 """Section 5 of the paper, dynamics: errata 12 to 16, and what its own case can show of them."""
 
-from __future__ import annotations
-
 from copy import copy
 from typing import Literal
 

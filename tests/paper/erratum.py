@@ -1,7 +1,5 @@
 """What an erratum of the paper is: one quantity by the form as printed and by the right one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

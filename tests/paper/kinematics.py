@@ -1,7 +1,5 @@
 """Sections 3 and 4 of the paper and its numerical case, from positions to accelerations: errata 4, 5, 9-11, 17, 18."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Section 2 of the paper, screws and mobility: errata 1 to 3."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

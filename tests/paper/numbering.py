@@ -1,7 +1,5 @@
 """The paper's references to its own equations: erratum 6."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report on the paper: the errata, each with the size of its effect."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The paper's scheme in time, eqs. (25) to (27), run as printed and mended: errata 7 and 8."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errata 12 to 16: Newton-Euler equations and the rule for redundant actuators."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from paper import dynamics

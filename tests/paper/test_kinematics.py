@@ -1,7 +1,5 @@
 """Errata 4, 5, 9 to 11, 17 and 18: velocities, accelerations and the numerical case."""
 
-from __future__ import annotations
-
 import numpy as np
 from paper import kinematics
 from paper.erratum import about

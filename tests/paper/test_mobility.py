@@ -1,7 +1,5 @@
 """Errata 1 to 3: screws and mobility."""
 
-from __future__ import annotations
-
 import numpy as np
 from paper import mobility
 from paper.erratum import about

@@ -1,7 +1,5 @@
 """Erratum 6: the paper's references to its own equations."""
 
-from __future__ import annotations
-
 from paper.numbering import REFERENCES, references
 
 

@@ -1,7 +1,5 @@
 """All errata in one report, whose numbers are those of the report that is kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errata 7 and 8, and the paper's own scheme: mended it converges, as printed it ends on a floor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

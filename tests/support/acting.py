@@ -1,6 +1,4 @@
 """What acts on a mechanism: loads, springs, motors, and the forces and energy of them all."""
 
-from __future__ import annotations
-
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
 from screwgauge.reference.courses import Course

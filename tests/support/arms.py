@@ -1,7 +1,5 @@
 """An arm with a gripper and a loop as SDF, USD, MJCF and URDF, for files that lost a part of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The paper's equations with screws and wrenches at O in world axes, to be compared with, and to be broken."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Engines of another package that crash, or eat all memory, when they are asked."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Work that ends its process, or never ends, and an engine that does so; imports little, as it starts often."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Benches."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from screwgauge.study.bench import TABLE

@@ -1,7 +1,5 @@
 """A planar biped in space: a torso that floats, and legs of thigh, shank and foot beside each other."""
 
-from __future__ import annotations
-
 #: Length of thigh and shank, the sole in the frame of a foot, and distance of the legs [m].
 LINK, SOLE, STEP = 0.4, (0.05, 0.0, -0.07), 0.2
 BASE = ("base.x", "base.y", "base.z", "base.q1", "base.q2", "base.q3")

@@ -1,7 +1,5 @@
 """Tables of claims: texts, edits of them, and what has to be found."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence

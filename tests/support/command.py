@@ -1,7 +1,5 @@
 """The command line, and the files that it reads and writes."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

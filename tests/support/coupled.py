@@ -1,7 +1,5 @@
 """Mechanisms with couplings of every kind, as text of descriptions and scenes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

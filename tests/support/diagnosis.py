@@ -1,7 +1,5 @@
 """The diagnosis of two model files: deadline, dynamics of libraries, changes, and its record."""
 
-from __future__ import annotations
-
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.findings import summary
 from screwgauge.diagnosis.libraries import ask_library, compare_tree

@@ -1,7 +1,5 @@
 """Problems, engines that answer them, and answers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace

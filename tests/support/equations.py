@@ -1,7 +1,5 @@
 """The equations of motion, to be evaluated."""
 
-from __future__ import annotations
-
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.equations.joint_types import (

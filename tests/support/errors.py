@@ -1,7 +1,5 @@
 """Errors that tests expect."""
 
-from __future__ import annotations
-
 from screwgauge.reference.errors import (
     ClosureError,
     DescriptionError,

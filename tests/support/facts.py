@@ -1,7 +1,5 @@
 """Facts of a diagnosis, compared with those of a table of claims."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Freedoms and constraints of a mechanism, and their screws."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge.reference.graph import Layout, serial_chains

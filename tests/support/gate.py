@@ -1,7 +1,5 @@
 """The gate of a repository: items, rows and baseline."""
 
-from __future__ import annotations
-
 from screwgauge.judging.residual import Residual
 from screwgauge.report.pages.check import PAGE, sentence_of
 from screwgauge.study import address as address_module

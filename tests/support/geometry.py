@@ -1,7 +1,5 @@
 """Rotations, screws and the linear algebra under them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge.models.formats import number_text, quaternion, rpy

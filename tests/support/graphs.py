@@ -1,7 +1,5 @@
 """Mechanisms as links and joints of a graph, and as SDF: twins in formats that state loops themselves."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 ``PYTHONPATH=tests python -m support.guide`` writes the pages that are made.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import inspect

@@ -1,7 +1,5 @@
 """Identification: scenes whose numbers are another's, and what an engine of another kind measures of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

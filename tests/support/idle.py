@@ -1,7 +1,5 @@
 """A machine with a freedom that nothing drives: a pole on a driven cart."""
 
-from __future__ import annotations
-
 CART = """
 name = "cart"
 [independent]

@@ -1,7 +1,5 @@
 """How answers are compared, judged and flagged."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

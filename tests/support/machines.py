@@ -1,7 +1,5 @@
 """Machines as bodies and links, aligned to each other and cut alike."""
 
-from __future__ import annotations
-
 from screwgauge.diagnosis.explanation import BELIEVED
 from screwgauge.diagnosis.machine.alignment import align, assign
 from screwgauge.diagnosis.machine.features import misfits as misfits

@@ -1,7 +1,5 @@
 """Dynamics of a reading, and what loops admit."""
 
-from __future__ import annotations
-
 from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.diagnosis.shares import with_gravity
 from screwgauge.models.kinematics import unmodelled_forces

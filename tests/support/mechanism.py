@@ -1,7 +1,5 @@
 """Mechanisms as tests describe them: built-in ones, descriptions as text, drawn ones, and what they are made of."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from screwgauge.families.draw import families

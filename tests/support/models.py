@@ -1,7 +1,5 @@
 """Model files: written, read, checked against descriptions, imported."""
 
-from __future__ import annotations
-
 from screwgauge.models.check import (
     check_file,
     check_models,

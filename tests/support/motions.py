@@ -1,7 +1,5 @@
 """Forces of two mechanisms in one motion about their homes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scenes of the 3-UPS-UPU-S at given distances from its singular poses, and their errors against the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pages: their blocks, and these as text, Markdown and HTML."""
 
-from __future__ import annotations
-
 from screwgauge.report.blocks import (
     LONG,
     Banner,

@@ -1,7 +1,5 @@
 """Numbers of machines by name, and derivatives by them without any traced derivative."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge import Scene

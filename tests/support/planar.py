@@ -1,7 +1,5 @@
 """Planar four-bars and slider-cranks in the x-z plane, of which many numbers are zero, at random or as wished."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Questions of stress cases."""
 
-from __future__ import annotations
-
 from screwgauge.study.bench.question import (
     ENGINES,
     POSES,

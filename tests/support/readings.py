@@ -1,7 +1,5 @@
 """Model files as libraries read them, and trees of bodies that move as these say."""
 
-from __future__ import annotations
-
 from screwgauge.models.files.robot_yaml import read_yaml
 from screwgauge.models.kinematics import draw, residual_at_home, tree_of
 from screwgauge.models.readings.compiled import collect_warnings

@@ -4,8 +4,6 @@ Ten inertial parameters of each body, the passive entries of joints, gravity.
 Columns times parameters are forces along the velocities of `reading.FREEDOMS`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge.models.formats import TENSOR

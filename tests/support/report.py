@@ -1,7 +1,5 @@
 """Reports: blocks, pages, figures and folders."""
 
-from __future__ import annotations
-
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
 from screwgauge.report.figures.drawings import default_figures

@@ -1,7 +1,5 @@
 """A repository of somebody's with a four-bar, its model files and scenes, for tests of the gate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

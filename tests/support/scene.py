@@ -1,7 +1,5 @@
 """Scenes, their tasks and quantities."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from screwgauge import Scene, load_scene

@@ -1,7 +1,5 @@
 """Motions over singular poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from screwgauge.study.bench.singular import (

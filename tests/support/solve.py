@@ -1,7 +1,5 @@
 """What one asks the solver: poses, velocities, accelerations, forces, freedoms, motions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

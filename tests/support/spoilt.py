@@ -1,7 +1,5 @@
 """Tables with known faults, made by code from the numbers of an engine other than the one that reviews them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 

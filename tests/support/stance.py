@@ -1,7 +1,5 @@
 """Balance of a mechanism that contacts hold, from the motion that an engine answers, without its forces."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

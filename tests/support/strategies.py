@@ -1,7 +1,5 @@
 """Random mechanisms as a strategy of Hypothesis."""
 
-from __future__ import annotations
-
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy

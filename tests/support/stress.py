@@ -1,6 +1,4 @@
 """Stress cases and their rows."""
 
-from __future__ import annotations
-
 from screwgauge.study.bench.question import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
 from screwgauge.study.bench.stress import CASES, COLUMNS, Stress, StressCase, climb, decades, stress

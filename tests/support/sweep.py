@@ -1,7 +1,5 @@
 """Sweeps and their draws."""
 
-from __future__ import annotations
-
 from screwgauge.reference.mechanism import triangle_excess
 from screwgauge.study.sweep.draw import Draw, consistent
 from screwgauge.study.sweep.plan import read_plan

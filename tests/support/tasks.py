@@ -1,7 +1,5 @@
 """Tasks for workers, which import little; and one that asks for processes where it runs."""
 
-from __future__ import annotations
-
 import os
 import signal
 from functools import partial

@@ -3,8 +3,6 @@
 Bounds called relative are shares of the largest value compared; the others are in rad, m, N, N m, and per s.
 """
 
-from __future__ import annotations
-
 # --- rounding: a double is off by 1.1e-16 of itself -------------------------------------------------------------------
 
 #: Placements, rotations and axes of numbers about 1: a handful of operations, each rounded.

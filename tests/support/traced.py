@@ -1,7 +1,5 @@
 """Programs traced from the solver, and their machine code."""
 
-from __future__ import annotations
-
 from screwgauge.engines.screw.programs import Arcs
 from screwgauge.reference.traced import native
 from screwgauge.reference.traced.derivatives import adjoints, substitute, tangents

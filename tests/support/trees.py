@@ -1,7 +1,5 @@
 """Trees of joints in MuJoCo and Pinocchio, their loops and steppers; imports both."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

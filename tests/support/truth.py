@@ -1,7 +1,5 @@
 """Certified answers; imports flint."""
 
-from __future__ import annotations
-
 from screwgauge import Results
 from screwgauge.truth import exact, forces, samples
 from screwgauge.truth.exact import drive, number, read_terms, widened

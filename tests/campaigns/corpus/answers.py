@@ -1,7 +1,5 @@
 """Two files put to a diagnosis, and who the parts of an edit are in both of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from time import process_time
 

@@ -1,7 +1,5 @@
 """Edits drawn by a seed: single ones, half of them after names, order and frames were changed; two or three at once."""
 
-from __future__ import annotations
-
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator

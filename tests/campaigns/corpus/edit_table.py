@@ -1,7 +1,5 @@
 """The table of edits: each takes a place in a file, writes another number there, and says what it planted."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from math import radians

@@ -1,7 +1,5 @@
 """Machines of the corpus in closed form, so that each is there in any of its poses."""
 
-from __future__ import annotations
-
 from math import acos, atan2, cos, pi, sin, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses in an MJCF, by its XML alone: where they stand, and how they are written."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from math import radians
 

@@ -1,7 +1,5 @@
 """The same MJCF, said differently, by its XML; where its loops close in another pose, by MuJoCo."""
 
-from __future__ import annotations
-
 import copy
 import xml.etree.ElementTree as ET
 from typing import Any

@@ -1,7 +1,5 @@
 """A row for each pair of the corpus."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from functools import partial

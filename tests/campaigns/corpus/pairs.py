@@ -1,7 +1,5 @@
 """Pairs of files with what is to be said of them: own mechanisms, a user's files, edits, packages, parallel robots."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Planted edits, by which a sentence can be judged without the package."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Rotations and poses, written here once more: what judges a diagnosis takes no code of what is judged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from math import asin, atan2, cos, pi, sin
 

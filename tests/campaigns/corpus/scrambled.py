@@ -1,7 +1,5 @@
 """A model file said differently: what a scrambler may do, and what it did."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Reads a diagnosis as a user does: first sentence, rows, numbers with units, and named parts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

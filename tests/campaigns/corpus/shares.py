@@ -1,7 +1,5 @@
 """Shares of edits in a torque difference, by Pinocchio or MuJoCo on the edited files."""
 
-from __future__ import annotations
-
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence

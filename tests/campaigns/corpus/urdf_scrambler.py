@@ -1,7 +1,5 @@
 """The same URDF, said differently, by its XML alone."""
 
-from __future__ import annotations
-
 import copy
 import xml.etree.ElementTree as ET
 

@@ -1,7 +1,5 @@
 """Edits of what a file has besides rigid bodies: tendons, fluid, laws of actuators, contact pairs."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

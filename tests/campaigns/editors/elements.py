@@ -1,7 +1,5 @@
 """Elements of a URDF or MJCF that an edit may take, and what an edit is."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

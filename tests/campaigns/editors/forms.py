@@ -1,7 +1,5 @@
 """Edits of the way in which a file states the same."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Edits of rigid bodies and joints: physics that torques show."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
