@@ -1,4 +1,4 @@
-"""Pytest plugin: the fixture ``screwgauge``, and scenes as tests. Heavy modules are imported only when they are used."""
+"""Pytest plugin: the fixture ``screwgauge``, and scenes as tests. Heavy modules are imported on first use."""
 
 from __future__ import annotations
 
