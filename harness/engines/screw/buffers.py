@@ -21,14 +21,14 @@ _WRITEABLE = attrgetter("flags.writeable")
 
 
 class Buffers(Mapping[str, Array]):
-    """Arrays (n, n_component) that a solver fills, by quantity; made by `Solver.buffers`. One call at a time.
+    """Arrays that a solver fills, by quantity, each of shape (n, n_component); created by `Solver.buffers`.
 
-    Pickling or copying yields a dict of the arrays.
+    Only one call at a time may use them. Pickling or copying yields a dict of the arrays.
 
     Attributes:
         n: Number of samples.
         owner: The solver that fills them.
-        known: Data of the owner.
+        known: The owner's private data.
     """
 
     def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:
@@ -38,8 +38,9 @@ class Buffers(Mapping[str, Array]):
             counts: Quantity -> number of components.
 
         Raises:
-            DescriptionError: An array is not plain, writeable and of this shape, or two elements share memory.
-            UnknownNameError: There is no such quantity.
+            DescriptionError: An array is not a plain, writeable array of shape (n, count), or two elements share
+                memory; or n is not a valid number of samples.
+            UnknownNameError: The solver does not compute a quantity in `given`.
         """
         if not isinstance(n, Integral) or not 0 <= n <= MOST:
             raise DescriptionError(f"{shown(n)} samples", "buffers", f"give a whole number from 0 to {MOST}")
@@ -81,16 +82,16 @@ class Buffers(Mapping[str, Array]):
 
 
 def split_columns(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
-    """Split the columns of an array among names, `counts` of each."""
+    """Split the columns of an array among names; `counts` gives the number of columns for each name."""
     ends = accumulate(counts.values())
     return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
 
 
 def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None:
-    """Reject arrays other than plain float64 arrays of a shape; None matches any length.
+    """Reject anything but a plain float64 array of the given shape, in which None matches any length.
 
     Raises:
-        DescriptionError: The array is not of this kind.
+        DescriptionError: The array is not a plain NumPy array, not of float64, or not of the given shape.
     """
     if type(array) is not np.ndarray:
         kind = "None" if array is None else type(array).__name__
@@ -106,7 +107,7 @@ def check_finite(array: Array, where: str) -> None:
     """Reject rows with non-finite numbers.
 
     Raises:
-        DescriptionError: There is one; the message names the first.
+        DescriptionError: A row contains a non-finite number; the message names the first such row.
     """
     if not np.isfinite(array).all():
         row = int(np.isfinite(array).all(axis=1).argmin())

@@ -1,4 +1,4 @@
-"""``screwgauge.compile``: the traced program of a scene as a function of samples, for high volume."""
+"""``screwgauge.compile``: the traced program of a scene as a function of samples, for large numbers of samples."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ PART = CHUNK
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompiledSolution:
-    """Answer of a solver.
+    """Result of a solver.
 
     Attributes:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
-        estimate: Quantity -> estimated error at each sample in each of its units, in the order in which units occur
-            among its components, shape (n, n_unit); empty if not requested. Reused buffers have
-            their estimates filled again.
+        estimate: Quantity -> estimated error at each sample for each unit, in the order in which the quantity's
+            components first have these units, shape (n, n_unit); empty if not requested. A call that reuses the buffers
+            overwrites the estimates.
     """
 
     values: Mapping[str, Array]
@@ -97,11 +97,10 @@ class Solver:
 
         Args:
             arrays: Quantity -> your own array to fill: plain float64, writeable, without shared memory.
-                Arrays with contiguous components, like all arrays allocated here, are filled
-                fastest.
+                Arrays with contiguous components are filled fastest; all arrays allocated here have them.
 
         Raises:
-            ScrewgaugeError: An array is invalid, or there is no such quantity.
+            ScrewgaugeError: An array is invalid, or the solver does not compute one of the quantities.
         """
         return Buffers(self, self.counts, n, {} if arrays is None else arrays)
 
@@ -116,21 +115,21 @@ class Solver:
         out: Buffers | None = None,
         estimates: bool = False,
     ) -> CompiledSolution:
-        """Answer samples in any order; each row is independent of earlier calls.
+        """Solve samples in any order; each row is independent of earlier calls.
 
         Args:
-            y, yd, ydd: Independent coordinates [rad or m] and derivatives; second ones of undriven coordinates do
-                not count. Shape (n, k).
-            t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
-            load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
+            y, yd, ydd: Independent coordinates [rad or m] and derivatives; second derivatives of undriven coordinates
+                are ignored. Shape (n, k).
+            t: Times [s]. If given, the rows are a motion, which is followed from the home pose along the curve through
+                the rows. Shape (n,).
+            load: Force [N] and torque [N m] of each load, which replace the scene's loads. Shape (6 n_load,) or
                 (n, 6 n_load).
             out: Arrays to fill, see `buffers`; invalid after an error.
             estimates: Whether to estimate errors sample by sample; samples are always checked.
 
         Raises:
-            ScrewgaugeError: An array of wrong shape or type, or a row that cannot be solved: not reached from home
-                without passing near a singular pose, in two poses that are both reached, or with values beyond what a
-                double can hold.
+            ScrewgaugeError: An array has the wrong shape or type, or a row cannot be solved: every path from the home
+                pose passes near a singular pose, two different poses are reached, or values overflow a double.
         """
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
@@ -156,7 +155,7 @@ class Solver:
         return answer
 
     def _answer_in_pool(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
-        """Answer in memory that returns to the solver when its last reference is released, see `Pool`."""
+        """Solve into a memory block that goes back to the solver's pool when its last array is freed, see `Pool`."""
         counts = self.counts, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
         block, by_array = self.pool.take(self._length(given[0]), all_m), Counter[str]()
@@ -184,7 +183,7 @@ class Solver:
         """Solve into preallocated arrays.
 
         Returns:
-            Counts of samples answered by the array solver, and the program bound to these arrays.
+            Counts of samples answered by the array solver, and the program bound to these arrays, if any.
 
         Raises:
             ScrewgaugeError: See `__call__`.
@@ -228,11 +227,11 @@ class Solver:
         return sum((work.by_array for work in works), start=Counter[str]()), works[0].bound
 
     def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[CompiledSolution]:
-        """Answer chunks of samples in reused buffers, in constant memory.
+        """Solve chunks of samples in reused buffers, with constant memory use.
 
         Args:
-            chunks: y, yd, ydd and, if they vary, loads: see `__call__`. Some 400 samples of all quantities,
-                or a thousand of a few, stay in the cache.
+            chunks: y, yd, ydd and, if they vary, loads of each chunk: see `__call__`. About 400 samples of all
+                quantities, or 1000 samples of a few quantities, fit into the cache.
         """
         out = self.buffers(0)
         for y, yd, ydd, *load in chunks:

@@ -19,18 +19,19 @@ from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import FORWARD_CHECKS, forward_program
 from screwgauge.solution import Stopwatch
 
-#: How often the program continues from where Newton's method ended, and the square of a dimensionless step after
-#: which the next would be rounding.
+#: Largest number of times that the program continues from the last Newton iterate, and the square of a dimensionless
+#: step after which the next step would be rounding.
 AGAIN, SETTLED = 4, 1e-20
-#: Longest distance to a predicted pose, averaged over all coordinates [rad or mechanism lengths].
+#: Largest distance to a predicted pose, averaged over all coordinates [rad or mechanism lengths].
 FARTHEST = 1.0
 #: Checks of the quality of the predicted pose.
 PREDICTED = [FORWARD_CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
 #: Number of pieces of the straight path to a state, if it is too long for a single prediction.
 PIECES = (2, 4, 8)
-#: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
+#: Factor below `Integration.near` at which an estimated condition number puts a state in doubt.
 MARGIN = 1.5
-#: So many states of good condition that the program could not answer make new pivots worth while, so often.
+#: Number of well-conditioned states that the program could not answer after which it gets new pivots, and the largest
+#: number of times that this happens.
 MISSED, TIMES = 8, 3
 
 
@@ -38,7 +39,7 @@ class TracedForward:
     """State derivatives (y, yd, work) from a program; each pose is predicted from the previous one.
 
     Attributes:
-        pose: Closed pose that the next is predicted from, see `Forward.program`. Shape (d + d k + k, width).
+        pose: Closed pose from which the next pose is predicted, see `Forward.program`. Shape (d + d k + k, width).
         by_array: Number of evaluations left to the array solver.
         setup: Processor time of tracing and compiling [s].
     """
@@ -47,7 +48,7 @@ class TracedForward:
         """Trace and compile.
 
         Raises:
-            NotTraceableError: There is no such program.
+            NotTraceableError: No program covers the problem.
             ClosureError: The loops cannot close at the start.
         """
         check_traceable(lay, replace(problem, wanted=frozenset()))
@@ -61,7 +62,7 @@ class TracedForward:
         self.recall(branch.q, branch.K)
 
     def _make(self) -> None:
-        """Build the program, with pivots chosen at the poses known to matter."""
+        """Build the program, with pivots chosen at the poses collected so far."""
         clock, lay, loops = Stopwatch(), self.lay, self.system
         program, self.dependent = forward_program(loops, self.applied, np.array(self.poses))
         compiled, note = runner(program, self.backend)
@@ -73,7 +74,7 @@ class TracedForward:
         self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))
         self.checks = np.zeros((len(FORWARD_CHECKS), width))
         limits = SETTLED, OPEN**2, (self.near / MARGIN) ** 2, SINGULAR, FARTHEST**2, 1.0
-        #: Answers for the states of all lanes; whether none is in doubt.
+        #: Function that evaluates the states of all lanes; returns True if none is in doubt.
         self.weights = 1.0 / np.array(limits)
         self.run = compiled.bind([self.pose, self.state], [self.answer, self.reached, self.checks], self.weights)
         self.made += 1
@@ -101,12 +102,12 @@ class TracedForward:
             self.missed.append(q)
         if len(self.missed) >= MISSED and self.made <= TIMES:
             self.poses, self.missed = [*self.poses, *self.missed], []
-            with suppress(NotTraceableError):  # no pivots keep their size at all these poses
+            with suppress(NotTraceableError):  # raised if no pivots are large enough at all these poses
                 self._make()
         self.recall(q, K)
 
     def _evaluate(self) -> bool:
-        """Run the program on the states of all lanes, in smaller steps if needed; True if none is in doubt."""
+        """Run the program on the states of all lanes, in smaller steps if needed; return True if none is in doubt."""
         if self._settle():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
@@ -123,12 +124,12 @@ class TracedForward:
         return False
 
     def _settle_at(self, y: Array) -> bool:
-        """Run the program on the states with other coordinates; True if none is in doubt. Shape (k, width)."""
+        """Run the program on states with coordinates y, shape (k, width); return True if none is in doubt."""
         self.state[: len(y)] = y
         return self._settle()
 
     def _settle(self) -> bool:
-        """Run the program until Newton's method converges; True if no state is in doubt."""
+        """Run the program until Newton's method converges; return True if no state is in doubt."""
         if self.run():
             self.pose[:] = self.reached
             return True
@@ -137,7 +138,7 @@ class TracedForward:
         for _ in range(AGAIN):
             if not (rest and np.isfinite(moved + residual)):
                 break
-            self.pose[:] = self.reached  # from where Newton's method ended
+            self.pose[:] = self.reached  # continue from the last Newton iterate
             if self.run():
                 self.pose[:] = self.reached
                 return True
@@ -173,7 +174,7 @@ class TracedForward:
                 return None
             out[k:, first : first + m] = self.answer[:, :m]
             ahead = self.pose[:, :1].copy() if ahead is None else ahead
-        self.pose[:] = ahead  # the next are predicted from the first
+        self.pose[:] = ahead  # the next poses are predicted from the first
         return out
 
     def notes(self) -> tuple[str, ...]:

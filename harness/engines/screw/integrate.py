@@ -1,4 +1,4 @@
-"""Time integration in the independent coordinates: scipy's methods on accelerations of `equations.forward`.
+"""Time integration in the independent coordinates, with scipy's methods and the accelerations of `equations.forward`.
 
 Traced programs of the same equations answer most states; the array solver answers the others.
 """
@@ -36,7 +36,7 @@ class Trajectory:
 
     Attributes:
         t: Times [s]. Shape (n,).
-        rates: Closed poses and rates there.
+        rates: Closed poses and rates at these times.
         energy: Kinetic energy plus energy stored in gravity and springs [J]. Shape (n,).
         work: Work of actuators, motors, loads and dampers since the start [J]. Shape (n,).
         cost: Cost of the steps, without the output at the requested times.
@@ -54,7 +54,7 @@ class Trajectory:
 
 
 class _Near(Exception):
-    """Raised for a pose too close to a singular one."""
+    """Raised for a pose too close to a singular pose."""
 
     def __init__(self, lay: Layout, q: Array, condition: float) -> None:
         super().__init__(condition)
@@ -69,12 +69,12 @@ class _Near(Exception):
 
 
 class _Run:
-    """State of an integration in progress: (y, yd, work).
+    """Integration in progress; its states are (y, yd, work).
 
     Attributes:
-        passed: Time, joint coordinates of the closed pose, and yd, of all requested states and at the ends of steps.
-        wanted, work: Flags of the requested states, and the work until then [J].
-        taken, stepped_over: Steps taken, and those whose size was changed.
+        passed: Time, joint coordinates of the closed pose, and yd, for all requested states and for the ends of steps.
+        wanted, work: Indices of the requested states in `passed`, and the work up to these states [J].
+        taken, stepped_over: Number of steps taken, and number of retries with a different step size.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class _Run:
         return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
-        """Return closed poses and rates, states (n, 2 k + 1); the branch finds poses without tree coordinates `q`."""
+        """Return closed poses and rates of states (n, 2 k + 1); if `q` is None, the branch finds the poses."""
         k = states.shape[1] // 2
         if q is not None:
             closed = read(self.lay, q[None])
@@ -117,7 +117,7 @@ class _Run:
         return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope
 
     def _by_arrays(self, t: float, states: Array) -> Array:
-        """Return derivatives of states, one per column, from the array solver on the branch. Shape (2 k + 1, n)."""
+        """Return derivatives of states, one per column, using the array solver on the branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)
@@ -125,12 +125,12 @@ class _Run:
         if at.condition[worst] > self.near:
             raise _Near(self.lay, at.q[worst], float(at.condition[worst]))
         if self.traced is not None:
-            with self.clock.aside():  # it may make the programs again
+            with self.clock.aside():  # the call may rebuild the programs
                 self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Differentiate `slope` at a state by differences; the work has no effect. Shape (2 k + 1, 2 k + 1)."""
+        """Differentiate `slope` by finite differences; the derivative by the work is zero. Shape (2 k + 1, 2 k + 1)."""
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
@@ -157,7 +157,7 @@ class _Run:
         self.passed.append((t, q, state[k:-1]))
 
     def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
-        """Step through all times and store the motion there, off the clock; return why it stopped."""
+        """Step through all times; return why the integration stopped. Storing the motion is not timed."""
         times, tries = self.times, 0
         size: float | None = None
         try:
@@ -170,7 +170,7 @@ class _Run:
                 if size is not None:
                     solver, size = method(self.slope, *safe, times[-1], **{**options, "first_step": size}), None
                 message = solver.step()
-                with self.clock.aside():  # it may look at further states
+                with self.clock.aside():  # dense output may evaluate further states
                     between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
@@ -202,15 +202,15 @@ def integrate(
     progress: Progress = quiet,
     traced: TracedForward | None = None,
 ) -> Trajectory:
-    """Integrate a mechanism under given forces from a start that is reached from home on one branch.
+    """Integrate a mechanism under given forces from a start that lies on the branch of the home pose.
 
     Args:
-        lay: The mechanism.
+        lay: Layout of the mechanism.
         applied: Applied forces.
-        traced: Programs for the same forces; without them the array solver answers all states.
+        traced: Programs for the same forces; without programs the array solver answers all states.
 
     Raises:
-        ScrewgaugeError: The method is unknown, shapes or times are wrong, or the start is impossible.
+        ScrewgaugeError: The method is unknown, shapes or times are invalid, or the start cannot be reached.
     """
     method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
@@ -239,7 +239,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
     """Return closed poses and rates at the requested times.
 
     Args:
-        begin: Joint coordinates at the start, from which to follow angles of cut joints. Shape (n_q,).
+        begin: Joint coordinates at the start, from which angles of cut joints are followed. Shape (n_q,).
     """
     t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
     if run.traced is not None and lay.cuts:
@@ -254,7 +254,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:
-    """Return the times, and the initial state."""
+    """Return the times and the initial state; reject invalid ones."""
     where, times, settings = lay.mechanism.name, task.grid, task.integration
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all() or not np.isfinite(times).all():
         raise DescriptionError("times do not increase", where, "give two or more finite times in order")

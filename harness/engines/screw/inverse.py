@@ -1,4 +1,4 @@
-"""The engine `screw`: the solver in `screwgauge.reference`, vectorised over parts of the trajectory."""
+"""Given motions of the engine `screw`: runs the solver of `screwgauge.reference` on parts of the trajectory."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Work:
     """Solver of given motions over arrays, with the data common to all parts.
 
     Attributes:
-        mode: Closes the poses.
+        mode: Assembly mode, which predicts and closes the poses.
         clock: Measures the time of the stages.
     """
 
@@ -80,7 +80,7 @@ class Work:
             return self.mode.close(poses)
 
     def under(self, loads: Array | None) -> Work:
-        """Copy with loads that vary from sample to sample, force and torque of each. Shape (m, n)."""
+        """Return a copy with the given force and torque of each load at each sample. Shape (6 n_load, n)."""
         if loads is None:
             return self
         each = np.split(loads.T, len(loads) // 3, axis=1)
@@ -148,7 +148,7 @@ class Work:
         return np.array(equations.QUANTITIES[name](at))
 
     def _load(self, at: Dynamics) -> Array:
-        """Return the largest force along a coordinate if weights and inertia did not cancel [N]. Shape (n,)."""
+        """Return the largest force along a coordinate, assuming that no terms cancel [N]. Shape (n,)."""
         weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
         need = at.required if self.problem.wanted <= _TREE else at.required - at.exerted.wrenches
         sizes = np.abs(at_origin(at.pose, need)[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))

@@ -1,8 +1,9 @@
 """Machines that differ only in mass properties: forces are linear in ten moments of each body and in joint resistances.
 
-Moments are mass, mass times centre of mass, and second moments about the body's origin; forces are linear in the centre
-of mass itself, too, where a load acts there. One pass of a program over a machine and its neighbours, as many as
-features, makes the matrix; every variant is then a product.
+Moments are mass, mass times centre of mass, and second moments about the body's origin. If a load acts at the centre
+of mass, forces are also linear in the position of that centre. These variables are called features. A program
+evaluates the machine and one neighbouring machine per feature, which determines a matrix; every variant then takes
+only a matrix product.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ _LOWER = np.tril_indices(4)
 
 
 def moments(numbers: Array) -> Array:
-    """Convert mass, centre of mass and central inertia of bodies to moments. Shape (..., 10) -> (..., 10)."""
+    """Convert bodies' mass, centre of mass and central inertia to moments. Shape (..., 10) -> (..., 10)."""
     mass, com = numbers[..., :1], numbers[..., 1:4]
     return np.concatenate([mass, mass * com, numbers[..., 4:] + mass * _steiner(com)], axis=-1)
 
 
 def numbers_of(moment: Array) -> Array:
-    """Convert moments back to numbers, the inverse of `moments`. Shape (..., 10) -> (..., 10)."""
+    """Convert moments back to mass, centre of mass and central inertia. Shape (..., 10) -> (..., 10)."""
     mass = moment[..., :1]
     com = moment[..., 1:4] / mass
     return np.concatenate([mass, com, moment[..., 4:] - mass * _steiner(com)], axis=-1)
@@ -48,14 +49,16 @@ def _steiner(com: Array) -> Array:
 
 
 def consistent(body: Array, z: Array) -> Array:
-    """Return possible bodies near a given one, of pseudo-inertia ``L (1 + z) (1 + z)^T L^T``, L that of the body.
+    """Return physically possible bodies near a given body.
+
+    Their pseudo-inertias are ``L (1 + z) (1 + z)^T L^T``, where ``L L^T`` is the pseudo-inertia of the given body.
 
     Args:
-        body: Numbers in the order of `ENTRIES`. Shape (10,).
+        body: Parameters in the order of `ENTRIES`. Shape (10,).
         z: Entries of a dimensionless lower triangular matrix. Shape (10, n).
 
     Returns:
-        Numbers. Shape (10, n).
+        Parameters of the n bodies. Shape (10, n).
     """
     moment = moments(body)
     second = np.zeros((3, 3))
@@ -66,7 +69,7 @@ def consistent(body: Array, z: Array) -> Array:
     P[:3, 3] = P[3, :3] = moment[1:4]
     P[3, 3] = moment[0]
     values, vectors = np.linalg.eigh(P)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))  # also of thin bodies, whose matrix is singular
+    root = vectors * np.sqrt(np.maximum(values, 0.0))  # works even for thin bodies, whose matrix is singular
     ways = np.zeros((z.shape[1], 4, 4))
     ways[:, _LOWER[0], _LOWER[1]] = z.T
     half = root @ (np.eye(4) + ways)
@@ -80,11 +83,11 @@ class Matter:
     """Solver for changed mass properties of some bodies.
 
     Attributes:
-        bodies: Bodies with a changed number.
+        bodies: Bodies with a changed parameter.
         loaded: Indices of bodies with a load at the centre of mass.
-        end: How many numbers the bodies have; those of the joints follow.
-        resists: Rotors, damping and friction that change, whole names.
-        entries, nominal: Numbers of these bodies, ten each, then resistances: whole names and values. Shape (E,).
+        end: Number of body parameters; parameters of joints follow.
+        resists: Full names of the rotors, damping and friction that change.
+        entries, nominal: Full names and values of ten parameters per body, then of resistances. Shape (E,).
     """
 
     def __init__(self, machine: NominalMachine, names: Sequence[str], backend: str) -> None:
@@ -102,18 +105,18 @@ class Matter:
         self._kept: tuple[NominalPoses, Array, Array] | None = None
 
     def numbers(self, p: Array) -> Array:
-        """Return all numbers of each variant, in the order of `nominal`. Shape (P, V) -> (V, E)."""
+        """Return all parameters of each variant, in the order of `nominal`. Shape (P, V) -> (V, E)."""
         out = np.repeat(self.nominal[:, None], p.shape[1], axis=1)
         for row, k in self._places:
             out[row] = p[k]
         return out.T
 
     def of_bodies(self, numbers: Array) -> Array:
-        """Reshape numbers body by body. Shape (..., E) -> (..., n_body, 10)."""
+        """Select the body parameters, with one row per body. Shape (..., E) -> (..., n_body, 10)."""
         return numbers[..., : self.end].reshape(*numbers.shape[:-1], -1, 10)
 
     def possible(self, p: Array) -> NDArray[np.bool_]:
-        """True for variants all of whose bodies are possible. Shape (P, V) -> (V,)."""
+        """Flag variants in which all bodies are physically possible. Shape (P, V) -> (V,)."""
         if not self.bodies:
             return np.ones(p.shape[1], dtype=bool)
         numbers = self.of_bodies(self.numbers(p))
@@ -136,7 +139,7 @@ class Matter:
                 array[rows] = values[:, first:end]
 
     def features(self, numbers: Array) -> Array:
-        """Return the features in which forces are linear: moments, resistances, loaded centres of mass.
+        """Return the features in which forces are linear: moments, resistances, and centres of mass with loads.
 
         Shape (V, E) -> (V, n_feature).
         """
@@ -145,11 +148,11 @@ class Matter:
         return np.concatenate([*found, *(bodies[:, i, 1:4] for i in self.loaded)], axis=1)
 
     def _neighbours(self) -> Array:
-        """Return the base, and one neighbouring machine per feature. Shape (1 + n_feature, E)."""
+        """Return parameters of the base machine, and of one neighbouring machine per feature. (1 + n_feature, E)."""
         mechanism, L = self.machine.scene.mechanism, self.machine.work.loops.length
         away = mechanism.mass * np.array([1.0, *[L] * 3, *[L * L] * 6])
         steps = [*np.diag([*np.tile(away, len(self.bodies)), *[mechanism.mass * L * L] * len(self.resists)])]
-        for i in self.loaded:  # heavier, and with a displaced centre of mass
+        for i in self.loaded:  # a larger mass and a displaced centre of mass
             for axis in (1, 2, 3):
                 steps.append(np.zeros(len(self.nominal)))
                 steps[-1][[10 * i, 10 * i + axis]] = 2.0 * away[[0, axis]]
@@ -159,14 +162,14 @@ class Matter:
 
     @property
     def base(self) -> Array:
-        """Base numbers of the matrix: the nominal numbers, with nonzero mass for all bodies. Shape (E,)."""
+        """Parameters of the base machine: the nominal parameters, with nonzero mass for all bodies. Shape (E,)."""
         base = self.nominal.copy()
         masses = np.arange(0, self.end, 10)
         base[masses[base[masses] == 0.0]] = self.machine.scene.mechanism.mass
         return base
 
     def parts(self, poses: NominalPoses) -> Any:
-        """Yield samples, base values, and the effect of a unit of each feature. Shapes (n, m), (n, m, n_feature)."""
+        """Yield samples, base values, and derivatives by the features. Shapes (n, m), (n, m, n_feature)."""
         if self._kept is not None and self._kept[0] is poses:
             yield slice(None), *self._kept[1:]
             return
@@ -179,7 +182,7 @@ class Matter:
             yield rows, base, matrix
 
     def _matrix(self, poses: NominalPoses, rows: slice) -> tuple[Array, Array]:
-        """Build the matrix from neighbours of the base that differ in one feature each, as lanes of a program."""
+        """Return base values and the matrix, computed from all neighbouring machines as lanes of a program."""
         known = dict(zip(self.entries, self.nominal.tolist(), strict=True))
         if not self._made:
             symbols = self.machine.symbols(known, 0)
@@ -199,7 +202,7 @@ class Matter:
 
 
 def _not_negative(xx: Array, yy: Array, zz: Array, xy: Array, xz: Array, yz: Array) -> NDArray[np.bool_]:
-    """True for symmetric matrices without negative eigenvalues beyond rounding, tested by sums of products."""
+    """Flag symmetric matrices without negative eigenvalues beyond rounding, using sums of principal minors."""
     trace = xx + yy + zz
     pairs = xx * yy + yy * zz + zz * xx - xy * xy - xz * xz - yz * yz
     product = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)

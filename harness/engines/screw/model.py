@@ -1,4 +1,4 @@
-"""The engine `screw`: the solver in `screwgauge.reference` on a description, for every task."""
+"""The engine `screw`: runs the solver of `screwgauge.reference` on a mechanism description; supports every task."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.integrate import Trajectory
 
 BACKENDS = ("array", "numpy", "llvm")
-#: Number of samples from which tracing costs less than it saves, for any built-in mechanism.
+#: Number of samples from which tracing takes less time than it saves, for any built-in mechanism.
 LONG = 2000
 
 
@@ -37,10 +37,10 @@ class Settings:
     """Settings of given motions and simulations.
 
     Attributes:
-        backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
-            simulations, in which ``numpy`` is Python. By default ``numpy`` for given motions of `LONG` and more, for
-            shorter ones ``array``, and ``llvm`` for simulations.
-        precision: Number type of the program; float32 has no other backend, and solves given motions alone.
+        backend: Solver of given motions and simulations: ``array``, or a traced program run by ``numpy`` or ``llvm``.
+            In simulations ``numpy`` runs the program in Python. The default is ``llvm`` for simulations, ``numpy`` for
+            given motions of at least `LONG` samples, and ``array`` for shorter ones.
+        precision: Number type of the program; float32 excludes the backend ``array`` and solves only given motions.
     """
 
     backend: str | None = None
@@ -75,7 +75,7 @@ class ScrewModel:
         """Solve a problem.
 
         Raises:
-            ScrewgaugeError: The description is not that of the problem, or a pose cannot be solved.
+            ScrewgaugeError: The problem belongs to a different description, or a pose cannot be solved.
         """
         check_fits(problem, self.lay.mechanism, self.where)
         problem = replace(problem, wanted=problem.wanted - {*self.lacks})
@@ -86,7 +86,7 @@ class ScrewModel:
         return self._accelerate(problem, problem.task)
 
     def _move(self, problem: Problem, task: GivenMotion, progress: Progress) -> Solution:
-        """Solve a given motion, with the array solver if there is no program."""
+        """Solve a given motion, with the array solver if no program is available."""
         kind = NUMBER_TYPES[self.settings.precision]
         backend = self.settings.backend or ("numpy" if len(task) >= LONG or kind is not FLOAT64 else "array")
         if backend == "array":
@@ -118,7 +118,7 @@ class ScrewModel:
         return simulated.solution(("screw", __version__, setting), self.lay.mechanism.joints, task)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
-        """Return programs of the accelerations, or the reasons why there are none."""
+        """Return programs for the accelerations, or None and a note on the reason, if any."""
         from screwgauge.engines.screw.forward import TracedForward
 
         if self.settings.backend == "array":

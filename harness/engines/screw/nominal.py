@@ -1,4 +1,4 @@
-"""The nominal machine of variants: closed poses, and their derivatives with respect to parameters."""
+"""The nominal machine of variants: closed poses, and derivatives of these poses with respect to parameters."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from screwgauge.reference.traced.trace import Scalar
 from screwgauge.reference.traced.tracing import TracedQuantities, quantities
 from screwgauge.scene.scene import Scene
 
-#: Residual that no motion closes above which a parameter costs mobility; rounding gives 1e-14, a parameter 0.3.
+#: Residual that no motion closes above which a parameter removes mobility; rounding leaves 1e-14, a parameter 0.3.
 COSTS = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NominalPoses:
-    """Poses of the nominal machine, as `ClosedSamples`.
+    """Closed poses of the nominal machine along a motion.
 
     Attributes:
         motion: The given motion.
@@ -48,18 +48,18 @@ class NominalPoses:
 
 
 class NominalMachine:
-    """The machine of a scene, with numbers as inputs of programs.
+    """The machine of a scene, whose parameters are inputs of programs.
 
     Attributes:
         components: Quantity -> names of its components.
-        anchors: ClosedSamples of the scene's motion, where pivots are chosen.
+        anchors: Closed samples of the scene's motion at which pivots are chosen.
     """
 
     def __init__(self, scene: Scene, wanted: Iterable[str]) -> None:
         """Follow the scene's motion.
 
         Raises:
-            ScrewgaugeError: The motion cannot be followed, or no program answers the question.
+            ScrewgaugeError: The motion cannot be followed, or no program covers the scene.
         """
         self.scene, self.problem = scene, scene.problem([*wanted])
         self.lay = layout(scene.mechanism)
@@ -83,7 +83,7 @@ class NominalMachine:
         return sum(map(len, self.components.values()))
 
     def symbols(self, known: Mapping[str, float], steps: int) -> Symbols:
-        """Trace the equations with some numbers as inputs, see `Symbols`."""
+        """Trace the equations with the given parameters as inputs, see `Symbols`."""
         axial = self.problem.rule == "spherical_axial"
         return Symbols(self.work.loops, self.problem.applied, known, self.anchors, steps=steps, axial=axial)
 
@@ -96,7 +96,7 @@ class NominalMachine:
         """Return closed poses at samples, cached for the next call.
 
         Raises:
-            ScrewgaugeError: An array is invalid, or a sample is not reached.
+            ScrewgaugeError: An array is invalid, or a sample cannot be reached from the home pose.
         """
         k = len(self.scene.mechanism.independent)
         for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
@@ -139,7 +139,7 @@ def stacked(symbols: Symbols, poses: NominalPoses, numbers: Array) -> Array:
 
 
 class Slopes:
-    """Derivatives of closed poses by numbers, ``dq/dp = -M^-1 dr/dp``, and the rows that no joint motion closes."""
+    """Derivatives of closed poses by parameters, ``dq/dp = -M^-1 dr/dp``, and residuals that no joint motion closes."""
 
     def __init__(self, machine: NominalMachine, known: Mapping[str, float]) -> None:
         self.machine, self.names, self.nominal = machine, [*known], np.array([*known.values()])
@@ -148,10 +148,10 @@ class Slopes:
         self._rows: Any = None
 
     def of(self, poses: NominalPoses) -> tuple[Array, Array]:
-        """Return the slopes of the dependent coordinates, and residuals of the rows, dimensionless.
+        """Return derivatives by parameters of the dependent coordinates, and of the residuals that remain open.
 
         Returns:
-            Shapes (n, c, P), (n, m, P).
+            Shapes (n, c, P), (n, m, P); the residuals are dimensionless.
         """
         n, P = len(poses.q), len(self.names)
         if not (self.predicted and self.moving):
@@ -175,9 +175,10 @@ class Slopes:
         return self.of(NominalPoses(GivenMotion(np.zeros(len(at)), at.y, at.yd, at.ydd), at.q))[1]
 
     def costs(self) -> dict[str, float]:
-        """Return parameters that cost the machine its mobility if changed alone, with the residual of rows.
+        """Map each parameter that removes mobility if changed separately to the closure residual that it causes.
 
-        To first order, at samples of the scene's motion [rad or mechanism lengths, per unit of the parameter].
+        Residuals are first-order values at samples of the scene's motion [rad or mechanism lengths, per unit of the
+        parameter].
         """
         worst = np.abs(self._openings).max(axis=(0, 1), initial=0.0)
         return {name: float(x) for name, x in zip(self.names, worst, strict=True) if x > COSTS}

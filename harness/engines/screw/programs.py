@@ -39,12 +39,12 @@ from screwgauge.truth import cache
 if TYPE_CHECKING:
     from screwgauge.reference.traced.native import Native
 
-#: Gains are estimated; the dimensionless norm of the equations themselves is of this size.
+#: Safety factor of estimated gains, and approximate dimensionless norm of the closing equations.
 SAFETY, CONDITION = 2.0, 4.0
-#: Closure residual beyond which Newton's method has not arrived, for one row, in eps; what all bodies' balance may
-#: leave.
+#: Closure residual of one row above which Newton's method has not converged, in eps; relative residual allowed in the
+#: balance of all bodies.
 ARRIVED, BALANCED = 32, 1e-9
-#: Largest correction by Newton's method times the gain: while small, no other assembly lies between.
+#: Limit of the largest Newton correction times the gain; below it, Newton's method stays on its assembly mode.
 NEAR = 0.2
 
 
@@ -53,7 +53,7 @@ Numbers = Mapping[str, Scalar]
 
 
 def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
-    """Return the root of each square that a program emits, by name, see `CHECKS`."""
+    """Return the square root of each check that a program emits, by name, see `CHECKS`."""
     return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
@@ -70,9 +70,9 @@ class Bounds:
         self.stretch = extent(lay).stretch
         # all weights and loads [N]
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + _largest(problem, length)
-        # each of several spherical joints adds one at least
+        # each further spherical joint adds at least one
         self.spare_charts = max(sum(joint.angles == 3 for joint in lay.cuts) - 1, 0)
-        # largest closure residual that rounding makes of all rows
+        # largest closure residual of all rows that rounding causes
         self.arrived = float(ARRIVED * eps * max(6 * len(lay.cuts), 1) ** 0.5)
         self.weights = self._weights()
 
@@ -98,10 +98,10 @@ class Bounds:
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
     ) -> tuple[list[Scalar], list[Scalar]]:
-        """Estimate errors of quantities at clear samples, for each of their units.
+        """Estimate errors of quantities at samples that are not in doubt, for each unit.
 
         Returns:
-            Sums of squares as they grow, with the numbers they are made of, and the errors.
+            Each value followed by the partial sum of squares up to this value; and the errors.
         """
         trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
         for name, each in units.items():
@@ -119,14 +119,14 @@ class Bounds:
             "drive": CLEAR_FORCES**2,
             "moved": (NEAR / (SAFETY * CLEAR)) ** 2,
             "closing": self.arrived**2,
-            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without gravity no force is certain
+            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without gravity every balance is in doubt
             "charts": (SAFETY * CLEAR) ** 2,
         }
         free = 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2
         return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
-        """True where Newton's method stayed on its assembly. Shape (n,)."""
+        """Flag samples at which Newton's method stayed on its assembly mode. Shape (n,)."""
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
@@ -153,12 +153,12 @@ def _largest(problem: Problem, length: float) -> float:
 
 
 def rows_not_finite(values: Mapping[str, Array]) -> Rows:
-    """Return the samples with a value, shape (n, m), that is not finite. Shape (count,)."""
+    """Return the indices of samples with a non-finite value. Shape (n, m) each -> (count,)."""
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
 def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float) -> Array:
-    """Estimate errors like `Bounds.estimated`, at samples that need not be clear. Shape (n, n_unit)."""
+    """Estimate errors like `Bounds.estimated`, but at any samples, including doubtful ones. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
         whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
@@ -168,18 +168,18 @@ def examined(part: SolvedPart, units: Mapping[str, Sequence[str]], length: float
 
 
 def _sizes(name: str, whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
-    """Return the magnitude of a quantity's terms in each of its units; `whole` is the sum of all squares."""
+    """Return the magnitude of a quantity's terms in each unit; `whole` is the sum of squares of all components."""
     local = apply("sqrt", whole) + summand(name, units[0], trust) if units else 0.0
     return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
 
 
 FLOAT = np.dtype(float)
-#: Squares of gains between samples at which pivots were chosen, over the largest of those.
+#: Limit of squared gains, relative to the largest squared gain at the samples where pivots were chosen.
 WITHIN = 2.0
 
 
 class Runner(Protocol):
-    """Runs a program."""
+    """A program that is ready to run."""
 
     program: Program
 
@@ -197,9 +197,10 @@ class Bound:
     """A program bound to reusable arrays.
 
     Attributes:
-        values: Arrays that it fills, kept alive so that no others take their addresses.
-        inputs: Arrays that it reads. Shape (n, m) each.
-        unseen: The same, if numbers that are none may leave no residual: loads, and y of an open tree. Shape (n, m).
+        values: Arrays that the program fills, kept alive so that no other arrays take their addresses.
+        inputs: Arrays that the program reads. Shape (n, m) each.
+        unseen: All inputs as one array, if a NaN among them may leave no residual, as in loads or in y of an open tree.
+            Shape (n, m).
         run: Fills the values; returns whether all are finite and no sample is in doubt.
     """
 
@@ -214,7 +215,7 @@ class Bound:
         return alike and all(map(is_, values.values(), self.values))
 
     def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fill the arrays from inputs; False if these do not fit or a sample is in doubt."""
+        """Fill the arrays from inputs; return False if the inputs do not fit or a sample is in doubt."""
         for x, place in zip(inputs, self.inputs, strict=True):
             if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
                 return False
@@ -228,7 +229,7 @@ def runner(
     """Prepare a program for execution; return the runner and a note.
 
     Args:
-        plain: Runs it without a compiler.
+        plain: Class that runs the program without a compiler.
         dtype: Number type of the computation, float64 or float32; arrays are always float64.
     """
     if dtype != FLOAT:
@@ -262,8 +263,8 @@ def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]
 class Arcs:
     """Programs with different pivots; each sample uses the one with the largest pivots there.
 
-    A program's estimate of a gain depends on its pivots. Where that is more than it was at all samples for which
-    they were chosen, the next program is tried.
+    A program's estimate of the gain depends on its pivots. Where the estimate exceeds its values at the samples for
+    which the pivots were chosen, the next program is tried.
     """
 
     def __init__(self, runners: Sequence[Runner], limits: Sequence[float]) -> None:
@@ -293,7 +294,7 @@ class Arcs:
 
 
 def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
-    """Replace samples with another program's where its gain is smaller; return the gains."""
+    """Solve samples with a different program and keep its values where its gain is smaller; return its gains."""
     out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
     better = ~(outputs[-checks][rows] <= out[-checks])
@@ -311,13 +312,13 @@ def runner_of(traced: Traced, backend: str, dtype: np.dtype[Any] = FLOAT) -> tup
 
 
 def undriven_columns(lay: Layout, problem: Problem) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the independent coordinates that no actuator drives: idle ones, and resting ones of a motion."""
+    """Return the independent coordinates that no actuator drives: idle coordinates, and given ones that must rest."""
     if not isinstance(problem.task, GivenMotion) or not lay.mechanism.actuator_names:
         return (), ()
     idle, k = problem.task.idle, len(lay.mechanism.independent)
     given = given_columns(k, idle)
     driven = driven_at_home(lay, given)
-    # too few actuators for a motion that leaves nothing to the forces come as near as they can
+    # too few actuators for a motion without idle coordinates: their forces are a least-squares fit
     rest = [i for i in given if i not in driven] if idle or len(lay.mechanism.actuator_names) > len(driven) else []
     return idle, tuple(rest)
 
@@ -326,7 +327,7 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
     """Reject problems that no program covers.
 
     Raises:
-        NotTraceableError: With the reason.
+        NotTraceableError: The mechanism has fewer actuators than driven coordinates, or the mass matrix is requested.
     """
     mechanism, undriven = lay.mechanism, sum(map(len, undriven_columns(lay, problem)))
     if ACTUATED & problem.wanted and len(mechanism.actuator_names) < len(mechanism.independent) - undriven:
@@ -337,5 +338,5 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:
-    """True if the numbers of each column are contiguous."""
+    """Return True if the numbers of each column are contiguous."""
     return all(array.strides[0] == array.itemsize for array in arrays.values())

@@ -1,4 +1,4 @@
-"""Inverse dynamics with a traced program, guarded by the array solver, which answers the doubtful samples."""
+"""Inverse dynamics with a traced program; the array solver answers samples for which the program is in doubt."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class TracedWork:
     """A program for a problem, with the array solver as fallback.
 
     Attributes:
-        outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
+        outputs: Quantities, followed by ``error`` if errors are estimated, see `Bounds.estimated`.
         units: Quantity -> units of its components.
-        note: On the program, empty if there is nothing to note.
+        note: Remark on the program, empty if none.
         by_array: Reason -> number of samples that the array solver answered.
         traced: The program, if there is one.
     """
@@ -59,13 +59,13 @@ class TracedWork:
         """Trace the program, with pivots chosen at samples of the motion.
 
         Args:
-            loaded: Whether every sample has its own loads, in place of those of the problem. Where these change over
-                time it has in any case.
+            loaded: Whether every sample has its own loads, which replace the problem's loads. This is always the case
+                if the problem's loads change over time.
             estimates: Whether errors are estimated, see `Bounds.estimated`.
-            kind: Number type of the program; one other than float64 answers doubtful samples itself, too.
+            kind: Number type of the program. With a type other than float64, the program also answers doubtful samples.
 
         Raises:
-            ScrewgaugeError: The motion cannot be followed, or there is no program in float32.
+            ScrewgaugeError: The motion cannot be followed, or no program in float32 covers the problem.
         """
         self.lay, self.problem, self.work = lay, problem, Work(lay, problem)
         self.clock, self.length, self.names = self.work.clock, self.work.loops.length, self.work.names
@@ -116,7 +116,7 @@ class TracedWork:
         return {name: names[name][1] for name in self.wanted}
 
     def again(self) -> TracedWork:
-        """Copy for another thread, with separate buffers, poses and counts."""
+        """Return a copy for a different thread, with separate buffers, poses and counts."""
         other = copy(self)
         other.work = Work(self.lay, self.problem)
         other.clock, other.by_array, other.bound = other.work.clock, Counter(), None
@@ -137,7 +137,7 @@ class TracedWork:
         Args:
             guess: Predictions, unless poses have a closed form.
             loads: Loads of every sample, if they differ. Shape (m, n).
-            values: Filled; see `arrays`.
+            values: Arrays to fill, see `arrays`.
 
         Returns:
             The program's checks, and whether no sample is in doubt.
@@ -156,8 +156,8 @@ class TracedWork:
                 near = self.bounds.near(out)
                 rows = np.flatnonzero(~(near & (out["closing"] <= self.bounds.arrived / 8.0)))
             stray = np.flatnonzero(~near)
-            inputs[3][:, rows] = reached[:d, rows]  # once more from where Newton's method ended
-            if stray.size and first:  # or from nearer
+            inputs[3][:, rows] = reached[:d, rows]  # continue from the last Newton iterate
+            if stray.size and first:  # or start from a closer prediction
                 inputs[3][:, stray] = mode.rows(mode.refine(guess.rows(stray)), traced.predicted)
             elif stray.size:
                 rows = np.setdiff1d(rows, stray)
@@ -171,7 +171,7 @@ class TracedWork:
             return roots(checks), clear
 
     def _pass(self, inputs: Sequence[Array], reached: Array, values: Mapping[str, Array]) -> tuple[Array, Array, bool]:
-        """Run the program once: end of Newton's method, checks, and True if no sample is in doubt."""
+        """Run the program once; return the last Newton iterate, checks, and True if no sample is in doubt."""
         checks = np.empty((len(CHECKS), inputs[0].shape[1]))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         return reached, checks, self.runner.bind(inputs, outputs, self.bounds.weights)()
@@ -180,7 +180,8 @@ class TracedWork:
         """Bind the program to arrays, see `arrays`, and to inputs of these shapes.
 
         Returns:
-            Nothing, if the program needs predictions, or numbers of a component lie apart: then use `part`.
+            The bound program. None if the program needs predictions, or if the numbers of a component are not
+            contiguous; use `part` in these cases.
         """
         if self.guessed or self.traced is None or self.traced.timed or not flat(values):
             return None
@@ -205,10 +206,10 @@ class TracedWork:
         return self.work.predict(motion) if self.guessed else None
 
     def reach(self, motion: GivenMotion) -> Poses | None:
-        """Predict samples in any order; times are their numbers.
+        """Predict samples in any order; `motion.t` holds the row numbers.
 
         Raises:
-            ClosureError: Some are not reached, or not determined by y.
+            ClosureError: A sample cannot be reached, or y does not determine its pose.
         """
         if not self.guessed:
             return None
@@ -236,7 +237,7 @@ class TracedWork:
             guess: See `predict`.
             loads: Force and torque of each load at every sample, if they differ. Shape (m, n).
             into: Arrays for the values, see `arrays`.
-            thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
+            thorough: Whether the array solver answers samples at which a quantity vanishes, see `vanishing`.
         """
         if loads is None and self.varying is not None:
             loads = _loads(self.varying, motion.t)
@@ -288,7 +289,7 @@ class TracedWork:
         arrays: Mapping[str, Array],
         part: SolvedPart,
     ) -> SolvedPart:
-        """Replace doubtful samples of the program with the array solver's."""
+        """Solve doubtful samples again with the array solver."""
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
@@ -300,7 +301,7 @@ class TracedWork:
         return SolvedPart(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _choose_nearest(self, values: dict[str, Array], near: Array) -> None:
-        """Move angles of cut joints to the equivalent ones nearest to the prediction."""
+        """Replace angles of cut joints with the equivalent angles nearest to the prediction."""
         for joint, fold in zip(self.lay.cuts, self.folds, strict=True):
             columns = self.lay.columns[joint.name]
             turning = [c for c in columns if self.lay.turns[c]]
@@ -315,7 +316,7 @@ class TracedWork:
 
     @cached_property
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
-        """Column of the middle angle of a cut S joint -> places of its rates and forces."""
+        """Column of a cut S joint's middle angle -> quantity -> columns of this angle's rates and forces."""
         middle, tree = {}, open_tree(self.lay)[1]
         for joint in self.lay.cuts:
             column = self.lay.columns[joint.name][1:2]
@@ -342,10 +343,10 @@ def _loads(applied: Applied, t: Array) -> Array:
 
 
 def anchors(work: Work, motion: GivenMotion) -> tuple[GivenMotion, Array]:
-    """Choose well-conditioned samples of a motion, with their joint coordinates.
+    """Choose well-conditioned samples of a motion; return them with their joint coordinates.
 
     Raises:
-        NotTraceableError: There is none.
+        NotTraceableError: None of the samples tried is well conditioned.
     """
     some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
     guess, lost, twice = work.mode.reach(some.y)  # a thousand turns may lie between them
@@ -367,7 +368,7 @@ def solve_traced(
     """Solve a given motion with a traced program, if there is one.
 
     Args:
-        by: Backend and number type; float32 gives no error estimate.
+        by: Backend and number type; float32 provides no error estimate.
     """
     known, (backend, kind) = replace(problem, wanted=problem.wanted | {"joint_position"}), by  # which assembly it is
     work, assembly = TracedWork(lay, known, motion, backend, kind=kind), list[Array]()

@@ -1,7 +1,7 @@
 """``screwgauge.compile(scene, parameters=[...])``: one program for all variants of a machine.
 
-Variants occupy the lanes of a register, and samples follow one another: parameters of variants are laid out once,
-and nothing is repeated from sample to sample. If only mass properties change, poses stay the same, see `Matter`.
+Variants occupy the lanes of a register, and samples are processed one after the other, so the parameters of variants
+are stored only once. If only mass properties change, poses stay the same, see `Matter`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.parametric import CHECKS, Symbols, gradient
 from screwgauge.scene.scene import Scene
 
-#: Number of variants processed at a time, and of their values.
+#: Largest number of variants processed at a time, and largest number of their values.
 LANES, HELD = 256, 4_000_000
-#: Steps of Newton's method from a prediction: two, or three where more than a share of the variants needs them.
+#: Steps of Newton's method from a prediction: two, or three if more than this fraction of the variants needs them.
 STEPS, MANY = (2, 3), 0.2
-#: Number of times that a program continues from where it ended.
+#: Number of times that a program continues from its last poses.
 AGAIN = 4
-#: Last step above which the next one has to be a quarter of it at the most: below, both are rounding.
+#: Step above which the next step must be at most a quarter as large; below it, both steps are rounding.
 TESTED, QUARTER = 1e-7, 0.25
 #: Next step below which a pose is closed, and largest residual of all rows [rad or mechanism lengths].
 CLOSED, OPEN = 1e-13, 1e-11
@@ -54,8 +54,9 @@ class VariantSolution:
     """Answers for all variants.
 
     Attributes:
-        values: Quantity -> shape (V, n, n_component), of statistics (V, n_component); NaN where a variant has none.
-        why: Why a variant has no values; empty where it has. Shape (V,).
+        values: Quantity -> values, NaN for variants without values. Shape (V, n, n_component); statistics have shape
+            (V, n_component).
+        why: Reason why a variant has no values, or empty. Shape (V,).
     """
 
     values: Mapping[str, Array]
@@ -86,7 +87,7 @@ class _Worst:
 
     @property
     def contracts(self) -> NDArray[np.bool_]:
-        """True where each Newton step is much smaller than the previous one: the pose stays on its assembly."""
+        """True where each Newton step is much smaller than the last, so the pose stays on its assembly mode."""
         return self.ratio <= QUARTER**2
 
     @property
@@ -95,7 +96,7 @@ class _Worst:
 
     @property
     def stays_open(self) -> NDArray[np.bool_]:
-        """True where Newton's method has converged and rows remain open."""
+        """True where Newton's method has converged but closing rows remain open."""
         return (self.following <= CLOSED**2) & self.contracts & ~(self.open <= OPEN**2)
 
 
@@ -120,10 +121,10 @@ class VariantLanes:
 
 
 class Variants:
-    """Inverse dynamics of a scene as a function of samples and of its machine's numbers.
+    """Inverse dynamics of a scene as a function of samples and of the machine's parameters.
 
     Attributes:
-        names, nominal: Numbers that are inputs, whole names, and their values in the scene. Shape (P,).
+        names, nominal: Full names of the parameters, and their values in the scene. Shape (P,).
         quantities, components: Quantities that it computes, and the components of each.
     """
 
@@ -131,7 +132,7 @@ class Variants:
         """Follow the scene's motion; programs are traced and compiled on first use.
 
         Raises:
-            ScrewgaugeError: A number does not exist, or the motion cannot be followed or traced.
+            ScrewgaugeError: A parameter does not exist, or the motion cannot be followed or traced.
         """
         self.scene, self.quantities, self.backend = scene, tuple(quantities), backend
         known = numbers(scene.mechanism, scene.applied)
@@ -148,17 +149,17 @@ class Variants:
 
     @property
     def operations(self) -> int:
-        """Operations of the program per sample of a variant."""
+        """Number of operations of the program per sample of a variant."""
         return len(self._program(self._steps)[1].program.code)
 
     @cached_property
     def cannot_change(self) -> dict[str, float]:
-        """Numbers that cost the machine its mobility if changed alone, see `Slopes.costs`."""
+        """Parameters that remove the machine's mobility if changed separately, see `Slopes.costs`."""
         return self._slopes.costs()
 
     @cached_property
     def can_change_together(self) -> list[dict[str, float]]:
-        """Combinations that preserve mobility, each with a number of its own, see `Slopes.together`."""
+        """Combinations that preserve mobility; each contains a parameter not in the others, see `Slopes.together`."""
         return self._slopes.together()
 
     def __call__(
@@ -168,9 +169,9 @@ class Variants:
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
-            parameters: Number, by whole or short name or pattern -> its value in each variant, shape (V,), or in all.
-                Others stay those of the scene.
-            t: Times [s]: the rows are a motion, which is followed from home. Shape (n,).
+            parameters: Full name, short name or pattern -> value of the parameters in each variant, shape (V,), or one
+                value for all variants. Parameters not given keep the scene's values.
+            t: Times [s]. If given, the rows are a motion, which is followed from the home pose. Shape (n,).
 
         Raises:
             ScrewgaugeError: An array or a name is invalid, or the nominal machine cannot reach a sample.
@@ -196,10 +197,10 @@ class Variants:
         """Compute statistics over the samples of each variant, without storing the samples.
 
         Args:
-            which: Names of `STATISTICS`. The others are as for a call.
+            which: Names of `STATISTICS`. All other arguments are those of `__call__`.
 
         Returns:
-            Statistic -> quantity -> shape (V, n_component).
+            Statistic -> quantity -> values of shape (V, n_component).
         """
         check_choice("statistic", which, STATISTICS, "statistics")
         poses, p = self._machine.at(y, yd, ydd, t), self._numbers(parameters)
@@ -217,8 +218,9 @@ class Variants:
     def gradient(self, weights: Mapping[str, Array], y: Array, yd: Array, ydd: Array, t: Array | None = None) -> Array:
         """Differentiate a weighted sum of quantities by all parameters, at each sample of the nominal machine.
 
-        For the peak of a component its weight is one at the sample of the peak, for the rms ``f / (n rms)``: sum over
-        the samples.
+        To differentiate the peak of a component, set its weight to the sign of the component at the sample of the peak,
+        and to 0 elsewhere. For the root mean square, set the weight to ``f / (n rms)``. Then sum the result over the
+        samples.
 
         Args:
             weights: Quantity -> weight of each component. Shape (n, n_component) or (n_component,).
@@ -239,7 +241,7 @@ class Variants:
         units = np.eye(self._machine.count)[first : first + len(self.components[quantity])]
         return np.stack([self._pulled(poses, np.tile(unit, (len(y), 1))) for unit in units], axis=1)
 
-    # what they are made of
+    # internal steps
 
     def _numbers(self, parameters: Mapping[str, Any]) -> Array:
         """Return the parameters of all variants. Shape (P, V)."""
@@ -271,7 +273,7 @@ class Variants:
             array[..., why != ""] = np.nan
 
     def _answer(self, poses: NominalPoses, p: Array, into: Sequence[Array], why: Any) -> None:
-        """Fill in values with the program; the array solver follows variants that leave its assembly."""
+        """Fill in values with the program; the array solver follows variants that leave the assembly mode."""
         left, far = np.flatnonzero(why == ""), list[int]()
         for again in range(AGAIN):
             some = [np.empty((*array.shape[:2], len(left))) for array in into]
@@ -290,7 +292,7 @@ class Variants:
             why[lane] = self._alone(poses, p[:, lane], [array[..., lane] for array in into])
 
     def _run(self, poses: NominalPoses, p: Array, into: Sequence[Array], again: int) -> _Worst:
-        """Run the program at all samples, `again` times from its last poses, and fill in the values."""
+        """Run the program at all samples, rerun it `again` times from its last poses, and fill in the values."""
         symbols, made = self._program(self._steps)
         count, key = p.shape[1], (self._steps, min(LANES, -(-p.shape[1] // 8) * 8))
         if key not in self._bound:
@@ -316,7 +318,7 @@ class Variants:
         return worst
 
     def _alone(self, poses: NominalPoses, p: Array, into: Sequence[Array]) -> str:
-        """Answer a variant with the array solver, following its home from the nominal one; return why if it fails."""
+        """Solve a variant with the array solver, starting from its own home pose; return the reason if this fails."""
         motion = poses.motion
         try:
             scene = self.scene.with_({name: float(x) for name, x in zip(self.names, p, strict=True)})
@@ -341,7 +343,7 @@ class Variants:
         return Slopes(self._machine, self._known)
 
     def _slopes_at(self, poses: NominalPoses) -> Array:
-        """Return slopes of the dependent coordinates, cached for the next call. Shape (n, c, P)."""
+        """Return derivatives of the dependent coordinates by parameters, cached for the next call. (n, c, P)."""
         if self._at[0] is not poses:
             self._at = poses, self._slopes.of(poses)[0]
         return self._at[1]
@@ -365,7 +367,7 @@ def check_choice_of_text(names: Any) -> list[str]:
     """Return names or patterns as a list.
 
     Raises:
-        DescriptionError: The value is not a nonempty list of text.
+        DescriptionError: The value is not a nonempty list of strings.
     """
     if isinstance(names, str) or not isinstance(names, Iterable) or not (wanted := [*names]):
         raise DescriptionError("no names are given", "compile, parameters", 'give a list, such as ["*.mass"]')
