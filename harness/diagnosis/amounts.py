@@ -1,4 +1,4 @@
-"""Formats amounts and nouns: numbers with the digits that distinguish them, steps along axes, tensors, lists."""
+"""Formats amounts and nouns: distinguishing digits of two numbers, steps along axes, tensors, lists."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ LINKS = {
     "U": "a universal joint",
     "F": "free",
 }
-#: Letter of a freedom, or kind of a joint -> its noun.
+#: Letter of a degree of freedom, or kind of a joint -> its noun.
 JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
 JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
-#: Event -> its noun, if different from its name.
+#: Event -> noun, if the noun differs from the name of the event.
 _NOUNS = {
     "axis": "place of the axis",
     "base": "joints of the base",
@@ -63,7 +63,7 @@ _AXES = "xyz"
 
 
 def compare_values(what: str, a: Array, b: Array, unit: str) -> str:
-    """Format two values of a property, and their difference."""
+    """Format two values of a property and the difference between them."""
     behind = f" {unit}" if unit else ""
     if np.ndim(a) == 0:
         x, y = float(a), float(b)
@@ -75,18 +75,18 @@ def compare_values(what: str, a: Array, b: Array, unit: str) -> str:
     return f"{said} ({_difference(b - a, unit)})" if what in ("com", "gravity") else said
 
 
-#: Name of a frame, such as ``link3 in A``, and its axes in A's world at home as columns, shape (3, 3).
+#: Name of a frame, such as ``link3 in A``, and its axes in A's world frame at the home pose as columns, shape (3, 3).
 Axes = tuple[str, Array]
-#: World axes, for steps that belong to no body.
+#: World axes, for steps that do not belong to a body.
 WORLD: Axes = ("the world in A", np.eye(3))
-#: Share of a step, or of a vector, below which its other part, or a component, is rounding.
+#: Relative size below which the rotation or translation of a step, or a component of a vector, is rounding.
 _SHARE = 1e-5
 
 
 def turn_and_way(
     step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
 ) -> str:
-    """Format a rotation [rad] and a translation [m] with their directions, omitting those that vanish. Shape (2, 3).
+    """Format a rotation [rad] and a translation [m] with their directions; omit either if it vanishes. Shape (2, 3).
 
     Args:
         length: Size of the machine [m], which makes a rotation and a translation comparable.
@@ -102,10 +102,10 @@ def turn_and_way(
 
 
 def step_in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
-    """Format a step along one axis with its sign; otherwise format its size, and its vector in the first axes.
+    """Format a step along one axis with its sign, and any other step as its size and its vector in the first axes.
 
     Args:
-        step: Step in A's world [rad or m]. Shape (3,).
+        step: Step in A's world frame [rad or m]. Shape (3,).
         unit: ``deg`` or ``mm``.
         brief: Omit the vector.
     """
@@ -138,7 +138,7 @@ def _round_vector(vector_: Array) -> str:
 
 
 def _difference(step: Array, unit: str) -> str:
-    """Format the difference of two vectors: along one axis if possible."""
+    """Format the difference between two vectors, along one axis if possible."""
     step_, of = (step * 1e3, "mm") if unit == "m" else (step, unit)
     k = int(np.abs(step_).argmax())
     if np.abs(np.delete(step_, k)).max() <= _SHARE * abs(step_[k]):
@@ -147,7 +147,7 @@ def _difference(step: Array, unit: str) -> str:
 
 
 def digits(value: float, other: float) -> str:
-    """Format a number with two digits more than needed to distinguish it from another number, at least 4."""
+    """Format a number with two more digits than needed to distinguish it from another number, but at least 4 digits."""
     if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
@@ -181,7 +181,7 @@ def format_change(a: float, b: float) -> str:
 
 
 def _tensors(a: Array, b: Array) -> str:
-    """Format the only entry that differs; otherwise the principal moments, or a mere change of the axes."""
+    """Format the only entry that differs, or else the principal moments, or a change in the axes alone."""
     apart = np.triu(np.abs(a - b))
     entries = np.argwhere(apart > 1e-6 * apart.max())
     if len(entries) == 1:
@@ -202,7 +202,7 @@ def _tensors(a: Array, b: Array) -> str:
 
 
 def _ratio(a: Array, b: Array) -> str:
-    """Format the ratio of two tensors: one factor, or the difference of the largest moments."""
+    """Format the ratio of two tensors: a common factor, or the difference in the largest entries."""
     most, other = (_largest(each) for each in (a, b))
     if not most or not other:
         return format_change(most, other)
@@ -220,7 +220,7 @@ def link_kind(kind: str) -> str:
 
 
 def freedoms(kinds_: Sequence[str]) -> str:
-    """List freedoms: ``3 slides and a ball joint``."""
+    """List degrees of freedom: ``3 slides and a ball joint``."""
     named = [JOINTS.get(kind, kind) for kind in kinds_]
     return join(
         [f"a {each}" if named.count(each) == 1 else count(named.count(each), each) for each in dict.fromkeys(named)]

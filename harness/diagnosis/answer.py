@@ -42,13 +42,13 @@ FAMILIES = {what: family for family, whats in _FAMILIES.items() for what in what
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Difference:
-    """A fact with the sentence that describes it.
+    """A difference between the models (a fact), with the sentence that describes it.
 
     Attributes:
-        item_a, item_b: Name of the part in each file; empty on a side that lacks it, and for the model as a whole.
+        item_a, item_b: Name of the part in each file; empty if that file lacks the part, and for the model as a whole.
         what: Property or event.
-        a, b: Values in A's frames and counting; a step from A to B is a rotation vector [rad] and a translation [m].
-        size: Relative difference, or difference in lengths of the machine and rad; infinite if a side has no value.
+        a, b: Values in A's frames and coordinates; a step from A to B is a rotation vector [rad] and a translation [m].
+        size: Relative difference, or difference in machine lengths and rad; infinite if a model lacks the value.
         kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
     """
 
@@ -91,7 +91,7 @@ class ToldCause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """The result of comparing two models: differences, causes, proof.
+    """The result of comparing two models: differences, causes and proof.
 
     Attributes:
         found: All findings, as data.
@@ -100,8 +100,8 @@ class Diagnosis:
         differences: Facts with their sentences, from the ground outwards.
         causes: Differences grouped by cause, the most important cause first.
         notes: Assumptions, and content that was not compared.
-        not_compared: Phrases, each with its side, for content that could differ and is not compared.
-        not_fixed: Differences that the file of `write_fix` retains, each with the reason.
+        not_compared: Phrases that name content that could differ but is not compared, and the model that contains it.
+        not_fixed: Differences that the file of `write_fix` retains, and why.
         date: Time of the comparison, ISO 8601 in UTC.
     """
 
@@ -170,7 +170,7 @@ class Diagnosis:
 
         Args:
             out: Path of the new file; it must not be B itself.
-            force: Replace any other existing file.
+            force: Replace an existing file.
 
         Raises:
             OutputError: Nothing can be corrected, or `out` exists and was written or changed by another program.
@@ -202,7 +202,7 @@ def diagnosis_of(findings: Findings, date: str) -> Diagnosis:
 
 
 def _not_fixed(findings: Findings) -> Iterator[str]:
-    """List the differences that the corrected file retains, each with the reason."""
+    """List the differences that the corrected file retains, and why."""
     if findings.fix is not None:
         yield from findings.fix.why_not
         yield from (f"{findings.b.library} reads no {noun_of(what)} from the file" for what in findings.fix.unheard)
@@ -211,7 +211,7 @@ def _not_fixed(findings: Findings) -> Iterator[str]:
 
 
 def headline(findings: Findings, told: Sequence[ToldCause]) -> str:
-    """Describe the first cause in at most `WORDS` words, and count the others."""
+    """Describe the first cause in at most `WORDS` words, and count the remaining causes."""
     others = sum(cause.kind != "digits" for cause in told[1:])
     more = f", and {others} more cause{'s' * (others > 1)}" if others else ""
     brief = Speaker(findings.pair.a, brief=True).cause(findings.causes[0])
@@ -273,7 +273,7 @@ def _has(reading: Reading, name: str) -> bool:
     return any(name in room for room in rooms)
 
 
-#: Slips in the tensor of one link, each of which changes several properties of its body.
+#: Slips in the tensor of one link; each changes several properties of the body.
 _OF_TENSORS = ("about the origin", "not turned", "turned", "turned twice", "turned transposed", "meant transposed")
 #: Singular of properties whose name is plural.
 _ONE = {"limits": "limit"}

@@ -1,4 +1,4 @@
-"""The time limit of a diagnosis: once it is reached, the result so far is reported and lists the work left out."""
+"""The time limit of a diagnosis. When it is reached, the result so far is reported and lists the skipped work."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Deadline:
 
     Attributes:
         seconds: Time allowed from now on [s].
-        clock: Returns the time [s].
+        clock: Function that returns the time [s].
         left_out: Work that was skipped for lack of time.
 
     Raises:
@@ -37,7 +37,7 @@ class Deadline:
         self._end = self.clock() + self.seconds
 
     def over(self, work: str) -> bool:
-        """True if no time is left for a piece of work; record the work as skipped."""
+        """Return True if no time is left for a piece of work, and record that work as skipped."""
         if self.clock() < self._end:
             return False
         if work not in self.left_out:

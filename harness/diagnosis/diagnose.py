@@ -1,4 +1,4 @@
-"""Diagnoses two models of a machine: from two files to facts, causes, text and a fix."""
+"""Compares two models of a machine: turns two files into facts, causes, text and a fix."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError, chec
 #: Groups of properties that can be compared separately.
 ONLY = ("rigid",)
 #: Share of matched joints below which two models count as different machines; and number of identical names that is
-#: unlikely to be chance: models with that many are compared in any case.
+#: unlikely to be chance: models with at least this number of identical names are compared in any case.
 ALIKE, NO_CHANCE = 0.5, 5
 
 
@@ -58,7 +58,7 @@ def diagnose(
     """Compare two models; see `screwgauge.api.diagnose` for arguments and errors.
 
     Args:
-        a, b: Files or names; also copies by `model.weigh_side` with mass from meshes.
+        a, b: Files or names, or copies by `model.weigh_side` with mass from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)
@@ -112,7 +112,7 @@ def find(
 
 
 def _share_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
-    """Copy the gravity of one reading to the other if the other has none."""
+    """Copy the gravity of one reading to the other reading if that lacks it."""
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
@@ -125,7 +125,7 @@ def _is_outside_torques(found: Findings) -> bool:
 
 
 def _drop_given_names(facts: Iterable[Fact], how: Mapping[str, str]) -> list[Fact]:
-    """Drop differences of names that the user mapped."""
+    """Drop differences in names that the user mapped."""
     return [fact for fact in facts if not (fact.what == "name" and how.get(fact.part) == "given")]
 
 
@@ -148,7 +148,10 @@ def _add_causes(found: Findings, deadline: Deadline) -> Findings:
 
 
 def _mobility(models: Sequence[Model]) -> tuple[int, int] | None:
-    """Count the freedoms that loops leave in each model; None without loops or without a closed pose near home."""
+    """Count the degrees of freedom of each model with its loops closed.
+
+    Return None if no model has loops, or if a model has no closed pose near its home pose.
+    """
     readings = [model.posed for model in models]
     if not any(reading.closures or reading.couplings for reading in readings):
         return None

@@ -1,4 +1,4 @@
-"""Explains two machines with the fewest causes: as they stand, or with B first aligned with A as a whole."""
+"""Explains the differences between two machines by the fewest causes, with B as it is or after aligning it with A."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Cost of a cause that consists of conventions only, which changes no motion; of each fact in addition to its cause;
-#: and of a placement, which a change of one body may replace.
+#: Cost of a cause that consists of conventions only, which do not change the motion; additional cost of each fact; and
+#: additional cost of a placement, which a change of one body may replace.
 CONVENTION, EACH, PLACE = 0.2, 0.02, 0.01
 #: Cost of an explanation with one cause, which no other explanation can undercut.
 ONE = 1.1
-#: Facts about placements and unmatched parts, which another alignment may avoid; and the share that counts as most
+#: Facts about placements and unmatched parts, which a different alignment may avoid; and the share that counts as most
 #: bodies.
 ELSEWHERE = frozenset({"placement", "axis", "end", "zero", "sign", "start", "kind", "base", "branch", "link", "name"})
 MOST = 0.5
-#: Cost of a transformation of the whole in addition to its cause.
+#: Additional cost of a transformation of the whole machine.
 WHOLE = 0.01
 #: Assumptions about the placement of bodies, in the order in which they are tried.
 BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
@@ -47,13 +47,13 @@ ROOTS = 2
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """An explanation of two machines by facts.
+    """An explanation of the differences between two machines, as a list of facts.
 
     Attributes:
         pair: The pair that the facts describe; B is moved and scaled if `whole` is set.
-        facts: All facts, that of `whole` first.
-        whole: Transformation of B as a whole; None if B is compared as it stands, otherwise `standing` has the facts
-            without it.
+        facts: All facts; the fact for `whole` comes first.
+        whole: Transformation of B as a whole; None if B is compared as it is.
+        standing: Facts without that transformation; empty if `whole` is None.
     """
 
     pair: Pair
@@ -63,9 +63,9 @@ class Explanation:
 
     @cached_property
     def cost(self) -> float:
-        """Cost of the explanation, in causes; the explanation with the lowest cost is chosen."""
+        """Cost of the explanation, measured in causes; the explanation with the lowest cost is chosen."""
         groups = group_facts(self.real)
-        # the whole costs little if it explains everything
+        # a transformation of the whole machine is cheap if it explains everything
         light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
         causes = sum(CONVENTION if each else 1.0 for each in light)
         places = sum(fact.what == "placement" for fact in self.real)
@@ -74,15 +74,15 @@ class Explanation:
 
     @property
     def real(self) -> list[Fact]:
-        """Facts other than rounding."""
+        """Facts that are not rounding."""
         return [fact for fact in self.facts if fact.kind != "digits"]
 
     @property
     def plain(self) -> bool:
         """True if no explanation can be shorter: one cause, or conventions only.
 
-        A displacement on a round body may be a rotation of the whole, and so may differences of a left and a right
-        part.
+        A displacement on a round body may be a rotation of the whole machine, and so may differences between a left and
+        a right part.
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.real)
         places = [fact.of for fact in self.real if fact.what == "placement"]
@@ -93,7 +93,7 @@ class Explanation:
     def _settled(self) -> bool:
         """True if all parts have the same placement, which rules out a shorter alignment.
 
-        A body with another mass may have another centre of mass; masses of most bodies may be in another unit.
+        A body with a different mass may have a different centre of mass; most masses may be in a different unit.
         """
         heavy = {fact.part for fact in self.real if fact.what == "mass"}
         elsewhere = any(
@@ -109,8 +109,8 @@ def explain(
     """Choose the explanation with the fewest causes.
 
     Args:
-        a, b: Readings at the home of their files.
-        marked: Marks facts that are due to the rounding of a file.
+        a, b: Readings at the home pose of their files.
+        marked: Function that marks facts that are due to the rounding of a file.
     """
     best, standing = None, tuple[Fact, ...]()
     for each in _explanations(machine_of(a), b, names):
@@ -124,7 +124,7 @@ def explain(
 
 
 def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
-    """Yield explanations of B as it stands, moved as a whole, aligned by geometry alone, or by its ground links."""
+    """Yield explanations with B as it is, moved as a whole, aligned by geometry alone, or by its ground links."""
     theirs = machine_of(b)
     for believed in BELIEVED:
         yield compare_machines(a, theirs, names, believed)
@@ -137,7 +137,7 @@ def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]
 
 
 def compare_readings(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
-    """Compare two readings of one machine as they stand.
+    """Compare two readings of one machine without moving B as a whole.
 
     Args:
         names: Partners; by default parts with equal names.
@@ -147,7 +147,7 @@ def compare_readings(a: Reading, b: Reading, names: Names | None = None) -> Expl
 
 
 def compare_machines(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
-    """Compare two machines as they stand."""
+    """Compare two machines without moving B as a whole."""
     return compare_pair(pair_machines(a, b, names, believed))
 
 
@@ -156,7 +156,7 @@ def compare_pair(pair: Pair) -> Explanation:
     return Explanation(pair, tuple(fact for compare in COMPARISONS for fact in compare(pair)))
 
 
-#: Comparisons of a pair; those of links also match the joints.
+#: Comparisons of a pair; `link_facts` also matches the joints.
 COMPARISONS: Sequence[Callable[[Pair], Iterator[Fact]]] = (
     structure_facts,
     link_facts,
@@ -175,7 +175,7 @@ def _compare_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explan
 
 
 def _fact(whole: Whole, a: Machine) -> Fact:
-    """Create the fact for a transformation of the whole; one about the only ground joint belongs to that joint."""
+    """Create the fact for a transformation of B; assign a rotation about the only ground joint to that joint."""
     gravity = known_gravity(a.reading.gravity)
     turned = float(np.abs(whole.placement[:3, :3].T @ gravity - gravity).max())
     kind: Kind = "convention" if whole.stands and turned < 1e-9 * float(np.linalg.norm(gravity)) + 1e-12 else "model"
@@ -183,7 +183,7 @@ def _fact(whole: Whole, a: Machine) -> Fact:
 
 
 def _root(T: Array, a: Machine) -> str:
-    """Return the only hinge at the ground if a displacement is a rotation about it; otherwise an empty name."""
+    """Return the only hinge at the ground if the displacement is a rotation about it, or an empty name."""
     links = [link for link in a.links if link.joins(GROUND)]
     if len(links) != 1 or links[0].kind != "R" or not links[0].joints:
         return ""
@@ -195,7 +195,7 @@ def _root(T: Array, a: Machine) -> str:
 
 
 def _roots(pair: Pair) -> Iterator[Whole]:
-    """Yield placements that align ground links with their partners, the most frequent first."""
+    """Yield placements that align ground links with their partners, most frequent first."""
     found: dict[bytes, list[Array]] = {}
     for one, _ in pair.alignment.links:
         T = pair.alignment.placed[one.far]

@@ -25,18 +25,18 @@ class Findings:
     """Results of comparing two models, as data.
 
     Attributes:
-        pair: The two machines, matched; `how`: joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or
-            ``geometry, against its name``.
-        alike: Whether enough parts have a partner for a comparison.
-        facts: Facts about bodies, joints, loops and content; that of the whole first.
-        standing: Facts about B as it stands, if a fact of the whole replaces them.
-        causes: Causes of the facts, ranked; `reasons`: likely slips behind them.
-        withheld: Content that could differ and is not compared, with its side; `aside`: content out of scope.
-        torques: Largest effect of all facts on the torques of A; `by_joint`: the scaled effect on each component.
-        mobility: Freedoms that loops leave in A and in B; None without loops.
-        agreement: Difference of the dynamics of both readings, if nothing else differs; `together`: difference of the
-            libraries' dynamics as loaded, or None with the reason in `why_not`.
-        left_out: Work skipped because the time limit of `limit` seconds was reached.
+        pair: The two machines, matched.
+        how: Joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or ``geometry, against its name``.
+        alike: True if enough parts have a partner for a comparison.
+        facts: Differences in bodies, joints, loops and content; a difference in the whole machine comes first.
+        standing: Facts about B as it is, if a fact about the whole machine replaces them.
+        causes: Ranked causes of the facts; `reasons`: likely slips behind them.
+        withheld: Content that could differ but is not compared, and its model; `aside`: content that is out of scope.
+        torques: Largest effect of all facts on the torques of A; `by_joint`: scaled effect on each component.
+        mobility: Degrees of freedom of A and of B with closed loops; None without loops.
+        agreement: Difference in the dynamics of both readings, if nothing else differs.
+        together: Difference in the libraries' dynamics as loaded; if None, `why_not` gives the reason.
+        left_out: Work that was skipped because the time limit of `limit` seconds was reached.
         only: The only group of properties that was compared; empty for all.
     """
 
@@ -67,7 +67,7 @@ class Findings:
 
     @property
     def open_facts(self) -> tuple[Fact, ...]:
-        """Facts that no value in B's file corrects."""
+        """Facts that no change of a value in B's file corrects."""
         open_ = {(fact.what, fact.partner or fact.part) for fact in self.fix.open} if self.fix else set()
         return tuple(f for f in self.facts if {(f.what, f.part), (f.what, f.partner)} & open_)
 
@@ -101,7 +101,7 @@ SCALE = "projection on the torque difference at random states, torques of each u
 
 
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Build the content of ``diagnosis.json``; `differences` of causes are indices into the list of all."""
+    """Build the content of ``diagnosis.json``; each cause lists its differences as indices into `differences`."""
     found = diagnosis.found
     return {
         "schema": SCHEMA,
@@ -148,7 +148,7 @@ def _model(model: Model) -> dict[str, Any]:
 
 
 def _partners(found: Findings) -> Mapping[str, Any]:
-    """List partners, and parts without one."""
+    """List partners, and parts without a partner."""
     pair, alone = found.pair, (found.pair.alignment.only_a, found.pair.alignment.only_b)
     joints = {name: pair.partner(name).name for name in found.how}
     missing = {

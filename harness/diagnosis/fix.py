@@ -1,4 +1,4 @@
-"""The fix: a copy of B's file with A's values, and the proof that it agrees with A when read again."""
+"""The fix: a copy of B's file with A's values, and the proof that this copy agrees with A when it is read."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from screwgauge.reference.rotations import Array
 
 #: Pattern of elements that make an MJCF include or attach a file.
 _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
-#: Rounding of a computed number, relative to the largest entry.
+#: Rounding error of a computed number, relative to the largest entry.
 DUST = 1e-15
-#: Largest gap of a closure that is closed at home [m].
+#: Largest gap of a closure that counts as closed at the home pose [m].
 DERIVED = 1e-9
 ONE_FILE = "A and B are one file, which two libraries read differently"
 NO_FILE = "B has no file of a format that is changed here"
@@ -51,10 +51,10 @@ class Fix:
 
     Attributes:
         text: Text of the file; empty if nothing can be written.
-        left: Facts that remain after reading the file again; None if it was not read.
+        left: Facts that remain after reading the corrected file; None if it was not read.
         why_not: Reasons why changes are missing, as sentences.
         unheard: Properties in the file that B's library ignores.
-        open: Facts of B relative to A that no value corrects.
+        open: Facts of B relative to A that no change of a value corrects.
     """
 
     text: str
@@ -65,16 +65,16 @@ class Fix:
 
     @property
     def proved(self) -> bool:
-        """True if no difference remains after reading the file again."""
+        """True if the corrected file was read and no difference remains."""
         return self.left is not None and not self.left
 
 
 def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, only: str = "") -> Fix:
-    """Write a copy of B that agrees with A, and read it again.
+    """Write a copy of B that agrees with A, and read that copy to prove it.
 
     Args:
         pair: A and B, matched.
-        moved: Whether B of the pair was aligned with A as a whole.
+        moved: True if B of the pair was aligned with A as a whole.
         only: The only group of properties to compare; empty for all.
     """
     if b.file is None or not b.text:
@@ -113,7 +113,7 @@ def make_fix(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False,
 
 
 def _compare_back(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
-    """Compare B with A as it stands, which yields changes that give B the values of A."""
+    """Compare A with B as it is, which yields changes that give B the values of A."""
     if not moved:
         return compare_pair(pair.inverse)
     bodies = {other: name for name, other in _bodies(pair).items()}
@@ -126,7 +126,7 @@ def _bodies(pair: Pair) -> dict[str, str]:
 
 
 def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
-    """Convert changes from the pose of the comparison to that of the file."""
+    """Convert changes from the pose of the comparison to the pose of the file."""
     q = {name: joint.home for name, joint in posed.joints.items() if written.joints[name].home != joint.home}
     _, before, after = rehome(written, q)
     at_home = [_convert(change, _carrier(change, written, before, after), written, posed) for change in changes]
@@ -134,7 +134,7 @@ def _to_pose_of_file(changes: Iterable[Change], written: Reading, posed: Reading
 
 
 def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-    """Return the displacement of the body that holds a changed joint: its parent, or its child for a seat."""
+    """Return the displacement of the body to which a changed joint is fixed: its parent, or its child for a seat."""
     if change.what == "seat":
         return after[written.moved_by(change.item)]
     return before.get(change.item, np.eye(4))
@@ -164,7 +164,7 @@ def _convert(change: Change, X: Array, written: Reading, posed: Reading) -> Chan
 
 
 def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
-    """Read a copy of a file with another text, leaving the file itself unchanged.
+    """Read a copy of a file with a different text, leaving the file itself unchanged.
 
     Raises:
         ScrewgaugeError: The text cannot be read.
@@ -177,7 +177,7 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
 
 
 def _copy_parts(source: Path, folder: Path, text: str) -> None:
-    """Copy files that an MJCF includes or attaches, recursively, if they lie in its folder."""
+    """Copy the files in the MJCF's folder that it includes or attaches, recursively."""
     home, target = source.resolve(), folder.resolve()
     waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # folder, element and name
     seen = set[Path]()
@@ -200,11 +200,11 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 
     Args:
         b: The user's file.
-        inputs: Other files that were read.
-        force: Replace any other existing file.
+        inputs: Further files that were read.
+        force: Replace an existing file.
 
     Raises:
-        OutputError: The path is B's own, has the suffix of another format, is taken, or cannot be written.
+        OutputError: The path is that of B, has the suffix of a different format, is in use, or cannot be written.
     """
     if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
@@ -218,13 +218,14 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 def make_speller(text: str) -> Callable[[str], str]:
     """Build a function that replaces computed numbers with nearly equal numbers from a file, or short decimals.
 
-    Products of frames leave rounding errors in the last digits, and replace zeros next to larger vector entries.
+    Multiplying frames leaves rounding errors in the last digits, and turns zeros next to larger entries into tiny
+    numbers.
 
     Args:
         text: Text of the file.
 
     Returns:
-        A function from an attribute value, numeric or not, to its written form.
+        A function that maps an attribute value, numeric or not, to the string to write.
     """
     numbers = sorted({*numbers_in(text)})
     nothing = min([DUST, *(1e-3 * abs(number) for number in numbers if number)]) if numbers else 0.0

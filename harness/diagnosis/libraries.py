@@ -1,6 +1,6 @@
-"""Compares the libraries' torques: each library with the dynamics of its reading, and both models as loaded.
+"""Compares torques: each library's with the dynamics of its reading, and both libraries' for the loaded files.
 
-Torques are compared along the motions that loops allow, which makes them independent of constraint forces and cuts.
+Torques are compared along the motions that loops allow, where they do not depend on constraint forces and cuts.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _UNKNOWN = {"flexible bodies", "plugins"}
 def ask_library(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Query one library for the dynamics of a file, at states of the tree that it reads.
+    """Query one library for the dynamics of a file, at states of its tree.
 
     Args:
         whole: Include all forces of the file as loaded, including those that readings cannot represent.
@@ -64,15 +64,15 @@ def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointSta
 
 
 def _scaled(theirs: Array, ours: Array, least: float = 0.0) -> float:
-    """Return the largest difference over the largest magnitude, or over `least` if that is larger."""
+    """Return the largest difference, divided by the largest magnitude or by `least`, whichever is larger."""
     scale = max(float(np.abs(ours).max(initial=0.0)), least)
     return float(np.abs(theirs - ours).max(initial=0.0)) / (scale or 1.0)
 
 
 def compare_tree(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, float]:
-    """Compute the scaled differences of quantities of the open tree."""
+    """Compute the scaled differences in quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
-    force = float(np.abs(ours.tau).max())  # scale for forces that vanish
+    force = float(np.abs(ours.tau).max())  # scales forces that vanish
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
     by_name = {"tau": _scaled(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
@@ -90,7 +90,7 @@ def compare_loops(
 ) -> dict[str, float]:
     """Compare closed-loop quantities, regardless of how each library formulates its loop equations.
 
-    States near singular poses have a lower weight.
+    States near singular poses get a lower weight.
     """
     soft = [each.softness for each in tree.reading.closures.values()]
     soft += [each.softness for each in tree.reading.couplings.values()]
@@ -106,7 +106,7 @@ def compare_loops(
     if rows.shape != own.rows.shape:  # the library has constraints that readings cannot represent
         return {}
     (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
-    # least squares amplify rounding, of rows and of gaps, by the square of the condition number
+    # least squares amplify rounding errors of rows and gaps by the square of the condition number
     weight = sure[:, None, None] ** 2
     here, there = (
         weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in ((rows, bias), (own.rows, own.bias))
@@ -129,8 +129,9 @@ class LibraryCheck:
 
     Attributes:
         side: ``A`` or ``B``.
-        scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: Forces that its inverse dynamics omit; `adds`: forces that they contain besides inertia and weight.
+        scaled: Quantity -> largest difference from the dynamics of the reading, divided by the largest magnitude.
+        omits: Forces that the library's inverse dynamics omit.
+        adds: Forces that they contain in addition to inertial forces and weight.
         failed: Error message; empty if the library succeeded.
     """
 
@@ -143,7 +144,7 @@ class LibraryCheck:
 
     @property
     def agrees(self) -> bool:
-        """True if the engine computes the dynamics of its reading."""
+        """True if the library computes the dynamics of its reading."""
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
@@ -173,21 +174,21 @@ def _ask(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, 
     return theirs, {**compare_tree(theirs, tree, states), **loops}
 
 
-#: Torques lose weight if the conditioning of loops is worse than this, see `admissible_projector`.
+#: Torques get less weight if the conditioning of loops is worse than this, see `admissible_projector`.
 SURE = 0.01
-#: Computes the torques of a tree at its states. Shape (n, n_freedom).
+#: Function that computes the torques of a tree at given states. Shape (n, n_freedom).
 _Dynamics = Callable[[ReadingTree, TreeStates], Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """Both models' torques as their libraries compute them from the loaded files, with all forces.
+    """Torques of both models, as the libraries compute them from the loaded files with all forces.
 
     Attributes:
         row: Largest difference, projected onto the motions that loops allow.
-        calls: Functions called for A and B; empty for a description or a reader without dynamics.
-        states: Number of states compared.
         largest: Largest torque of the same unit.
+        calls: Library functions called for A and B; empty for a description or a reader without dynamics.
+        states: Number of compared states.
     """
 
     row: Largest
@@ -202,7 +203,7 @@ class Together:
 
 
 def compare_libraries(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Together | None, str]:
-    """Compare the libraries' own torques, or return the reason why they cannot be compared."""
+    """Compare the libraries' own torques, or return None and the reason why they cannot be compared."""
     try:
         found = _largest_difference(pair, seed, models)
     except (ScrewgaugeError, ValueError, LookupError) as error:
@@ -215,7 +216,7 @@ def compare_libraries(models: tuple[Model, Model], pair: Pair, seed: int) -> tup
 
 
 def compare_dynamics(pair: Pair, seed: int, only: str = "") -> Largest | None:
-    """Compare the torques of both readings; None if B cannot follow A at any state.
+    """Compare the torques of both readings; return None if B cannot follow A at any of the states.
 
     Args:
         only: The only group of properties to compare; empty for all.
@@ -230,10 +231,10 @@ def compare_dynamics(pair: Pair, seed: int, only: str = "") -> Largest | None:
 def _largest_difference(
     pair: Pair, seed: int, models: tuple[Model, Model] | None = None
 ) -> tuple[Largest, float, int] | None:
-    """Return the largest difference of torques, the largest torque of its unit, and the number of states.
+    """Return the largest difference in torque, the largest torque of the same unit, and the number of states.
 
     Args:
-        models: Models whose libraries compute the torques; by default, the dynamics of the readings do.
+        models: Models whose libraries compute the torques; by default, they are computed from the readings.
     """
     torques = Torques(with_gravity(pair.a.reading), seed)
     sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
@@ -253,21 +254,21 @@ def _largest_difference(
 
 
 def _states(torques: Torques) -> TreeStates:
-    """Select some states; forces that a library adds to a reading appear at all states."""
+    """Select the first states: a few suffice because forces that a library adds to a reading appear at all states."""
     return torques.states.at(slice(STATES))
 
 
 def _torques_along(
     torques: Torques, reading: Reading, partners: Partners, of: _Dynamics
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return torques of a reading that follows A, along A's velocities, and flags of success. (n, n_freedom), (n,)."""
+    """Return torques of a reading that follows A, along A's velocities, and success flags. (n, n_freedom), (n,)."""
     tree = tree_of(with_gravity(reading))
     states, velocities, fits = follow(tree_of(torques.reading), _states(torques), tree, partners)
     return (np.swapaxes(velocities, 1, 2) @ of(tree, states)[..., None])[..., 0], fits
 
 
 def _library_torques(model: Model) -> _Dynamics:
-    """Build a function that lets a library compute the torques of all joints for the file as it is."""
+    """Build a function that computes the torques of all joints with the model's library, for the file as it is."""
 
     def tau(tree: ReadingTree, states: TreeStates) -> Array:
         if model.library not in ASKED or model.file is None or model.retyped:
@@ -280,7 +281,7 @@ def _library_torques(model: Model) -> _Dynamics:
 
 
 def _project(torques: Torques, tau: Array) -> Array:
-    """Project torques onto the motions that loops allow, with less weight near singular poses. (n, n_freedom)."""
+    """Project torques onto the motions that loops allow, with less weight near singular poses. Shape (n, n_freedom)."""
     reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
     P, sure = admissible_projector(equations(tree_of(reading), _states(torques)).rows, slides, size(reading))
     units = np.where(slides, size(reading), 1.0)

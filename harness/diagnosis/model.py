@@ -1,4 +1,4 @@
-"""One side of a diagnosis: a model file as a library reads it."""
+"""One of the two models of a diagnosis: a model file as a library reads it."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
 
-#: Reads a file with a library: (file, library, floating).
+#: Function that reads a file with a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
-#: Loops files of URDFs: one file for both sides, or one for each side.
+#: Loops files of URDFs: one file for both sides, or a separate file for each side.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
-#: Largest gap of closed loops at home, as for a description [rad or lengths of the model].
+#: Largest gap of loops that count as closed at the home pose, as for a description [rad or lengths of the model].
 HOME = 1e-9
 
 
@@ -44,16 +44,16 @@ class Model:
         label: Name as given by the user.
         file: Model file; None for a built-in mechanism.
         library: ``pinocchio``, ``mujoco``, ``yourdfpy``; ``screwgauge`` for a description.
-        floating: Whether the base of a URDF is read as floating.
-        digits: Number of digits to which its numbers are rounded.
+        floating: True if the base of a URDF is read as floating.
+        digits: Number of digits to which the numbers of the file are rounded.
         sha256: Digest of the file; empty without a file.
         loops: File with the closures of a URDF; `loops_sha256`: its digest.
         own: The user's file, if `file` is a copy of it with mass and inertia from meshes.
-        as_read: The library's own reading, without closures and joint types from a file beside it; None if it equals
+        as_read: The library's own reading, without closures and joint types from a loops file; None if it equals
             `reading`.
-        open_by: Gaps of its loops at home as written, formatted; empty if they are closed.
-        never_closed: Loops that close from no start, formatted; empty if all close.
-        remarks: Sentences on changes made by the reader.
+        open_by: Gaps of the loops at the home pose of the file, formatted; empty if the loops are closed there.
+        never_closed: Loops that do not close from any start, formatted; empty if all loops close.
+        remarks: Sentences about changes made by the reader.
     """
 
     label: str
@@ -78,47 +78,47 @@ class Model:
 
     @property
     def retyped(self) -> bool:
-        """True if a file beside it changes joint types, or adds rotors, which the library ignores."""
+        """True if the loops file changes joint types or adds rotors, which the library ignores."""
         return self.as_read is not None
 
     @property
     def says_closures(self) -> bool:
-        """True if its files can define closures; a URDF alone cannot."""
+        """True if the files of the model can define closures; a URDF alone cannot."""
         return self.reading.form != "urdf" or self.loops is not None
 
     @property
     def text(self) -> str:
-        """Text of a URDF or MJCF, which can be changed; empty for other formats."""
+        """Text of a URDF or MJCF file; empty for other formats, which cannot be changed."""
         return read_file(self.file) if self.file is not None and self.reading.form in ("urdf", "mjcf") else ""
 
     @property
     def longest(self) -> int:
-        """Number of digits of the longest number in its file; 0 for a description."""
+        """Number of digits of the longest number in the file; 0 for a description."""
         if self.reading.form == "usd":
             return SINGLE
         return 0 if self.described or self.file is None else longest_number(read_file(self.file))
 
     @cached_property
     def home(self) -> dict[str, float]:
-        """Home coordinates of a URDF, from its loops file [rad or m]."""
+        """Home coordinates of a URDF, taken from its loops file [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
         home = read_loops(self.loops).home if own and self.loops else {}
         return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
-        """Read another file in its place with the same library."""
+        """Read a different file in the place of the model's own, with the same library."""
         reading = load(file, self.library, self.floating)
         return with_loops(reading, self.loops) if self.loops else reading
 
     @cached_property
     def posed(self) -> Reading:
-        """The reading in its home pose, which a URDF cannot define."""
+        """The reading at its home pose, which a URDF alone cannot define."""
         return rehome(self.reading, self.home)[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A side of a diagnosis whose copy has mass and inertia from meshes.
+    """One side of a diagnosis, with a copy of its file that has mass and inertia from meshes.
 
     Attributes:
         given: Name as given by the user.
@@ -152,10 +152,10 @@ def read_here(file: Path, library: str, floating: bool) -> Reading:
 
 
 def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path | None = None) -> Model:
-    """Load one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
+    """Load one side: a file and the loops file in its folder, ``FILE@library``, or a description.
 
     Args:
-        loops: Loops file of a URDF, used instead of the file in its folder.
+        loops: Loops file of a URDF, used instead of the loops file in its folder.
 
     Raises:
         ScrewgaugeError: The side cannot be read.
@@ -187,7 +187,7 @@ def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
 def loops_of_sides(
     loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
 ) -> tuple[Path | None, Path | None]:
-    """Return the loops file of each side, from a pair, or one file for every URDF.
+    """Return the loops file of each side, given a pair of files, or one file for every URDF.
 
     Raises:
         ScrewgaugeError: The value is neither a file nor a pair, or no side is a URDF.
@@ -208,7 +208,7 @@ def loops_of_sides(
 
 
 def _split_library(given: str | Path | Weighed) -> tuple[str, str]:
-    """Split a side into the file or name and the requested library, which may be empty."""
+    """Split the argument of a side into the file or name and the requested library, which may be empty."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
@@ -240,15 +240,15 @@ def _read_description(mechanism: Mechanism, cut: str, gravity: Array | None) -> 
 
 
 def match_cuts(a: Model, b: Model, load: Read = read_here) -> tuple[Model, Model]:
-    """Cut a description like the other side's file, and give a URDF a floating base if the other side has one."""
+    """Choose the cut of a description that best matches the other model; give a URDF a floating base if needed."""
     return _match_cut(a, b, load), _match_cut(b, a, load)
 
 
 def check_loops(models: tuple[Model, Model]) -> tuple[Model, Model]:
-    """Measure the gaps of the loops of both models at home, and try to close them.
+    """Measure the loop gaps of both models at their home poses, and try to close the loops.
 
     Raises:
-        ClosureError: Neither model closes from any start.
+        ClosureError: The loops of neither model close from any start.
     """
     measured, refused = list[Model](), list[ClosureError]()
     for model in models:

@@ -1,4 +1,4 @@
-"""Makes one tree follow the motion of another, wherever their loops are cut.
+"""Makes one tree follow the motion of a second tree, wherever their loops are cut.
 
 The poses of all bodies together determine coordinates, velocities and accelerations of the tree.
 """
@@ -20,20 +20,20 @@ from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, newton_s
 from screwgauge.witness.kinematics import Moving, move
 from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
 
-#: Largest misfit of poses of partners, and of closures [rad or lengths of the machine]; placements of partners are
-#: accurate to 1e-9.
+#: Largest misfit of closures and of the poses of partners [rad or machine lengths]; placements of partners are accurate
+#: to 1e-9.
 FITS = 1e-8
-#: Misfit from which a single Newton step reaches rounding [rad or lengths of the machine].
+#: Misfit from which a single Newton step reaches rounding error [rad or machine lengths].
 NEAR = 1e-8
 
 
-#: Body of the leader, body of the follower, and the latter's frame in the axes of the former, shape (4, 4); joint of
-#: the leader -> joint of the follower, for initial coordinates.
+#: Body of the leader, body of the follower, and the latter's frame relative to the former, shape (4, 4); joint of the
+#: leader -> joint of the follower, for initial coordinates.
 Partners = tuple[Sequence[tuple[str, str, Array]], Mapping[str, Partner]]
 
 
 def partners_of(pair: Pair) -> Partners:
-    """Return the partners of A's bodies, with all members of each."""
+    """Return the partners of A's bodies, including all members of each body."""
     poses = pair.b.reading.poses
     bodies = [
         (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.alignment.placed[name] @ poses[member])
@@ -44,7 +44,7 @@ def partners_of(pair: Pair) -> Partners:
 
 
 def namesakes(reading: Reading) -> Partners:
-    """Match a reading with the same model at another home."""
+    """Match a reading with the same model at a different home pose."""
     bodies = [(name, name, np.eye(4)) for name in reading.bodies]
     return bodies, {name: Partner(name) for name in reading.joints}
 
@@ -52,11 +52,11 @@ def namesakes(reading: Reading) -> Partners:
 def follow(
     leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners
 ) -> tuple[TreeStates, Array, NDArray[np.bool_]]:
-    """Find the states of a tree at which its bodies move as their partners do, with Newton's method.
+    """Find the states of a tree at which its bodies move like their partners, with Newton's method.
 
     Returns:
-        States of the follower; matrix from velocities of the leader to its own, shape (n, n_freedom, n_leader); True
-        where all bodies follow and all loops are closed, shape (n,).
+        States of the follower; matrix from velocities of the leader to velocities of the follower, shape
+        (n, n_freedom, n_leader); True where all bodies follow and all loops are closed, shape (n,).
     """
     bodies, joints = partners
     at = stacked([_frame(leader, name, T) for name, _, T in bodies])
@@ -69,7 +69,7 @@ def follow(
         off, (Q, R) = _off(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
         step = newton_step(R, (np.swapaxes(Q, 1, 2) @ off[..., None])[..., 0])
         there = replace(there, q=stepped(tree, there.q, step))
-        if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # convergence is quadratic: this step reached rounding
+        if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # quadratic convergence: this step reaches rounding
             break
     Q, R = np.linalg.qr(_rows(move(tree, there).jacobian(own, wanted.p)))
     back = np.linalg.pinv(R, rcond=DEPENDENT) @ np.swapaxes(Q, 1, 2)
@@ -91,7 +91,7 @@ def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
 
 
 def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, joints: Mapping[str, Partner]) -> TreeStates:
-    """Return states at rest, at the coordinates of partners, and at home for unmatched joints."""
+    """Return states at rest with the coordinates of partners, or home coordinates for unmatched joints."""
     n = len(states.q)
     still = home(tree.reading)
     q, rest = still.q.repeat(n, axis=0), np.zeros((n, tree.freedom))
@@ -104,7 +104,7 @@ def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, joints: M
 
 
 def _off(here: Moving, wanted: Moving) -> Array:
-    """Compute rotation vectors [rad] and translations [m] from the target poses. Shape (n, 6 m)."""
+    """Compute rotation vectors [rad] and translations [m] from the target poses to the current ones. Shape (n, 6 m)."""
     off = np.concatenate([rotation_vector(here.R @ wanted.R.swapaxes(2, 3)), here.p - wanted.p], axis=2)
     return off.reshape(len(off), -1)
 

@@ -1,4 +1,4 @@
-"""Writes changes of a reading into the text of its model file, leaving everything else unchanged."""
+"""Writes changes in a reading into the text of its model file, and leaves everything else unchanged."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from screwgauge.models.poses import matrix, relative, shortest_step
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation
 
-#: Tag of the outermost element -> module that writes its format.
+#: Tag of the outermost element -> module that writes the format.
 WRITERS: Mapping[str, ModuleType] = {"robot": urdf, "mujoco": mjcf}
 
 
@@ -53,13 +53,13 @@ class Opened:
         links = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
         parts = {i: displace(matter, T) for i, (matter, T) in links.items() if matter is not None}
         silent = [i for i in links if i not in parts]
-        if silent:  # the remainder belongs to the geoms of one of them
+        if silent:  # the remainder belongs to the geoms of one of these links
             parts[silent[0]] = remainder(whole, parts.values())
         return parts
 
 
 def open_model(text: str, reading: Reading) -> Opened:
-    """Open a file with its reading.
+    """Open a model file, given its text and its reading.
 
     Raises:
         DescriptionError: The file is not XML.
@@ -85,7 +85,7 @@ def open_model(text: str, reading: Reading) -> Opened:
 
 
 def frames_of(file: Opened, target: Reading) -> list[Array]:
-    """Return the frames of the links in the world at home, for another reading of the machine. Shape (4, 4) each."""
+    """Return the world frames of the links at the home pose of a second reading of the machine. Shape (4, 4) each."""
     D, frames = list[Array](), list[Array]()
     for link, owner in zip(file.links, file.owner, strict=True):
         D.append(_displacement(file.reading, target, link, owner, D))
@@ -97,13 +97,13 @@ def frames_of(file: Opened, target: Reading) -> list[Array]:
 
 
 def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Array]:
-    """Write the placements and axes of another reading of the same machine.
+    """Write the placements and axes of a second reading of the same machine.
 
     Args:
         gone: Links to remove; their children are attached to an ancestor without moving.
 
-    Returns:
-        Frame of each link in the world. Shape (4, 4) each.
+        Returns:
+            World frame of each link. Shape (4, 4) each.
     """
     frames = frames_of(file, target)
     for i, (link, F) in enumerate(zip(file.links, frames, strict=True)):
@@ -139,7 +139,7 @@ def _same(old: Array, new: Array) -> bool:
 
 
 def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str, near: list[Array]) -> Array:
-    """Return the displacement of a link in the world. Shape (4, 4)."""
+    """Return the displacement of a link in the world frame. Shape (4, 4)."""
     if owner:
         old, new = reading.bodies[owner].pose, target.bodies[owner].pose
         return np.eye(4) if np.array_equal(old, new) else np.asarray(new @ np.linalg.inv(old))
@@ -150,7 +150,7 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:
-    """Compute the vector from a frame's origin to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
+    """Compute the vector from a frame's origin to the nearest point of a hinge axis, in that frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
     along, r = joint.direction, joint.centre - F[:3, 3]
@@ -159,7 +159,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
 
 
 def _turn_to_zero(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
-    """Compute the displacement from home, the zero of the file, to the zero of the target. Shape (4, 4)."""
+    """Compute the displacement from home, the zero pose of the file, to the target's zero pose. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
@@ -177,7 +177,7 @@ def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
 LESS = ("branch", "link")
 
 
-#: Changes that could not be written, with the reasons.
+#: Changes that could not be written, and why.
 Left = tuple[tuple[Change, str], ...]
 
 
@@ -194,8 +194,8 @@ def change_file(
     Args:
         text: Text of the file.
         reading: Reading of the file, to which the changes refer.
-        plain: Write complete inertials in the axes of their links instead of the smallest change.
-        spell: Formats the value of an attribute.
+        plain: Write complete inertials in the axes of their links instead of making the smallest change.
+        spell: Function that formats the value of an attribute.
 
     Returns:
         Text of the changed file, and the changes that could not be written.
@@ -245,7 +245,7 @@ def _check(file: Opened, change: Change) -> None:
 
 
 def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) -> None:
-    """Write all parts of the target that differ. `gone`: links to remove."""
+    """Write all parts of the target that differ from the file; remove the links in `gone`."""
     frames, reading = move(file, target, gone), file.reading
     elements = {name: element for link in file.links for name, element in link.joints.items()}
     for name, body in target.bodies.items():
@@ -262,7 +262,7 @@ def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) ->
 
 
 def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> None:
-    """Write properties of joints, couplings and gears. `elements`: elements of the joints."""
+    """Write properties of joints, couplings and gears into the given elements of the joints."""
     reading = file.reading
     for name, joint in target.joints.items():
         for what in file.writer.JOINT:
@@ -277,7 +277,7 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
 
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
-    """Write closures, and the softness of constraints."""
+    """Write closures and the softness of constraints."""
     ends = {name: tuple(frame for _, frame in target.ends(name)) for name in target.closures}
     for name, closure in target.closures.items():
         old = file.reading.closures[name]
@@ -294,7 +294,7 @@ def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
 
 
 def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain: bool) -> None:
-    """Write the mass properties of a body, if possible through the simplest change of one of its links."""
+    """Write the mass properties of a body; if possible, change only one of its links in the simplest way."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
     new = _change_parts(parts, old, body)
@@ -307,7 +307,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
 
 
 def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Matter]:
-    """Change one part of a body if this is possible, otherwise all of them."""
+    """Change one part of a body if this is possible, or else all parts."""
     if is_same(old, new):
         return parts
     chosen, matter = plainest(parts, old, new)
@@ -318,7 +318,7 @@ def _change_parts(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[in
 
 
 def _links_of_joint(file: Opened, joint: str) -> list[int]:
-    """List the links of the body that a joint moves, and massless links between its joints."""
+    """List the links of the body that a joint moves, and the massless links between the joints of that body."""
     name = file.reading.moved_by(joint)
     joints = {*file.reading.bodies[name].joints}
     return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]

@@ -1,4 +1,4 @@
-"""The table of properties of a model's parts, and changes of their values."""
+"""The table of properties of a model's parts, and changes to their values."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _Recount = Callable[[PolynomialSum], PolynomialSum]
 
 
 def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
-    """Return the bodies that a joint carries, and the joints moved with it, starting with itself."""
+    """Return the bodies that a joint carries, and the joints that it moves, starting with the joint itself."""
     bodies: list[str] = []
     joints: list[str] = []
     for name, body in reading.bodies.items():
@@ -55,7 +55,7 @@ def descendants(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
 
 
 def put_on_axis(joint: JointReading, direction: Array, centre: Array) -> JointReading:
-    """Put a hinge or slide on another axis. Shape (3,) each."""
+    """Put a hinge or slide on a different axis, given by direction and point. Shape (3,) each."""
     parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
     return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
 
@@ -70,7 +70,7 @@ def displace(reading: Reading, joint: str, T: Array) -> Reading:
 
 
 def displace_seat(reading: Reading, joint: str, T: Array) -> Reading:
-    """Displace the bodies that a joint carries, leaving the joint in place. T: shape (4, 4)."""
+    """Displace the bodies that a joint carries by T, shape (4, 4), leaving the joint in place."""
     moved_ = displace(reading, joint, T)
     return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
 
@@ -84,7 +84,7 @@ def reverse(reading: Reading, name: str) -> Reading:
 
 
 def shift_home(reading: Reading, name: str, home: float) -> Reading:
-    """Shift the coordinate of a joint to another home, including its limits, its rest and its couplings."""
+    """Shift the coordinate of a joint to a different home coordinate, including limits, spring rest and couplings."""
     joint = reading.joints[name]
     step = home - joint.home
     low, high = joint.limits
@@ -93,20 +93,20 @@ def shift_home(reading: Reading, name: str, home: float) -> Reading:
 
 
 def _recount(reading: Reading, name: str, joint: JointReading, lead: _Recount, follow: _Recount) -> Reading:
-    """Replace a joint by one that counts differently. `lead`, `follow`: convert couplings that it leads or follows."""
+    """Replace a joint's coordinate; `lead` and `follow` convert couplings that the joint leads or follows."""
     couplings = {key: replace(each, function=lead(each.function)) for key, each in reading.couplings.items()}
     own = {key: replace(each, function=follow(each.function)) for key, each in couplings.items() if each.joint == name}
     return replace(reading, joints={**reading.joints, name: joint}, couplings={**couplings, **own})
 
 
 def remove(reading: Reading, joint: str) -> Reading:
-    """Remove a joint, the other joints of its body and everything that it carries."""
+    """Remove a joint, the remaining joints of its body and everything that it carries."""
     bodies, joints = descendants(reading, joint)
     return _drop(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
 
 
 def splice(reading: Reading, joint: str) -> Reading:
-    """Remove the body that a joint moves, attaching its children to its parent without moving them."""
+    """Remove the body that a joint moves, and attach that body's children to its parent without moving them."""
     name = reading.moved_by(joint)
     gone = reading.bodies[name]
     bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
@@ -114,7 +114,7 @@ def splice(reading: Reading, joint: str) -> Reading:
 
 
 def _drop(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
-    """Remove bodies and joints, with their closures, couplings and actuators."""
+    """Remove bodies and joints, and their closures, couplings and actuators."""
 
     def stays(body: str) -> bool:
         return body not in bodies
@@ -134,7 +134,7 @@ Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 SPRINGS = "pin-mjcf-springs"
 #: Library -> its call for inverse dynamics.
 CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
-#: Owner -> attribute of a reading with parts of that kind.
+#: Kind of part -> attribute of a reading that contains parts of that kind.
 ROOMS = {
     "body": "bodies",
     "joint": "joints",
@@ -149,18 +149,18 @@ class Property:
     """A property of the parts of a model.
 
     Attributes:
-        owner: Kind of part to which it belongs.
-        shape: Shape of its value; None if no value changes it.
+        owner: Kind of part to which the property belongs.
+        shape: Shape of the value; None if the property cannot be changed by a value.
         unit: SI unit; for a joint, the unit for a rotation and, after a bar, the unit for a translation.
-        noun: Noun, if different from its name.
-        part: Whether it is the presence of a part.
-        scales: Whether a common factor may change it in many parts.
-        default: Value if a file specifies none; None if every file specifies one.
-        urdf, mjcf: Element, and attribute after an ``@``, that contain it; empty if the format lacks it.
-        entry: Name of the entry in a reading, if different.
-        write: Returns the reading with another value for a part, if that changes more than one entry.
-        cases: Library that ignores it -> casebook entry.
-        call: Casebook entry on inverse dynamics that contain it in one library and not in another.
+        noun: Noun, if it differs from the name of the property.
+        part: True if the property is the presence of a part.
+        scales: True if a common factor may change the property in many parts.
+        default: Value if a file omits the property; None if every file specifies it.
+        urdf, mjcf: Element and, after an ``@``, attribute that contain the property; empty if the format lacks it.
+        entry: Name of the entry in a reading, if it differs from the name of the property.
+        write: Function that returns the reading with a new value for a part, if that changes more than one entry.
+        cases: Library that ignores the property -> casebook entry.
+        call: Casebook entry on inverse dynamics that contain the property in one library but not in a second one.
     """
 
     owner: Owner
@@ -215,12 +215,13 @@ def _presence(less: Callable[[Reading, str], Reading]) -> Property:
     return Property(owner="joint", shape=(), part=True, urdf="joint", mjcf="body", write=write)
 
 
-#: Name -> property. Poses, axes and points are in the world at home, as everywhere in a reading. ``pose`` moves the
-#: frame of a body with its mass; ``placement`` displaces a joint and everything that it carries, ``seat`` only the
-#: bodies that it carries; ``axis`` and ``centre`` move only the screw; ``zero`` is the coordinate at home; ``sign`` -1
-#: reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint and everything that it carries,
-#: ``link`` 0 a joint and the body that it moves, whose children are attached to its parent. ``inertia`` is about the
-#: centre of mass in the axes of the body. ``softness`` also applies to couplings.
+#: Name -> property. As everywhere in a reading, poses, axes and points are expressed in the world frame at the home
+#: pose. ``pose`` moves the frame of a body with its mass; ``placement`` displaces a joint and everything that it
+#: carries, ``seat`` displaces only the bodies that it carries; ``axis`` and ``centre`` move only the screw; ``zero``
+#: is #: the home coordinate; ``sign`` -1 reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint
+#: and #: everything that it carries; ``link`` 0 removes a joint and the body that it moves, and attaches that body's
+#: children #: to its parent. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` also applies
+#: to couplings.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", scales=True),
     "com": _matter((3,), "m", noun="centre of mass"),
@@ -283,7 +284,7 @@ PROPERTIES: dict[str, Property] = {
 INERTIAL = tuple(name for name, each in PROPERTIES.items() if each.urdf == "inertial")
 PASSIVE = tuple(name for name, each in PROPERTIES.items() if each.owner == "joint" and each.scales)
 OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is not None)
-#: Properties of closures and couplings, on which torques of the open tree do not depend; parts of a machine.
+#: Properties of closures and couplings, on which torques of the open tree do not depend; presence of parts.
 CLOSING = frozenset(name for name, each in PROPERTIES.items() if each.owner in ("closure", "coupling"))
 PARTS = frozenset(name for name, each in PROPERTIES.items() if each.part)
 
@@ -301,7 +302,7 @@ def noun_of(what: str) -> str:
 
 
 def unit_of(what: str, joint: JointReading | None = None) -> str:
-    """Return the unit of a property, for a joint that turns or slides."""
+    """Return the unit of a property, given the joint if the unit depends on whether it turns or slides."""
     turns, _, slides = PROPERTIES[what].unit.partition("|")
     unit = slides if slides and joint is not None and joint.kind == "slide" else turns
     return "" if unit == "1" else unit
@@ -322,12 +323,12 @@ class Change:
     value: Array
 
 
-#: Changes of placements, applied from the outermost part inwards; and removals, applied last.
+#: Changes to placements, which are applied from the outermost part inwards; and removals, which are applied last.
 _FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branch", "link")
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:
-    """Sort the changes of facts, which are ordered from the ground outwards, into the order of application."""
+    """Collect the changes of facts, which are ordered from the ground outwards, in the order of application."""
     changes = [change for each in several for change in each.changes]
     places = [change for change in changes if change.what in _FIRST]
     lost = [change for change in changes if change.what in _LAST]
@@ -338,7 +339,7 @@ def apply_changes(reading: Reading, changes: Iterable[Change]) -> Reading:
     """Apply changes to a reading in sequence.
 
     Raises:
-        UnknownNameError: The reading has no such item, or the item no such property.
+        UnknownNameError: The reading lacks the item, or `PROPERTIES` lacks the property.
     """
     for change in changes:
         if change.what not in PROPERTIES or PROPERTIES[change.what].shape is None:

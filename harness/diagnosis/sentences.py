@@ -1,4 +1,4 @@
-"""Formats findings other than facts: effect, proof, loops, libraries, agreement, limits of the comparison."""
+"""Formats findings that are not facts: effect, proof, loops, libraries, agreement, limits of the comparison."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.shares import Largest
 
 _NAMED = 3
-#: Properties that, besides content, affect only the libraries' own torques.
+#: Properties that affect only the libraries' own torques, as content does.
 _MEDIUM = ("density", "viscosity")
 #: Facts about the closing of loops.
 _LOOPS = CLOSING | {"held"}
@@ -38,7 +38,7 @@ CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"
 
 
 def news(found: Findings) -> Iterator[str]:
-    """Yield sentences about findings without a fact, the most serious first, the agreement last."""
+    """Yield sentences about findings that are not facts, most serious first; the sentence on agreement comes last."""
     if not found.alike:
         yield from _different_machines(found)
         return
@@ -62,7 +62,7 @@ def news(found: Findings) -> Iterator[str]:
 
 
 def _gravity(found: Findings) -> Iterator[str]:
-    """Warn if libraries assume another gravity for a file that specifies none."""
+    """Warn if the gravity that libraries assume for a file without gravity differs from the other file's."""
     side = other_gravity(found.a.reading, found.b.reading)
     if side and not found.only:
         stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
@@ -71,7 +71,7 @@ def _gravity(found: Findings) -> Iterator[str]:
 
 
 def explanation(found: Findings) -> Iterator[str]:
-    """Yield sentences about the effect of the facts on torques, and about the proof."""
+    """Yield sentences about the effect of the facts on torques and about the proof by the corrected file."""
     few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
     if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
         yield _partial(found)
@@ -105,7 +105,7 @@ def _partial(found: Findings) -> str:
 
 
 def _pairs(found: Findings) -> str:
-    """Name some joints with their partners."""
+    """Name a few joints and their partners."""
     return first_few((f"{name} = {found.pair.partner(name).name}" for name in found.how), _NAMED)
 
 
@@ -148,7 +148,7 @@ def _force(found: Findings, *, several: bool = False) -> str:
 
 
 def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
-    """Return subject and verb of a sentence about some of the causes."""
+    """Return subject and verb of a sentence about the given causes, which may be a subset of all causes."""
     if len(some) < len(causes):
         return f"{len(some)} of these causes change{'s' * (len(some) == 1)}"
     return "It changes" if len(some) == 1 else "They change"
@@ -188,7 +188,7 @@ def _proof(found: Findings) -> Iterator[str]:
 
 
 def name_ignored(library: str, whats: Iterable[str]) -> str:
-    """Name properties of a file that a library ignores, with their casebook entries."""
+    """Name properties of a file that a library ignores, and their casebook entries."""
     whats = list(dict.fromkeys(whats))
     cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
@@ -196,7 +196,7 @@ def name_ignored(library: str, whats: Iterable[str]) -> str:
 
 
 def _ignored_properties(found: Findings) -> Iterator[str]:
-    """Name properties that one library reads from a file and the other ignores."""
+    """Name properties that one library reads from a file but the other library ignores."""
     for k, model in enumerate((found.a, found.b)):
         whats = [
             fact.what for fact in found.facts if fact.what in OPTIONAL and _is_ignored((fact.a, fact.b), k, fact.what)
@@ -206,7 +206,7 @@ def _ignored_properties(found: Findings) -> Iterator[str]:
 
 
 def _is_ignored(values: tuple[object, object], k: int, what: str) -> bool:
-    """True if the value of side k is the default, and that of the other side is not."""
+    """True if the value of side k is the default and the value of the other side is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]
@@ -222,7 +222,7 @@ def _loops(found: Findings) -> Iterator[str]:
 
 
 def _agreement(found: Findings) -> Iterator[str]:
-    """Report the agreement if nothing differs, and content that was not compared."""
+    """If nothing differs, report the agreement and the content that was not compared."""
     if not found.agrees:
         return
     reading = found.a.reading
@@ -241,7 +241,7 @@ def _agreement(found: Findings) -> Iterator[str]:
 
 
 def _own_torques(both: Together) -> str:
-    """Report the difference of the libraries' own torques."""
+    """Report the difference between the libraries' own torques."""
     calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
     forces = "forces" if both.row.unit == "N" else "torques"
     return (
@@ -262,7 +262,7 @@ def _witness(witness: LibraryCheck) -> str:
 
 
 def _amount(largest: Largest) -> str:
-    """Format a difference of torques, with its component and its share of the largest torque."""
+    """Format a difference in torque, its component, and its share of the largest torque."""
     return f"{largest.value:.4g} {largest.unit} at {largest.component} ({largest.scaled:.3g} of the largest)"
 
 
@@ -276,7 +276,7 @@ def _join(sentences: Iterable[str]) -> str:
 
 
 def notes(found: Findings) -> Iterator[str]:
-    """Yield sentences about assumptions on the models, once for both sides if both share them."""
+    """Yield sentences about assumptions on the models; an assumption that both models share appears once."""
     sides = dict[str, list[str]]()
     for side, model in zip("AB", (found.a, found.b), strict=True):
         for sentence in _of_side(model, found):
@@ -291,14 +291,14 @@ def notes(found: Findings) -> Iterator[str]:
 
 
 def not_compared(found: Findings) -> Iterator[str]:
-    """Name content that could differ and is not compared, with its side."""
+    """Yield a phrase for each item that could differ but was not compared, and the model that contains it."""
     yield from name_sides(found.withheld)
     if found.why_not:
         yield f"torques of the libraries as loaded: {found.why_not}"
 
 
 def name_sides(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
-    """Name content with the sides that have it."""
+    """Yield a phrase for each item of content and the models that contain it."""
     of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
     for text in dict.fromkeys((*of["A"], *of["B"])):
         yield f"{text} in {' and '.join(side for side in 'AB' if text in of[side])}"
@@ -328,7 +328,7 @@ def _of_side(model: Model, found: Findings) -> Iterator[str]:
 
 
 def _calls(found: Findings) -> Iterator[str]:
-    """Name passive forces that the inverse dynamics of one library contain and those of the other omit."""
+    """Name passive forces that one library's inverse dynamics contain and the other library's omit."""
     pairs = ((x, y) for x in found.witnesses for y in found.witnesses if x.library != y.library)
     for more, less in pairs:
         if what := sorted({*more.adds} & {*less.omits}):

@@ -1,4 +1,4 @@
-"""Torques of A with some of B's values, along motions that A's loops admit, and in other orders of the joints."""
+"""Torques of A with some of B's values, along motions that A's loops admit; and comparison of joint orders."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from screwgauge.witness.constraints import DEPENDENT, closed, equations
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
-#: Number of random states; exceeds the ten inertial parameters of a body.
+#: Number of random states; it exceeds the ten inertial parameters of a body.
 STATES = 24
 #: Largest rounding error of scaled torques: the reference dynamics contribute 1e-14, MuJoCo's tensors 5e-14.
 UNSEEN = 1e-11
-#: Largest difference of scaled torques of equal readings: loops are closed to about 1e-11.
+#: Largest difference between scaled torques of equal readings: loops are closed to about 1e-11.
 SAME = 1e-9
 
 
 def with_gravity(reading: Reading) -> Reading:
-    """Return a reading with the standard gravity if its file specifies none."""
+    """Return a reading with standard gravity if its file does not specify gravity."""
     return replace(reading, gravity=known_gravity(reading.gravity))
 
 
 def freedom_left(reading: Reading, seed: int = 0) -> int:
-    """Count the freedoms that closures and couplings leave at poses near home; -1 if no pose closes the loops."""
+    """Count the degrees of freedom at closed poses near the home pose; return -1 if no pose closes the loops."""
     tree = tree_of(reading)
     if not (reading.closures or reading.couplings):
         return reading.freedom
@@ -51,18 +51,18 @@ def freedom_left(reading: Reading, seed: int = 0) -> int:
 
 
 def _slides(reading: Reading) -> NDArray[np.bool_]:
-    """Return True for each velocity of a slide. Shape (n_freedom,)."""
+    """Return flags that are True for velocities of slides. Shape (n_freedom,)."""
     kinds = [joint.kind for joint in reading.joints.values() for _ in range(FREEDOMS[joint.kind])]
     return np.array([kind == "slide" for kind in kinds], dtype=bool)
 
 
 def _units(reading: Reading) -> Array:
-    """Return the unit by which each velocity is scaled. Shape (n_freedom,)."""
+    """Return the value by which each velocity is scaled. Shape (n_freedom,)."""
     return np.where(_slides(reading), _reach(reading), 1.0)
 
 
 def _reach(reading: Reading) -> float:
-    """Compute the largest distance of a body's centre of mass from that of the machine, independent of frames [m]."""
+    """Compute the largest distance of a body's centre of mass from the machine's, independent of frames [m]."""
     bodies = [body for body in reading.bodies.values() if body.mass > 0.0]
     if not bodies:
         return 1.0
@@ -83,7 +83,7 @@ def components(reading: Reading) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Largest:
-    """The largest difference of torques: scaled, and unscaled with component and unit."""
+    """The largest difference in torque: scaled, and unscaled with component and unit."""
 
     scaled: float
     value: float
@@ -93,7 +93,7 @@ class Largest:
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques of a machine, before and after changes, for motions that its loops admit.
+    """Torques of a machine before and after changes, for motions that its loops admit.
 
     Attributes:
         reading: The machine, with gravity.
@@ -105,7 +105,7 @@ class Torques:
 
     @cached_property
     def states(self) -> TreeStates:
-        """Random states; with loops, closed states near home, with admissible velocities and accelerations."""
+        """Random states; for loops, closed states near the home pose with admissible velocities and accelerations."""
         tree = tree_of(self.reading)
         if not (self.reading.closures or self.reading.couplings):
             return draw(self.reading, STATES, self.seed)
@@ -113,7 +113,7 @@ class Torques:
 
     @cached_property
     def bases(self) -> list[Array] | None:
-        """Basis of admissible motions at each state, in `_units`, shape (n_freedom, m); None for an open tree."""
+        """Basis of admissible motions at each state, scaled by `_units`, (n_freedom, m); None for an open tree."""
         if not (self.reading.closures or self.reading.couplings):
             return None
         units = _units(self.reading)
@@ -134,10 +134,10 @@ class Torques:
         return scale
 
     def effect(self, facts: Iterable[Fact]) -> Array | None:
-        """Compute the change of torques due to facts; None if this is impossible. Shape (n, n_freedom)."""
+        """Compute the change in torques due to facts; None if this is impossible. Shape (n, n_freedom)."""
         try:
             tau = inverse_dynamics(tree_of(self.changed(facts)), self.states)
-        except (ScrewgaugeError, LookupError, ValueError):  # another change removes the part
+        except (ScrewgaugeError, LookupError, ValueError):  # a different change removes the part
             return None
         return tau - self.own if tau.shape == self.own.shape and np.all(np.isfinite(tau)) else None
 
@@ -145,7 +145,7 @@ class Torques:
         """Return the machine with B's values; a transformation of the whole is applied last.
 
         Raises:
-            ScrewgaugeError: A change refers to a part that another change removes.
+            ScrewgaugeError: A change refers to a part that a different change removes.
         """
         facts = list(facts)
         reading = apply_changes(self.reading, sequence(facts))
@@ -159,7 +159,7 @@ class Torques:
         return [name for name, _ in components(self.reading)]
 
     def scaled(self, effect: Array) -> Array:
-        """Scale an effect by the largest torques of its units, along admissible motions, as one row."""
+        """Scale an effect by the largest torques of the same unit, projected onto admissible motions. Shape (k,)."""
         if self.bases is None:
             return np.asarray(effect / self.scale).ravel()
         units = _units(self.reading)
@@ -190,7 +190,7 @@ def without_forces(reading: Reading) -> Reading:
 
 
 def have_values(facts: Sequence[Fact]) -> bool:
-    """True if changes of values reproduce all of the facts, apart from names."""
+    """True if changes of values reproduce all facts except names."""
     real = [fact for fact in facts if fact.what != "name"]
     return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)
 
@@ -203,14 +203,14 @@ PASTED = 12
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Two orders of the same joints.
+    """Two different orders of the same joints.
 
     Attributes:
         first, second: Joints in each order, by the names of the first.
-        sentence: Names the libraries, their orders and the error of a comparison by index.
-        value: Largest difference of torques compared by index, in `unit`; `largest`: largest torque.
-        joints: The two joints with the index of that difference, in the first order and in the second.
-        permutation: ``q_b = q_a[permutation]`` for forces and velocities, and for coordinates without balls.
+        sentence: Sentence that names the libraries, their orders and the error of a comparison by index.
+        value: Largest difference between torques that are compared by index, in `unit`; `largest`: largest torque.
+        joints: The joints at the index of that difference in the first and in the second order.
+        permutation: ``q_b = q_a[permutation]`` for forces and velocities, and for coordinates if no joint is a ball.
     """
 
     first: tuple[str, ...]
@@ -224,7 +224,7 @@ class Order:
 
 
 def compare_orders(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) -> Order | None:
-    """Compare the orders of the joints that two models share; None if they agree, or a model is a description.
+    """Compare the orders of the joints that two models share; None if they agree or if a model is a description.
 
     Args:
         joints: Joint of A -> joint of B.
@@ -243,7 +243,7 @@ def warn_of_order(file: Path, imported: Imported, *, meshes: bool = False) -> tu
     """Warn if libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
-        meshes: Whether the file was imported with mass from meshes.
+        meshes: True if the file was imported with mass from meshes.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
@@ -264,10 +264,10 @@ def _order(
     phrases: tuple[str, str],
     seed: int,
 ) -> Order | None:
-    """Compare two orders of joints of a reading by the torques of its dynamics at the same random states.
+    """Compare two orders of a reading's joints by the torques at the same random states.
 
     Args:
-        names: Joints in the second order, with their own names.
+        names: Joints in the second order, by the names of the second model.
         phrases: Library and joints of each order, as text.
     """
     first, second = orders

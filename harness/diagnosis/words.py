@@ -34,9 +34,9 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND
 
 _NAMED = 3
-#: Axes in which a transformation of the whole is described.
+#: Axes in which a transformation of the whole machine is described.
 _THERE: Axes = ("the world", WORLD[1])
-#: Owner of a property -> plural.
+#: Kind of part that owns a property -> plural noun.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
 #: Event of several joints -> predicate, followed by the side.
 _SUBTREES = {
@@ -50,11 +50,11 @@ _PLURAL = {"limits"}
 
 @dataclass(frozen=True, slots=True)
 class Speaker:
-    """Describes facts of two machines in sentences.
+    """Describes differences (facts) between two machines in sentences.
 
     Attributes:
         a: Machine in whose frames facts are expressed.
-        brief: Whether to omit lists, vectors and consequences.
+        brief: Omit lists, vectors and consequences.
     """
 
     a: Machine
@@ -117,7 +117,7 @@ class Speaker:
         return join([f"{what} of {part}" for part, what in whats.items()])
 
     def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
-        """Describe facts about several parts by what they share, otherwise by an example."""
+        """Describe facts about several parts by what they share, or else by an example."""
         first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
         if first.what in kinds():
             return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
@@ -164,13 +164,13 @@ class Speaker:
         return f"{len(cause.groups)} small differences make {share}{names}"
 
     def axes(self, *names: str) -> list[Axes]:
-        """Return the axes of bodies, then those of the world."""
+        """Return the axes of bodies, followed by the world axes."""
         bodies = self.a.reading.bodies
         own = {name: (f"{name} in A", bodies[name].pose[:3, :3]) for name in names if name in bodies}
         return [own.get(name, WORLD) for name in (*names, GROUND) if name in own or name == GROUND]
 
     def step(self, fact: Fact, turned: str = "turned") -> str:
-        """Describe a displacement in the axes of its body, otherwise of the body that it carries."""
+        """Describe a displacement in the axes of its body, or else of the body that the joint carries."""
         joint = fact.part.partition("/")[0]
         carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
         return turn_and_way(np.asarray(fact.b), self.axes(fact.of, *carried), self.a.length, turned, brief=self.brief)
@@ -217,7 +217,7 @@ def _has_value(fact: Fact, side: str) -> bool:
 
 
 def nouns(facts: Sequence[Fact]) -> str:
-    """List the nouns of some facts, without repetition."""
+    """List the nouns of facts, without repetition."""
     order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
     whats = sorted({fact.what for fact in facts}, key=[*order].index)
     return join([noun(what) for what in whats])
@@ -299,7 +299,7 @@ def _leading_joint(speaker: Speaker, fact: Fact) -> str:
 
 
 def _is_unit(factor: float, unit: str) -> bool:
-    """True if a factor is that of a commonly confused unit."""
+    """True if a factor is 1 or the conversion factor of a commonly confused unit."""
     return factor == 1.0 or any(
         math.isclose(factor, x, rel_tol=1e-4) or math.isclose(factor, 1.0 / x, rel_tol=1e-4) for x in UNITS[unit]
     )
@@ -355,5 +355,5 @@ _TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
     "polynomial": _polynomial,
     "leading joint": _leading_joint,
 }
-#: Events other than properties.
+#: Events that are not properties.
 EVENTS = tuple(what for what in (*_TOLD, *_SENTENCES) if what not in PROPERTIES)

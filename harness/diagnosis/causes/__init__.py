@@ -1,1 +1,1 @@
-"""Causes of facts, their shares of the torque difference, and likely slips behind them."""
+"""Causes of differences, their shares of the torque difference, and the slips that likely led to them."""

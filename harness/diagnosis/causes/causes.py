@@ -17,8 +17,8 @@ from screwgauge.diagnosis.shares import UNSEEN, Torques, have_values
 from screwgauge.models.content import kinds
 from screwgauge.reference.rotations import Array
 
-#: Smallest number of parts with a common factor, or a common missing property, that form one cause; and relative
-#: tolerance of the factor.
+#: Smallest number of parts that form one cause if they share a factor or lack the same property; and relative tolerance
+#: of the factor.
 SEVERAL, FACTOR = 3, 1e-5
 
 
@@ -65,7 +65,7 @@ def without_sides(name: str) -> str:
 
 
 def factor_of(fact: Fact) -> float | None:
-    """Return the factor from A's value to B's; None if there is no common factor other than 1."""
+    """Return the common factor from A's value to B's value; None if it is 1 or does not exist."""
     if fact.what not in PROPERTIES or not (PROPERTIES[fact.what].scales or fact.what == "com"):
         return None
     if fact.a is None or fact.b is None:
@@ -80,7 +80,7 @@ def factor_of(fact: Fact) -> float | None:
 
 
 def _weight(fact: Fact) -> Hashable:
-    """Return a key for masses and inertias that share a factor, as after a change of density."""
+    """Return a key for masses and inertias that share a factor, e.g. after a change of density."""
     return factor_of(fact) if fact.what in ("mass", "inertia") else None
 
 
@@ -90,7 +90,7 @@ def _factor(fact: Fact) -> Hashable:
 
 
 def _value(fact: Fact) -> Hashable:
-    """Return a key for a property that one side lacks, with the value on the other side."""
+    """Return a key for a property that one side lacks: the property, the side, and the value on the other side."""
     lacks = _lack(fact)
     value = fact.b if fact.a is None or not np.any(fact.a) else fact.a
     return lacks and (*lacks, str(value))
@@ -136,12 +136,12 @@ _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
 )
 
 
-#: Bounds of a share, and of an effect relative to the total; causes beyond them cancel each other and are shown
+#: Bounds of a share, and of an effect relative to the total; causes that exceed them cancel each other and are shown
 #: together.
 CANCELS = -0.5, 1.5
 #: All causes cancel if the total is below this share of the largest effect.
 NOTHING = 1e-6
-#: Share below which a cause is small, and number of small, or unseen, causes from which they are merged.
+#: Share below which a cause is small, and smallest number of small (or unseen) causes that are merged.
 SMALL, SEVERAL = 1e-4, 3
 #: Facts about missing parts, which are ranked first whatever their share.
 STRUCTURE = PARTS | {"held", "coupling", "leading joint", "fixed"}
@@ -168,7 +168,7 @@ class Cause:
 
 
 def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
-    """Rank causes: B as a whole, missing parts, the largest shares; then conventions, unseen facts and rounding.
+    """Rank causes: B as a whole, missing parts and large shares precede conventions, unseen facts and rounding.
 
     Args:
         known: Groups of facts that a single slip explains.
@@ -178,7 +178,7 @@ def rank_causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequenc
     return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
 
 
-#: Groups that are shown together, with their scaled effect on torques; None if no values reproduce them.
+#: Groups that are shown together, and their scaled effect on torques, which is None if no values reproduce them.
 _Row = tuple[tuple[tuple[Fact, ...], ...], Array | None]
 
 

@@ -1,4 +1,4 @@
-"""Finds reasons for facts: slips that turn A's values into B's."""
+"""Finds reasons for differences: slips that turn A's values into B's values."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ Ends = tuple[str, str]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reason:
-    """A likely mistake, such as a wrong unit, that explains facts.
+    """A likely mistake, such as a wrong unit, that explains differences (facts).
 
     Attributes:
         slip: Key of `answer.SLIPS`.
-        facts: Facts that it explains.
-        values: Names and numbers to insert into its sentence.
+        facts: Facts that the slip explains.
+        values: Names and numbers to insert into the sentence of the slip.
         part: Fixed link of the body, if the slip concerns only that link.
     """
 
@@ -48,7 +48,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unexplained:
-    """The facts still to explain, the two machines and the texts of their files."""
+    """The facts that are still unexplained, the two machines and their parsed files."""
 
     facts: Sequence[Fact]
     pair: Pair
@@ -67,10 +67,10 @@ class Unexplained:
 def find_reasons(
     facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | None] = (None, None)
 ) -> list[Reason]:
-    """Find reasons: first those that explain several facts together, then those of each remaining fact.
+    """Find reasons: first reasons that explain several facts together, then reasons for each remaining fact.
 
     Args:
-        files: Files of A and B; None for a side without a file.
+        files: Files of A and B; None for a model without a file.
     """
     real = [fact for fact in facts if fact.kind != "digits"]
     case, found = Unexplained(real, pair, (parse_file(files[0]), parse_file(files[1]))), list[Reason]()
@@ -101,7 +101,7 @@ def _whole(case: Unexplained) -> Iterator[Reason]:
 
 
 def _geoms(case: Unexplained) -> Iterator[Reason]:
-    """Find bodies whose mass properties only one side takes from geoms."""
+    """Find bodies whose mass properties are computed from geoms on only one side."""
     for fact in case.of(*INERTIAL):
         names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
         sides = zip(case.files, names, machines, strict=True)
@@ -111,7 +111,7 @@ def _geoms(case: Unexplained) -> Iterator[Reason]:
 
 
 def _totals(case: Unexplained) -> Iterator[Reason]:
-    """Explain a common factor of all masses and inertias by a total mass, or by another density of all geoms."""
+    """Explain a common factor of all masses and inertias by a total mass, or by a different density of all geoms."""
     machines = case.pair.a, case.pair.b
     wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
     facts = wholes or case.of("mass", "inertia")
@@ -135,7 +135,7 @@ def _totals(case: Unexplained) -> Iterator[Reason]:
 
 
 def _orders(case: Unexplained) -> Iterator[Reason]:
-    """Find joints in another order: their names are permuted and axes or kinds differ."""
+    """Find joints in a different order: their names are permuted and their axes or kinds differ."""
     names = {fact.part: fact.b for fact in case.of("name")}
     cycles = [cycle for cycle in _cycles(names) if any(fact.part in cycle for fact in case.of("axis", "kind"))]
     whats = ("name", "axis", "kind", *PASSIVE, "limits")
@@ -171,7 +171,7 @@ def _exchanges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """True if both sides have a number, vector or tensor that a file specifies."""
+    """True if both sides have a value, and it is a number, vector or tensor that a file specifies."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -181,7 +181,7 @@ def _trial(case: Unexplained, a: object, b: object, unit: str = "") -> Trial:
 
 
 def _gears(case: Unexplained) -> Iterator[Reason]:
-    """Find armature, damping or friction that one side specifies before the gear."""
+    """Find armature, damping or friction that one side specifies on the motor side of the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
         gears = {abs(side[name]) for side, name in zip(sides, (fact.part, fact.partner), strict=True) if name in side}
@@ -196,7 +196,7 @@ def _gears(case: Unexplained) -> Iterator[Reason]:
 
 
 def _differing_bodies(case: Unexplained) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
-    """Yield bodies that differ, from either side: machine, body, other machine, both mass properties, facts."""
+    """Yield differing bodies, seen from A and from B: machine, body, other machine, both mass properties, facts."""
     pair = case.pair
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
         other = pair.alignment.bodies[name]
@@ -214,7 +214,7 @@ def _to_a(pair: Pair, name: str) -> Array:
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
-    """Find fixed links that the other side merged into their body incorrectly: all of them together, or one."""
+    """Find fixed links that the other side merged into their body incorrectly: all fixed links together, or one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
@@ -226,7 +226,7 @@ def _merges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _same(one: Matter, other: Matter, loose: float) -> bool:
-    """True if two bodies have equal mass properties, each within a share of its size."""
+    """True if two bodies have equal mass properties, each within a relative tolerance."""
     pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
     return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
 
@@ -234,7 +234,7 @@ def _same(one: Matter, other: Matter, loose: float) -> bool:
 def _mergers(
     frames: Mapping[str, Array], parts: Mapping[str, Matter], names: Sequence[str], whole: Matter
 ) -> Iterator[tuple[list[str], Matter]]:
-    """Yield combinations of slips and the body that results from merging some parts with them; fewer slips first."""
+    """Yield combinations of slips, fewest slips first, and the body that results from merging parts with them."""
     own = remainder(whole, (parts[name] for name in names))
     yield ["missing part"], own
     local = {name: displace(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
@@ -261,7 +261,7 @@ def _mergers(
 
 
 def _conventions(case: Unexplained) -> Iterator[Reason]:
-    """Find placements that agree when the rotations of one file are read in another convention."""
+    """Find placements that agree when the rotations of one file are read in a different convention."""
     moved = [*_differing_joints(case)]
     told = set[tuple[str | float, str]]()
     for k, side in ((1, "B"), (0, "A")) if moved else ():
@@ -277,14 +277,14 @@ def _conventions(case: Unexplained) -> Iterator[Reason]:
 
 
 def _local(file: Written, machine: Machine, ends: Ends) -> Array:
-    """Return the far body's frame in the near one, as the file specifies it, otherwise from the machine's home."""
+    """Return the far body's frame relative to the near body, from the file if possible, else from the home pose."""
     written = file.plain
     near, far = (written[n] if {*ends} <= written.keys() else machine.bodies[n].pose for n in ends)
     return relative(near, far)
 
 
 def _differing_joints(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
-    """Yield facts about the placement of a link, the bodies at its ends, and its placement in A and in B."""
+    """Yield facts about the placement of a link, the bodies at its ends, and the placement in A and in B."""
     for one, other in case.pair.alignment.links:
         names = {"/".join(one.joints), *one.joints}
         facts = [f for f in case.of("placement", "zero") if f.part in names]
@@ -315,7 +315,7 @@ def _of_placement(case: Unexplained, facts: tuple[Fact, ...], a: Array, b: Array
 
 
 def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
-    """Yield single values with their facts, link and property; link by link if both files divide a body equally."""
+    """Yield single values with facts, link and property; link by link if both files have the same links in a body."""
     for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
         yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
     for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
@@ -330,7 +330,7 @@ def _trials(case: Unexplained) -> Iterator[tuple[tuple[Fact, ...], str, str, Tri
 
 
 def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
-    """Yield the links of a body with equal links in both files: name, mass properties in A and in B, in its frame."""
+    """Yield the links of a body if both files have the same: name, mass properties in A and B in the link frame."""
     bodies = pair.a.bodies[name], pair.b.bodies[pair.alignment.bodies[name]]
     one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
     if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:
@@ -345,7 +345,7 @@ def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array
 def _inertials(
     files: tuple[Written, Written], names: tuple[str, str]
 ) -> tuple[dict[str, Array], list[tuple[Slip, Array]]]:
-    """Return the axes in which the files write a tensor, and rotations of A's tensor for axes in another convention."""
+    """Return the axes in which the files give a tensor, and rotations of A's tensor to axes in other conventions."""
     frames, turns = {}, list[tuple[Slip, Array]]()
     for side, file, name in zip("AB", files, names, strict=True):
         if (link := file.link(name)) is None:

@@ -1,4 +1,4 @@
-"""Tries slips of single values one by one, and reads the text of a model file in other conventions."""
+"""Tries slips in single values one by one, and reads the text of a model file in different conventions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Largest misfit of a slip, relative, and in units of the last printed digit.
+#: Largest misfit of a slip: relative, and in units of the last printed digit.
 LEFT, SUM = 1e-6, 5.0
 #: Default density of geoms [kg/m^3].
 WATER = 1000.0
@@ -30,20 +30,21 @@ WATER = 1000.0
 URDF = "XYZ"
 _SEQUENCES = [text for order in permutations("xyz") for text in ("".join(order), "".join(order).upper())]
 
-#: Key of a slip, followed by the names and numbers of its sentence.
+#: Key of a slip, followed by the names and numbers to insert into its sentence.
 Slip = tuple[str | float, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Written:
-    """The parsed text of a model file; empty without a file.
+    """The parsed text of a model file, or an empty record if there is no file.
 
     Attributes:
         form: ``urdf`` or ``mjcf``.
         links: Links, parents first.
         options: Attributes of all ``<compiler>`` elements.
-        densities: Densities that its geoms specify [kg/m^3]; `total`: mass to which the model is scaled [kg], or 0.
-        loose: Relative error that its printed digits allow.
+        densities: Densities that the geoms specify [kg/m^3].
+        total: Mass to which the model is scaled [kg], or 0.
+        loose: Relative error that the printed digits allow.
     """
 
     form: str = ""
@@ -54,16 +55,16 @@ class Written:
     total: float = 0.0
 
     def link(self, name: str) -> TextLink | None:
-        """Return the link with a name; None if there is none."""
+        """Return the link with the given name, or None."""
         return next((link for link in self.links if link.name == name), None)
 
     @property
     def plain(self) -> dict[str, Array]:
-        """Frames of the ground and of all links, as written. Shape (4, 4) each."""
+        """Frames of the ground and of all links, as the file gives them. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{link.name: link.frame for link in self.links}} if self.links else {}
 
     def meanings(self, holder: Element | None) -> Iterator[tuple[Slip, Array]]:
-        """Yield the rotation of an element in other conventions: units, sequence, position of w."""
+        """Yield the rotation of an element, read in different conventions: units, sequence, position of w."""
         place = holder and (holder.find("origin") if self.form == "urdf" else holder)
         text = place and place.get("rpy" if self.form == "urdf" else "euler")
         if place and self.form == "mjcf" and (quat := place.get("quat")):
@@ -80,7 +81,7 @@ class Written:
                 yield ("sequence", own, other), _rotation({"euler": text}, {"eulerseq": other, "angle": units[0]})
 
     def frames(self) -> Iterator[tuple[Slip, dict[str, Array]]]:
-        """Yield the frames of all links, with placements read in another convention. Shape (4, 4) each."""
+        """Yield the frames of all links, with placements read in a different convention. Shape (4, 4) each."""
         others = [dict(self.meanings(link.mount)) for link in self.links]
         for slip in dict.fromkeys(slip for each in others for slip in each):
             frames: list[Array] = []
@@ -106,7 +107,7 @@ class Written:
 
 
 def parse_file(file: Path | None) -> Written:
-    """Parse a model file; return an empty record for a file other than URDF or MJCF."""
+    """Parse a model file; return an empty record if it is neither URDF nor MJCF."""
     try:
         text = read_file(file) if file else ""
         xml = XmlText(text, "the model file")
@@ -128,9 +129,9 @@ def _rotation(attributes: dict[str, str], compiler: Mapping[str, str]) -> Array:
 
 #: Largest share of a difference that a slip may leave unexplained, regardless of the printed digits.
 SHARE = 1e-2
-#: Range of digits of a rounded number; angles may have three, as in 1.57 for 90 degrees.
+#: Range of the number of digits of a rounded number; angles may have three, e.g. 1.57 for 90 degrees.
 FEWEST, MOST = 4, 8
-#: Largest relative difference of equal moments of inertia; smallest rotation that is reported [degrees].
+#: Largest relative difference between moments of inertia that count as equal; smallest reported rotation [degrees].
 EQUAL, TURN = 1e-3, 0.01
 _AXES = "xyz"
 
@@ -146,8 +147,8 @@ class Trial:
         unit: SI unit.
         loose: Relative error that printed digits allow.
         matter: Mass properties of the body in A to which the value belongs.
-        frames: Axes in which each file writes the value. Shape (3, 3) each.
-        turns: Slips in these axes, with the rotation that each applies to A's value. Shape (3, 3) each.
+        frames: Axes in which each file gives the value. Shape (3, 3) each.
+        turns: Slips in these axes, and the rotation that each slip applies to A's value. Shape (3, 3) each.
     """
 
     a: Array
@@ -159,13 +160,13 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """True if the value matches B's to the precision of the files and is much closer to it than A's value is."""
+        """True if the value equals B's to the precision of the files and is much closer to it than A's value is."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
 
     def slips(self, what: str) -> list[Slip]:
-        """Return slips that reproduce B's value, one of each kind; later entries only if no earlier one fits."""
+        """Return slips that reproduce B's value, one per kind; try a later entry only if no earlier entry fits."""
         for entry in ENTRIES.get(what, NUMBER):
             found = dict[str | float, Slip]()
             guesses = [((entry,), PLAIN[entry](self.a))] if isinstance(entry, str) else entry(self)
@@ -178,13 +179,13 @@ class Trial:
 
 
 def rounding(*values: Array, least: int = FEWEST) -> float:
-    """Return half a unit of the last digit of rounded numbers, relative; `LEFT` if no number is rounded."""
+    """Return the largest relative rounding error of the numbers; `LEFT` if no number is rounded."""
     digits = (re.sub(r"e.*|\.", "", f"{abs(float(x)):.12g}").strip("0") for each in values for x in np.ravel(each))
     return max([LEFT, *(0.5 / int(text) for text in digits if least <= len(text) <= MOST)])
 
 
 def units(t: Trial) -> Guesses:
-    """Try the units of either side."""
+    """Try different units for A and for B."""
     least = 3 if UNITS.get(t.unit) is ANGLE else FEWEST
     near = Trial(t.a, t.b, t.unit, max(t.loose, rounding(t.a, t.b, least=least)))
     for factor, name in UNITS.get(t.unit, {}).items():
@@ -233,7 +234,7 @@ def polynomial(t: Trial) -> Guesses:
 
 
 def direction(t: Trial) -> Guesses:
-    """Try a vector of equal length in another direction."""
+    """Try a vector of equal length in a different direction."""
     a, b = (float(np.linalg.norm(each)) for each in (t.a, t.b))
     if a and b and abs(a - b) < t.loose * a:
         yield ("turned", float(np.degrees(np.arctan2(np.linalg.norm(np.cross(t.a, t.b)), t.a @ t.b)))), t.b
@@ -262,7 +263,7 @@ def tensor(t: Trial) -> Guesses:
 
 
 def _entries(I: Array) -> Guesses:
-    """Try slips in the entries of a tensor, in the axes in which it is written."""
+    """Try slips in the entries of a tensor, in the axes in which the file gives it."""
     moments = np.diag(np.diag(I))
     yield ("products of other sign",), 2.0 * moments - I
     yield ("no products",), moments
@@ -278,7 +279,7 @@ def _entries(I: Array) -> Guesses:
 
 
 def axes(t: Trial) -> Guesses:
-    """Try a tensor with equal moments about other axes."""
+    """Try a tensor with equal moments about different axes."""
     (one, V), (two, W) = np.linalg.eigh(t.a), np.linalg.eigh(t.b)
     if np.abs(one - two).max() > min(t.loose * np.abs(t.b).max(), SHARE * np.abs(t.a - t.b).max()):
         return
@@ -294,7 +295,7 @@ def axes(t: Trial) -> Guesses:
 
 
 def one_entry(t: Trial) -> Guesses:
-    """Try one tensor entry with the opposite sign, or its decimal point moved, in the axes of either file."""
+    """Try one tensor entry with the opposite sign or with its decimal point moved, in the axes of either file."""
     for R in (t.frames or {"": np.eye(3)}).values():
         yield from ((slip, R @ value @ R.T) for slip, value in one_number(Trial(R.T @ t.a @ R, t.b)))
 
@@ -308,7 +309,7 @@ PLAIN: Mapping[str, Callable[[Array], Array]] = {
     "no rotation": lambda a: np.eye(3),
 }
 Entry = str | Callable[[Trial], Guesses]
-#: Entries of a number, and of other properties, likely ones first: later ones are tried only if no earlier one fits.
+#: Entries for a number and for properties, most likely first; a later entry is tried only if no earlier one fits.
 NUMBER: Sequence[Entry] = (units, one_number)
 ENTRIES: Mapping[str, Sequence[Entry]] = {
     "mass": (units, "left out", one_number),

@@ -1,1 +1,1 @@
-"""Facts: differences of two machines as data, with the changes that give A the value of B."""
+"""Facts: differences between two machines as data, with the changes that give A the value of B."""

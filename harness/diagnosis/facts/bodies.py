@@ -1,4 +1,4 @@
-"""Compares bodies: mass, centre of mass, inertia, and the compensated share of weight."""
+"""Compares bodies: mass, centre of mass, inertia and the gravity-compensated share of the weight."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def body_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matter) -> Iterator[Fact]:
-    """Compare the mass properties of two bodies in A's world."""
+    """Compare the mass properties of two bodies in A's world frame."""
     sizes = _sizes(ours, theirs, pair.a.length)
     if not any(sizes.values()):
         return
@@ -39,10 +39,10 @@ def _matter_facts(pair: Pair, name: str, other: str, ours: Matter, theirs: Matte
 
 
 def _sizes(ours: Matter, theirs: Matter, length: float) -> dict[str, float]:
-    """Return the size of the difference of each property; 0 if it is rounding."""
+    """Return the relative difference in each property; 0 where it is within rounding."""
     solid = min(ours.mass, theirs.mass) > NO_MASS
     most = max(float(np.abs(ours.inertia).max()), float(np.abs(theirs.inertia).max()))
-    # a tensor about another centre is only as accurate as that centre
+    # a tensor about a different centre is only as accurate as that centre
     floor = TOLERANCE * max(ours.mass, theirs.mass) * length**2
     away = float(np.linalg.norm(ours.com - theirs.com)) / length
     off = float(np.abs(ours.inertia - theirs.inertia).max())

@@ -1,4 +1,4 @@
-"""A difference of two machines as data, the pair of machines, and the rounding of printed digits."""
+"""Difference between two machines as data, the pair of machines, and the rounding of printed digits."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Differences up to this value count as none: relative, or in lengths of the machine and rad. Readers have rounding
-#: errors of 1e-14, Newton's method for closing loops 1e-11.
+#: Largest difference that is ignored: relative, or in machine lengths and rad. Readers have rounding errors of 1e-14;
+#: Newton's method for closing loops has errors of 1e-11.
 TOLERANCE = 1e-9
-#: Gravity of a file that specifies none [m/s^2].
+#: Gravity assumed if a file does not specify it [m/s^2].
 STANDARD = np.array(PROPERTIES["gravity"].default)
 
-#: Facts without effect on motions and coordinates: coordinates determine where a free body starts.
+#: Facts that do not affect motions: coordinates determine where a free body starts.
 IDLE = ("start",)
 
 Kind = Literal["model", "convention", "digits"]
@@ -33,20 +33,20 @@ Kind = Literal["model", "convention", "digits"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fact:
-    """A physical difference.
+    """A physical difference between the two models.
 
     Attributes:
         part: Name of the body, joint, closure or actuator in A, or in B if A lacks it; empty for the model.
         what: Property or event; `words` lists all of them.
-        a, b: Values in A's frames and counting; None for a side without a value. A step from A to B in A's world is a
-            rotation vector [rad] and a translation [m], shape (2, 3).
+        a, b: Values in A's frames and coordinates; None if a model lacks the value. A step from A to B in A's world
+            frame is a rotation vector [rad] and a translation [m], shape (2, 3).
         unit: SI unit; empty for a dimensionless number.
-        size: Relative difference, or difference in lengths of the machine and rad; infinite if a side has no value.
+        size: Relative difference, or difference in machine lengths and rad; infinite if a model lacks the value.
         kind: ``model``; ``convention``, which does not change the motion; ``digits``, rounding of printed numbers.
-        changes: Changes that give A the value of B; empty if no value does.
+        changes: Changes that give A the value of B; empty if no change of a value does.
         partner: Name of the part in B; empty if B lacks it.
         of: A second part: the body in whose axes a step is expressed, or the joint of an actuator.
-        more: Further names, such as the bodies that a missing link carries.
+        more: Further names, e.g. of the bodies that a missing link carries.
     """
 
     part: str
@@ -63,7 +63,7 @@ class Fact:
 
     @property
     def side(self) -> str:
-        """The only side that has a value; empty if both have one."""
+        """The only model that has a value, ``A`` or ``B``; empty if both have a value."""
         return "A" if self.b is None and self.a is not None else "B" if self.a is None and self.b is not None else ""
 
 
@@ -78,7 +78,7 @@ class Partner:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """Two machines, their alignment, and the joints of A with their partners; completed while links are compared.
+    """Two machines, their alignment, and the joints of A with their partners, added while links are compared.
 
     Attributes:
         lost: Facts about links and welds that only one side has and that were removed from the machines.
@@ -102,7 +102,7 @@ class Pair:
         return {partner.name: name for name, partner in self.joints.items()}
 
     def displacement(self, near: str, far: str) -> Array:
-        """Return the displacement from the far body of A to that of B, with the near bodies aligned. Shape (4, 4)."""
+        """Return the displacement from A's far body to B's far body, with the near bodies aligned. Shape (4, 4)."""
         placed = self.alignment.placed
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
@@ -122,7 +122,7 @@ def known_gravity(gravity: Array | None) -> Array:
 
 
 def other_gravity(a: Reading, b: Reading) -> str:
-    """Return the side without gravity if the other side specifies a non-standard one; otherwise an empty name."""
+    """Return the side that lacks gravity if the other side specifies non-standard gravity, or an empty name."""
     if (a.gravity is None) == (b.gravity is None):
         return ""
     usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
@@ -130,15 +130,15 @@ def other_gravity(a: Reading, b: Reading) -> str:
 
 
 def select(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
-    """Keep the facts about one group of properties; all facts for an empty name."""
+    """Keep the facts about one group of properties, or all facts if the name is empty."""
     return tuple(fact for fact in facts if not only or fact.what in RIGID)
 
 
 def difference(a: float, b: float, least: float = 0.0) -> float:
-    """Compute the relative difference of two numbers, 0 if it is rounding.
+    """Compute the relative difference between two numbers; return 0 if it is within rounding.
 
     Args:
-        least: Smallest magnitude to divide by.
+        least: Smallest magnitude by which to divide.
     """
     size = abs(a - b) / max(abs(a), abs(b), least, 1e-300)
     return size if size > TOLERANCE else 0.0
@@ -149,14 +149,15 @@ def step_of(T: Array, point: Array) -> Array:
     return np.array([rotation_vector(np.asarray(T[:3, :3])), T[:3, :3] @ point + T[:3, 3] - point])
 
 
-#: Digits of numbers in full precision.
+#: Digits of a number with full precision.
 ALL = 15
 #: Digits of 32-bit numbers.
 SINGLE = 8
-#: Smallest share of a file's longer numbers that have the maximum length if a program rounded them, and the smallest
-#: count of these: one or two are a manual edit.
+#: Smallest share of a file's longer numbers with the maximum length that indicates rounding by a program, and smallest
+#: count of such numbers: one or two are a manual edit.
 CUT, FEWEST = 0.3, 5
-#: Numbers with fewer digits are intended, those with more are exact; and rounding appears in at least this many places.
+#: Numbers with fewer than the first number of digits are intended, numbers with more than the second are exact;
+#: rounding #: appears in at least the third number of places.
 MEANT, EXACT, SEEN = 5, 12, 4
 #: Rounding error of a value computed from several numbers, in units of the last digit.
 SUM = 5.0
@@ -168,9 +169,9 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)
 
 
 def digits_of(text: str) -> int:
-    """Return the number of digits to which a program rounded the numbers of a file; `ALL` if none did.
+    """Return the number of digits to which a program rounded the numbers of a file; `ALL` if they are not rounded.
 
-    A program produces many numbers of the same maximum length; people do not.
+    A program writes many numbers of the same maximum length; people do not.
     """
     counts = _counts(text)
     long = {n: count for n, count in counts.items() if n > 3}
@@ -198,7 +199,7 @@ def _counts(text: str) -> Counter[int]:
 
 
 def _values(text: str) -> list[str]:
-    """Return the values of all attributes, and the texts of elements, which contain the numbers of an SDF."""
+    """Return the values of all attributes, and the text of elements, which contains the numbers of an SDF."""
     return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
 
 
@@ -207,7 +208,7 @@ def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple
 
     Args:
         digits: Digits to which the numbers of A's and B's files are rounded.
-        longest: Digits of their longest numbers; 0 without a file.
+        longest: Digits of the longest number in each file; 0 without a file.
     """
     n = min(digits)
     if n < ALL and any(isinstance(fact.b, Whole) and not fact.b.stands for fact in facts):
@@ -225,23 +226,24 @@ def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple
 
 
 def _is_cut(fact: Fact, n: int, side: str) -> bool:
-    """True if a fact is within half a unit of the last digit, or a few units if it is computed from several numbers.
+    """True if a difference is within half a unit of the last digit (a few units if computed from several numbers).
 
     Args:
-        n: Digits of the file with fewer digits; `side`: the side of that file.
+        n: Digits of the file with fewer digits.
+        side: Side of that file, ``a`` or ``b``.
     """
     unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
         return fact.size <= SUM * unit
     value = float(getattr(fact, side))
-    if float(f"{value:.{n}g}") != value:  # not a number of that file but computed from several, such as those of a geom
+    if float(f"{value:.{n}g}") != value:  # not a number of that file but computed from several, e.g. from a geom
         return fact.size <= SUM * unit
     decade = 10.0 ** math.floor(math.log10(abs(float(fact.a)))) if fact.a else 0.0
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
 
 
 def _is_printed(fact: Fact, n: int) -> bool:
-    """True if the numbers of one side are those of the other, rounded to n digits, as after a change of units."""
+    """True if the numbers of one side equal the other side's, rounded to n digits, e.g. after a change of units."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

@@ -1,7 +1,8 @@
-"""Compares links: kind, placement, axis, zero and sense of joints, their passive forces and limits.
+"""Compares links: kind, placement, axis, zero position and sense of joints, and their passive forces and limits.
 
-With a body aligned with its partner, the displacement between two neighbours splits into the motion of their joint and
-a remainder: the former is a zero, the latter a placement; the axis is the location of the joint on either body.
+With a body aligned with its partner, the displacement between two neighbours splits into a motion of their joint, which
+is a difference in its zero, and a remainder, which is a difference in placement; the axis is the location of the joint
+on either body.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
 
-#: Limits beyond this value count as none [rad or m]: some programs write 1000 for none, while 180 is a limit in
+#: Limits beyond this value are ignored [rad or m]: some programs write 1000 for no limit, while 180 is a limit in
 #: degrees.
 BOUNDLESS = 900.0
 
@@ -69,7 +70,7 @@ def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Yield joints that the other side fixes; otherwise the two kinds of link, which may be equivalent in loops."""
+    """Yield joints that the other side fixes, or else the two kinds of link, which may be equivalent in loops."""
     met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
@@ -98,7 +99,7 @@ def _match_joints(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element,
 
 
 def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Compare the joints of a free body, and its start."""
+    """Compare the joints of a free body and its start pose."""
     ours, theirs = (tuple(each.kind for each in link.elements) for link in (one, other))
     if ours != theirs:
         yield Fact(one.far, "base", ours, theirs, kind="convention", partner=other.far)
@@ -132,7 +133,7 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _displacement(pair: Pair, one: Link, other: Link) -> Array:
-    """Return the displacement from the far body of A to that of B, with open loops closed at the link."""
+    """Return the displacement from A's far body to B's far body, with open loops closed at the link."""
     D = pair.displacement(one.near, one.far)
     D = (
         D
@@ -143,7 +144,7 @@ def _displacement(pair: Pair, one: Link, other: Link) -> Array:
 
 
 def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
-    """Return the sense of each joint of B relative to its partner, 1 or -1."""
+    """Return the sense of each joint of B relative to its partner: 1 or -1."""
     R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]
     return [
         (1.0 if x.direction @ (R @ y.direction) >= 0.0 else -1.0) * (-1.0 if x.turned != y.turned else 1.0)
@@ -155,7 +156,7 @@ def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequenc
     """Compute the steps of the joints of a link that best approximate a displacement D.
 
     Args:
-        same: Steps to equal coordinates, preferred if they fit equally well.
+        same: Steps that give equal coordinates; preferred if they fit equally well.
     """
     fitted = steps_of(link, D, length)
     if (
@@ -182,7 +183,7 @@ def _entries(E: Array, length: float) -> Array:
 
 
 def remainder_of(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
-    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and its size."""
+    """Compute the remainder of a displacement after steps of the joints, shape (4, 4), and the remainder's size."""
     T: Array = np.eye(4)
     for element, way in zip(link.elements, ways, strict=True):
         T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions first
@@ -194,8 +195,9 @@ def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
     """Create the fact for a displaced link, and determine on which of its bodies it is displaced.
 
     Args:
-        D: Displacement of the near body of B relative to that of A, with the far bodies aligned; `X`: that of the
-            far body, with the near bodies aligned, beyond the motion of the link. Shape (4, 4) each.
+        D: Displacement from A's near body to B's near body, with the far bodies aligned. Shape (4, 4).
+        X: Displacement from A's far body to B's far body, with the near bodies aligned, without the motion of the
+            link. Shape (4, 4).
     """
     ends = {body for body, *_ in _shifts(pair, one, other)}
     far = ends == {one.far} if ends else one.elements[0].turned  # a shift along the axis is visible on neither body
@@ -217,7 +219,7 @@ def _place_fact(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
 
 
 def _end_change(link: Link, body: str, X: Array) -> Change:
-    """Return the change that displaces the end of joints on one of their bodies."""
+    """Return the change that displaces the end of a link on one of its bodies."""
     far = body == link.far
     element = link.elements[-1 if far else 0]
     if element.turned == far:  # the file declares the joint from this body to the other
@@ -257,7 +259,7 @@ def _joint_facts(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fac
 
 
 def _change_to_b(name: str, what: str, value: object) -> Change:
-    """Create a change to B's own number, for a joint whose zero and sense are already those of B."""
+    """Create a change to B's own number, for a joint whose zero and sense already equal B's."""
     return Change(name, what, np.asarray(value, float))
 
 
@@ -268,10 +270,10 @@ def _entry(name: str, what: str, a: object, b: object, joint: JointReading, size
 
 
 def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, described: bool) -> Iterator[Fact]:
-    """Compare limits, ignoring unreachable ones; a joint with another zero may keep its numbers.
+    """Compare limits, ignoring unreachable ones; a joint with a different zero may keep the numbers of its limits.
 
     Args:
-        described: Whether a side is a description, whose files omit limits.
+        described: True if either model is a description, whose files omit limits.
     """
     theirs = sorted(partner.sign * (x - partner.zero) for x in b.limits)
     first, second = (np.clip(each, -BOUNDLESS, BOUNDLESS) for each in (a.limits, theirs))
@@ -299,7 +301,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
     """Compare the locations of a link on its two bodies.
 
     Args:
-        moved: Whether a displacement of the carried body is already a fact.
+        moved: True if a displacement of the carried body was already reported.
     """
     sides = [*_shifts(pair, one, other)]
     if not sides or (moved and len(sides) < 2):
@@ -329,7 +331,7 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
 
 
 def _shifts(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
-    """Yield features of a link whose locations on a body and on its partner differ, with the distance."""
+    """Yield features of a link whose locations on a body and on its partner differ, and the distance between them."""
     for body, there in ((one.near, other.near), (one.far, other.far)):
         for x, y in zip(features(one, body), features(other, there), strict=False):
             y = y.move(pair.alignment.placed[body])

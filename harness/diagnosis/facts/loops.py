@@ -1,4 +1,4 @@
-"""Compares loops: ends of closures, couplings as functions of A's coordinates, and softness."""
+"""Compares loops: ends of closures, couplings as functions of A's coordinates, and the softness of both."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def end_facts(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
-    """Pair closures of two elements by name, otherwise by the distances of their points."""
+    """Pair closures of two elements by name if possible, or else by the distances between their points."""
     if {*x.closures} == {*y.closures}:
         return {name: name for name in x.closures}
     T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
@@ -50,13 +50,13 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
 
 
 def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
-    """Return the first body of a closure, and its point in the world. Shape (3,)."""
+    """Return the first body of a closure, and its point in the world frame. Shape (3,)."""
     (body, frame), _ = machine.reading.ends(name)
     return body, frame[:3, 3]
 
 
 def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
-    """Yield displaced ends of a closure, except an end that the file derives from the other end."""
+    """Yield displaced ends of a closure, except an end that the file derives from the opposite end."""
     a, b = pair.a.reading, pair.b.reading
     known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
     derived = a.closures[name].derived and b.closures[partner].derived
@@ -82,7 +82,7 @@ SAME, ROUND = 1e-8, 1e-6
 def coupling_facts(pair: Pair) -> Iterator[Fact]:
     """Compare couplings with the same dependent joint; a round body may be rotated to make them agree.
 
-    Linear couplings that allow the same motions are equal, whichever joints depend.
+    Linear couplings that allow the same motions are equal, whichever joints are dependent.
     """
     if _are_equivalent(pair):
         return
@@ -97,13 +97,13 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
     counts = Counter(name for each in a.values() for name in each.named)
     free = {
         name for name in _free_zeros(pair.a, pair) if counts[name] == 1
-    }  # a rotation that suits one coupling would violate another
+    }  # a rotation that suits one coupling would violate a different coupling
     for name, other in partners.items():
         yield from _compare_couplings(pair, name, a[name], b[other], free)
 
 
 def _lone_coupling(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
-    """Create the fact for a joint that is coupled or held on one side only."""
+    """Create the fact for a joint that is coupled or locked on one side only."""
     back = pair.back if side == "B" else {}
     joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
     held = not function.terms
@@ -140,7 +140,7 @@ def _compare_couplings(
     if abs(step := ours.constant - theirs.constant) > SAME and (turning := free & {joint, *own.terms}):
         free.discard(joint if joint in free else min(turning))
         theirs = theirs.plus(step)
-    # a joint mounted with a rotation about its own axis takes its coupling with it
+    # if a joint is mounted rotated about its own axis, its coupling rotates with it
     plain = ours.beside(_function_in_a(pair, other, zeros=False))
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
@@ -154,7 +154,7 @@ def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True)
     """Express the function of a coupling of B in coordinates of A.
 
     Args:
-        zeros: Whether to count from A's zeros.
+        zeros: Measure coordinates from A's zeros.
     """
     function, back = coupling.function.renamed(pair.back), pair.back
     partners = {name: pair.partner(name) for name in (*function.terms, back.get(coupling.joint, coupling.joint))}
@@ -189,7 +189,7 @@ def _size(function: PolynomialSum) -> float:
 
 
 def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
-    """Return hinges whose zero is unobservable because one of their bodies is round."""
+    """Return hinges whose zero position is unobservable because one of their bodies is round."""
     links = [one for one, _ in pair.alignment.links if len(one.elements) == 1 or one.kind == "C"]
     return {x.joint for link in links for x in link.elements if x.joint and _is_round(machine, link, x)}
 
@@ -231,7 +231,7 @@ def softness_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _closure_partners(pair: Pair) -> dict[str, str]:
-    """Pair closures of A and B: those of a link by their points, welds by name."""
+    """Pair closures of A and B: closures of a link by their points, welds by name."""
     found: dict[str, str] = {}
     for one, other in pair.alignment.links:
         for x, y in zip(one.elements, other.elements, strict=False):
@@ -242,7 +242,7 @@ def _closure_partners(pair: Pair) -> dict[str, str]:
 
 
 def coupling_partners(pair: Pair) -> dict[str, str]:
-    """Pair couplings of A and B by the dependent joint, otherwise by all their joints."""
+    """Pair couplings of A and B by the dependent joint if possible, or else by all their joints."""
     a, b, back, found = pair.a.reading.couplings, pair.b.reading.couplings, pair.back, dict[str, str]()
     named = {name: [back.get(joint, joint) for joint in each.named] for name, each in b.items()}
     keys: tuple[Callable[[Sequence[str]], Hashable], ...] = (lambda joints: joints[0], frozenset)

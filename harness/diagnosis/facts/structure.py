@@ -24,9 +24,9 @@ from screwgauge.reference.mechanism import GROUND
 
 
 def pair_machines(a: Machine, b: Machine, names: Names, believed: Believed) -> Pair:
-    """Align two machines, and fuse on both sides bodies that move relative to each other on one side only.
+    """Align two machines. Bodies that move relative to each other in only one machine are fused in both.
 
-    Such bodies are found by name before the alignment; those without matching names are found afterwards.
+    Such bodies are found by name before the alignment; bodies without matching names are found afterwards.
     """
     lost = list[Fact]()
     if names.bodies:
@@ -54,7 +54,7 @@ def _hidden_links(pair: Pair) -> Iterator[tuple[str, Link]]:
 
 
 def _fuse_by_names(a: Machine, b: Machine) -> tuple[Machine, Machine, list[Fact]]:
-    """Fuse bodies that are one body on the other machine, and drop welds that it lacks."""
+    """Fuse bodies that form one body in the other machine, and drop welds that the other machine lacks."""
     sides, facts = {"A": a, "B": b}, list[Fact]()
     for side, other in ("AB", "BA"):
         sides[side], lost = _drop_welds(sides[side], sides[other], side)
@@ -71,7 +71,7 @@ def _owners(machine: Machine) -> dict[str, str]:
 
 
 def _drop_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """Drop welds between bodies that are separate on the other machine."""
+    """Drop welds between bodies that are separate in the other machine."""
     owners, welds = _owners(other), {n: c for n, c in own.reading.closures.items() if c.kind == "weld"}
     gone = [n for n, c in welds.items() if len({owners[end] for end in (c.first, c.second) if end in owners}) == 2]
     if not gone:
@@ -83,7 +83,7 @@ def _drop_welds(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[Fact]]:
-    """Fuse bodies that are one body on the other machine, at the coordinate at which it holds them."""
+    """Fuse bodies that form one body in the other machine, at the joint coordinate that this body implies."""
     owners = _owners(other)
     held = {
         link.joints: q
@@ -103,13 +103,13 @@ def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
-    """True if the members of both bodies of a link belong to a single body on the other side, by their names."""
+    """True if, by their names, the members of both bodies of a link belong to a single body on the other side."""
     ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
 
 def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """Return the joint coordinate that poses its bodies as on the other side; None if it is home or missing."""
+    """Return the joint coordinate that reproduces the other side's relative pose; None if it is home or missing."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -142,7 +142,7 @@ def structure_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) -> list[str]:
-    """Return the unmatched bodies that are connected to the given ones."""
+    """Return the given bodies and the unmatched bodies that are connected to them."""
     found = list(bodies)
     for body in found:
         ends = {end for link in links if link.joins(body) for end in (link.near, link.far)}
@@ -151,7 +151,7 @@ def _component(links: Sequence[Link], bodies: set[str], known: Collection[str]) 
 
 
 def _lost_link(side: str, what: str, link: Link, bodies: Sequence[str] = (), of: str = "") -> Fact:
-    """Create the fact for an unmatched link, with its bodies, and their mass or its coordinate."""
+    """Create the fact for an unmatched link, its bodies, and their mass or the link's coordinate."""
     gone = side == "A" and bool(link.joints) and (what == "branch" or (what == "link" and len(bodies) == 1))
     changes = (Change(link.joints[0], what, np.array(0.0)),) if gone else ()
     fact = _lone_fact(side, "/".join(link.joints or link.names), what, link.kind)
@@ -164,7 +164,7 @@ def _lone_fact(side: str, part: str, what: str, kind: str) -> Fact:
 
 
 def name_facts(pair: Pair) -> Iterator[Fact]:
-    """Yield joints that have the name of another joint on the other side."""
+    """Yield joints that have the name of a different joint on the other side."""
     for name, partner in pair.joints.items():
         if pair.crosses_names(name):
             yield Fact(name, "name", name, partner.name, kind="convention", partner=partner.name)
@@ -213,7 +213,7 @@ def actuator_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def actuator_partners(pair: Pair) -> dict[str, str]:
-    """Pair actuators: by name and joint, by explicit name, by joint, by name."""
+    """Pair actuators by name and joint, then by explicit name, by joint, and by name."""
     a, b, back = pair.a.reading.actuators, pair.b.reading.actuators, pair.back
     ours = {name: joint for name, (joint, _) in a.items()}
     theirs = {name: back.get(joint, joint) for name, (joint, _) in b.items()}
@@ -234,15 +234,15 @@ def actuator_partners(pair: Pair) -> dict[str, str]:
 
 #: Items of A and B; one may be missing.
 _Both = tuple[Content | None, Content | None]
-#: Content with its side.
+#: Content, each item with the model that contains it.
 Sided = tuple[tuple[str, Content], ...]
 
 
 def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
-    """Compare content without a typed entry item by item, paired by the parts on which it acts.
+    """Compare content without a typed entry item by item; pair the items by the parts on which they act.
 
     Returns:
-        Differences; content that could differ and is not compared; content out of scope.
+        Differences; content that could differ but is not compared; content that is out of scope.
     """
     a, b = pair.a.reading, pair.b.reading
     names = {
@@ -263,13 +263,13 @@ def compare_content(pair: Pair) -> tuple[list[Fact], Sided, Sided]:
 
 
 def _drop_lone(content: Iterable[Content], pair: Pair) -> list[Content]:
-    """Drop content that acts only on unmatched joints, which are facts themselves."""
+    """Drop content that acts only on unmatched joints, because such joints are reported as facts."""
     acts = [({name for room, name, _ in each.of if room == "joints"}, each) for each in content]
     return [each for joints, each in acts if not joints or joints & pair.joints.keys()]
 
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
-    """Pair items that act on the same parts, equal items first."""
+    """Pair items that act on the same parts; pair equal items first."""
     ours, theirs = _group(a), _group(b)
     for key in dict.fromkeys((*ours, *theirs)):
         mine, others = list(ours.get(key, ())), list(theirs.get(key, ()))
@@ -285,7 +285,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Both]:
 
 
 def _group(content: Iterable[Content]) -> Mapping[object, list[Content]]:
-    """Group content by kind and by the parts on which it acts, or by its name if it acts on none."""
+    """Group content by kind and by the parts on which it acts, or by its name if it does not act on a part."""
     groups = defaultdict[object, list[Content]](list)
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
@@ -321,10 +321,10 @@ def _same(a: Content, b: Content) -> bool:
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, alike: bool) -> str:
-    """Return ``same``, ``differs``, or a fate defined in `content.toml`.
+    """Return how a pair of items is treated: ``same``, ``differs``, or a fate defined in `content.toml`.
 
     Args:
-        alike: Whether all joints have the same names in both models.
+        alike: True if all joints have the same names in both models.
     """
     one = a or b
     assert one is not None

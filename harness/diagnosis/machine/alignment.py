@@ -1,7 +1,7 @@
-"""Pairs bodies and links of two machines, outwards from the ground, by names and by geometry.
+"""Pairs bodies and links of two machines, from the ground outwards, by names and by geometry.
 
 For each pair of bodies, their links are assigned to each other at minimal cost, which depends on names, kind, location,
-mass and number of neighbours. The body behind a pair of links is then placed in the first machine's world
+mass and number of neighbours. The body behind a pair of links is then placed in the first machine's world frame
 (`placement`).
 """
 
@@ -44,7 +44,7 @@ def read_map(path: Path) -> dict[str, str]:
     """Read a mapping from names of A to names of B from a TOML file.
 
     Raises:
-        DescriptionError: The file is not a table of names.
+        DescriptionError: An entry of the file does not map a name to a string.
     """
     given = read_toml(path)
     for name, other in given.items():
@@ -54,10 +54,10 @@ def read_map(path: Path) -> dict[str, str]:
 
 
 def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Names:
-    """Find partners: as given, then by name, then by similar name.
+    """Find partners: first the given ones, then by name, then by similar name.
 
     Args:
-        given: Joint or body of A -> that of B.
+        given: Joint or body of A -> joint or body of B.
 
     Raises:
         UnknownNameError: A given name does not exist in its model.
@@ -82,7 +82,7 @@ def find_partners(a: Reading, b: Reading, given: Mapping[str, str] | None = None
 
 
 def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Callable[[str], str]) -> dict[str, str]:
-    """Pair further joints of one kind whose simplified names are unique."""
+    """Pair further joints of equal kind whose simplified names are equal and unique."""
     left = [name for name in b.joints if name not in joints.values()]
     keys, own = [similar(name) for name in left], [similar(name) for name in a.joints if name not in joints]
     found = {}
@@ -96,7 +96,7 @@ def _pair_similar(a: Reading, b: Reading, joints: Mapping[str, str], similar: Ca
 
 
 def _pair_prefixed(a: Reading, b: Reading) -> dict[str, str]:
-    """Pair joints if all names of one model are those of the other with a common prefix."""
+    """Pair joints if prepending a common prefix to all names of one model gives the names of the other."""
     for one, two, back in ((a, b, False), (b, a, True)):
         first = next(iter(one.joints), "")
         for prefix in (name.removesuffix(first) for name in two.joints if first and name.endswith(first)):
@@ -108,32 +108,32 @@ def _pair_prefixed(a: Reading, b: Reading) -> dict[str, str]:
 
 
 def _simplify(name: str) -> str:
-    """Simplify a name: drop case, separators, the words joint and link, and a preceding robot name."""
+    """Simplify a name: ignore case; drop separators, the words joint and link, and a preceding robot name."""
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
 
-#: Largest distance of nearby features in lengths of the machine; and smallest share of nearby features of a matching
+#: Largest distance between nearby features in machine lengths; and smallest share of nearby features of a matching
 #: body.
 NEAR, MANY = 0.01, 0.5
-#: Largest cost of partners; and of partners that carry bodies with the same name.
+#: Largest cost of partners; and largest cost of partners that carry bodies with the same name.
 MOST, NAMED = 3.2, 6.0
-#: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not matched.
+#: Distance in machine lengths or rad beyond which links of a part that does not fit anywhere are not matched.
 FAR = 0.1
-#: Cost of pairing a leading joint with a following one: it distinguishes otherwise identical fingers.
+#: Cost of pairing a leading joint with a following joint, which distinguishes fingers that are identical in all else.
 UNLIKE = 0.5
-#: Cost that replaces an infinite or undefined one, above all others.
+#: Cost that replaces an infinite or undefined cost; larger than any other cost.
 DEAREST = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """The matching of bodies and links of A with those of B.
+    """The matching of bodies and links of A with bodies and links of B.
 
     Attributes:
         bodies: Body of A -> body of B.
-        placed: Body of A -> placement of B's world in A's that aligns its partner with it, both at their closed poses.
-            Shape (4, 4).
-        links: Pairs of links, each seen from its body nearer to the ground.
+        placed: Body of A -> placement of B's world frame in A's that aligns the body's partner with it, both machines
+            at their closed poses. Shape (4, 4).
+        links: Pairs of links, each seen from the body nearer to the ground.
         only_a, only_b: Links without a partner.
     """
 
@@ -167,17 +167,17 @@ class Alignment:
 
 
 def assign(cost: Array) -> list[tuple[int, int]]:
-    """Pair rows with columns at minimal total cost, each used once.
+    """Pair rows with columns at minimal total cost; use each row and column at most once.
 
     Args:
-        cost: Shape (n, m); every row or column of the smaller dimension is assigned, and values that are not finite
-            cost most.
+        cost: Costs of the pairs; every row or column of the smaller dimension is assigned, and non-finite costs count
+            as larger than all others. Shape (n, m).
     """
     if cost.shape[0] > cost.shape[1]:
         return [(i, j) for j, i in assign(cost.T)]
     cost = np.where(np.isfinite(cost), cost, DEAREST)
     cheapest = cost.argmin(axis=1)
-    if len({*cheapest}) == len(cost):  # no two rows compete, and importing SciPy takes half a second
+    if len({*cheapest}) == len(cost):  # no two rows compete, which saves the half second of importing SciPy
         return [*enumerate(cheapest.tolist())]
     from scipy.optimize import linear_sum_assignment
 
@@ -186,7 +186,7 @@ def assign(cost: Array) -> list[tuple[int, int]]:
 
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
-    """Return two flags: joints of a link lead others through a coupling, and they follow others."""
+    """Return two flags: joints of a link lead a coupling, and joints of a link follow through a coupling."""
     joints, couplings = {*link.joints}, reading.couplings.values()
     return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 
@@ -200,8 +200,8 @@ def align(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str,
     """Match all bodies and links of two machines.
 
     Args:
-        known: Joints of A -> those of B, by name or as given by the user.
-        bodies: Bodies of the readings, A -> B, likewise.
+        known: Joint of A -> joint of B, by name or as given by the user.
+        bodies: Body of A's reading -> body of B's reading, by name or as given by the user.
         believed: Assumptions about the placement of bodies.
     """
     return _Walk(a, b, known, bodies, believed).walk()
@@ -239,7 +239,7 @@ class _Walk:
         self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skip(self, near: str) -> list[tuple[Link, Link]]:
-        """Pair links of a body with coincident links one step further out on its partner, where a link is missing."""
+        """Where a link is missing, pair links of a body with coincident links one step further out on its partner."""
         if len(self.a.links) == len(self.b.links):
             return []
         there = self.bodies[near]
@@ -255,7 +255,7 @@ class _Walk:
         return self._choose(skipped)
 
     def _choose(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
-        """Keep one pair for each link, the likeliest first, since parallel slides coincide."""
+        """Keep only the likeliest pair for each link, since parallel slides coincide."""
         chosen = list[tuple[Link, Link]]()
         for one, other in sorted(filter(self._may_meet, pairs), key=lambda pair: self._cost(*pair)):
             if all(one is not x and other is not y for x, y in chosen):
@@ -271,7 +271,7 @@ class _Walk:
         return bool((off < NEAR).sum() >= MANY * len(off))
 
     def _assign(self, near: str) -> Iterator[tuple[Link, Link]]:
-        """Pair the links of a body, the most certain pairs first."""
+        """Pair the links of a body; yield the most certain pairs first."""
         there = self.bodies[near]
         ours = [link.of(near) for link in self.open_a if link.joins(near)]
         theirs = [link.of(there) for link in self.open_b if link.joins(there)]
@@ -286,7 +286,7 @@ class _Walk:
                 yield one, other
 
     def _may_meet(self, pair: tuple[Link, Link]) -> bool:
-        """True if the far bodies of two links are partners, or both are unmatched."""
+        """True if the far bodies of two links are partners or both unmatched."""
         one, other = pair
         fresh = one.far not in self.bodies and other.far not in self.bodies.values()
         return fresh or self.bodies.get(one.far) == other.far

@@ -1,4 +1,4 @@
-"""Features of bodies, points, lines and directions, and how well two bodies match for a placement."""
+"""Features of bodies (points, lines and directions), and how well two bodies match at a given placement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displace
 from screwgauge.reference.rotations import Array, cross
 
-#: Share of the machine's length, or of 1 rad, up to which features are equal.
+#: Largest distance between features that count as equal, in machine lengths or rad.
 EXACT = 1e-6
 UPPER = np.triu_indices(3)
 
@@ -26,12 +26,12 @@ class Feature:
     direction: Array
 
     def move(self, T: Array) -> Feature:
-        """Move the feature to another world. T: shape (4, 4)."""
+        """Transform the feature by T, shape (4, 4)."""
         return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
 
 
 def features(link: Link, body: str) -> list[Feature]:
-    """Return the features of a link on one of its bodies; a free link has none."""
+    """Return the features of a link on one of its bodies; return an empty list for a free link."""
     if link.kind == "F":
         return []
     if body != link.near and link.step is not None:
@@ -47,7 +47,7 @@ def feature(element: Element) -> Feature:
 
 
 def gap(one: Feature, other: Feature, length: float) -> Array:
-    """Compute the difference of two features: of directions, and of locations in lengths of the machine. Shape (6,)."""
+    """Compute the differences in direction and in location, in machine lengths, between two features. Shape (6,)."""
     if one.kind != other.kind:
         return np.append(2.0, np.zeros(5))
     sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
@@ -57,7 +57,7 @@ def gap(one: Feature, other: Feature, length: float) -> Array:
 
 
 class Shape:
-    """A body as arrays: its features and its mass properties."""
+    """The features and mass properties of a body, as arrays."""
 
     def __init__(self, machine: Machine, body: str) -> None:
         links = machine.at(body)
@@ -69,20 +69,20 @@ class Shape:
         self.matter = machine.bodies[body].matter
 
     def move(self, T: Array) -> Shape:
-        """Move the shape to another world. T: shape (4, 4)."""
+        """Transform the shape by T, shape (4, 4)."""
         other = copy(self)
         other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
         other.matter = displace(self.matter, T)
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield kind, point and direction of features with a location; the direction of a point is zero."""
+        """Yield kind, point and direction of each feature with a location; the direction of a point is zero."""
         yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
 
     def directions(self) -> Iterator[tuple[str, Array]]:
-        """Yield kind and direction of features and of principal axes; their sense is arbitrary."""
+        """Yield kind and direction of features and principal axes; the sense of a direction is arbitrary."""
         yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
         if self.matter.mass:
             yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
@@ -96,7 +96,7 @@ def _is_derived(machine: Machine, link: Link, body: str) -> bool:
 
 
 class Overlay:
-    """A body of B compared with one of A under varying placements."""
+    """A comparison of a body of B with a body of A under varying placements."""
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
         self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length
@@ -104,10 +104,10 @@ class Overlay:
         self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
 
     def residuals(self, T: Array) -> Array:
-        """Compute the residuals of each feature, of the centre of mass and of the inertia, as rows. Shape (n, 6).
+        """Compute the residuals of features, centre of mass and inertia, one row each. Shape (n, 6).
 
         Args:
-            T: Placement of B's world in A's. Shape (4, 4).
+            T: Placement of B's world frame in A's. Shape (4, 4).
         """
         rows = [*self._gaps(T)]
         first, second = self.ours.matter, displace(self.theirs.matter, T)
@@ -140,5 +140,5 @@ class Overlay:
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """Compute the misfits of a body of B placed on one of A; T places B's world in A's, shape (4, 4). Shape (n,)."""
+    """Compute the misfits of a body of B and a body of A; T places B's world frame in A's, (4, 4). Shape (n,)."""
     return Overlay(a, b, bodies).misfits(T)

@@ -1,6 +1,7 @@
-"""Places a body of one machine in the world of another.
+"""Places a body of one machine in the world frame of a second machine.
 
-Chooses a candidate, or a motion of its link, that aligns most of its features and its mass with those of its partner.
+Chooses a candidate, or a motion of the body's link, that aligns most features and the mass of the body with its
+partner.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from screwgauge.models.poses import exponential, matrix, shortest_turn
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
-#: Distance at which a feature counts half [lengths of the machine, rad, relative].
+#: Distance at which a feature counts half [machine lengths, rad, relative].
 HALF = 0.01
 #: Number of frames with equal names that are tried.
 FRAMES = 6
-#: Smallest relative distance of distinct principal moments, or of a centre of mass from its axis; and largest relative
-#: difference of equal moments of two bodies.
+#: Smallest relative difference between distinct principal moments, and relative distance of a centre of mass from its
+#: axis; largest relative difference between equal moments of two bodies.
 DISTINCT, ALIKE = 1e-3, 1e-6
 #: Number of candidates that are fitted along a link, and initial angles of its hinges [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
-#: Smallest length of a vector across a hinge that determines an angle [lengths of the machine].
+#: Smallest length of a vector across a hinge that determines an angle [machine lengths].
 FLAT = 1e-6
-#: Gauss-Newton: finite difference, largest step, and scales at which residuals count half.
+#: Gauss-Newton settings: finite-difference step, largest step, and scales at which residuals count half.
 STEP, FAR = 1e-7, 0.7
 SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
@@ -41,8 +42,8 @@ class Believed:
     Attributes:
         exact: Weight of an exactly matching feature relative to a nearby one: in an edited copy most features match
             exactly; in two merely similar robots, a few do by chance.
-        fits: Whether motions of its link, principal axes and centres of mass may place a body, although a single
-            displaced feature would mislead them; otherwise only coordinates and frames with equal names do.
+        fits: True if motions of the link, principal axes and centres of mass may place a body, although a single
+            displaced feature would mislead them; if False, only coordinates and frames with equal names do.
     """
 
     exact: float = 0.25
@@ -55,7 +56,7 @@ class Believed:
 
 
 def place_body(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
-    """Place B's world in A's such that the descendants of a link are aligned with those of its partner.
+    """Place B's world frame in A's such that the descendants of a link are aligned with its partner's descendants.
 
     Args:
         near: Placement determined by the parents of the links. Shape (4, 4).
@@ -87,7 +88,7 @@ def _fitted_placements(
     tried: list[Array],
     score: Callable[[Array], float],
 ) -> Iterator[Array]:
-    """Yield placements reached by motions of the link, for use if no candidate is exact."""
+    """Yield placements reached by motions of the link; they are used if no candidate is exact."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _free_motions(links[0]) if elsewhere else _freedoms(links[0])
@@ -95,7 +96,7 @@ def _fitted_placements(
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:
-    """Yield placements without a fit: equal coordinates, equal pose, displaced joint, frames with equal names."""
+    """Yield placements that need no fit: equal coordinates, equal pose, displaced joint, frames with equal names."""
     one, other = links
     same = one.kind == other.kind and one.articulated and other.articulated
     if same and len(one.elements) == len(other.elements):
@@ -121,7 +122,7 @@ def _by_matter(a: Machine, b: Machine, links: tuple[Link, Link]) -> Iterator[Arr
 
 
 def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Return frames of the principal axes with all signs, and the moments; no frames for a round body."""
+    """Return frames of the principal axes with all signs (none for a round body), and the moments."""
     moments, R = np.linalg.eigh(body.matter.inertia)
     if body.matter.mass == 0.0 or np.diff(moments).min() < DISTINCT * abs(moments[-1]):
         return [], moments
@@ -131,7 +132,7 @@ def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Arra
 
 
 def _arm(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
-    """Return frames along a hinge and towards the centre of mass, and the distance; no frames if that is short."""
+    """Return frames along a hinge and towards the centre of mass (none if it is near the axis), and its distance."""
     if link.kind != "R" or body.matter.mass == 0.0:
         return [], np.zeros(1)
     d, point = link.elements[0].direction, link.elements[0].centre
@@ -149,10 +150,10 @@ def _frame(machine: Machine, body: Body) -> Array:
 
 
 def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """Return the placement of B's world at which the joints of B's link have A's coordinates.
+    """Return the placement of B's world frame at which the joints of B's link have A's coordinates.
 
-    Each element moves its far side regardless of its joint's direction, and its sense is that in which the axes agree
-    once the elements before it are at A's coordinates.
+    Each element moves its far side, whatever the direction of its joint. Its sense is the one in which the axes agree
+    once the preceding elements are at A's coordinates.
     """
     T = near
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):
@@ -160,7 +161,7 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
             continue
         p, q = a.reading.joints[mine.joint].home, b.reading.joints[yours.joint].home
         sign = 1.0 if mine.direction @ (T[:3, :3] @ yours.direction) >= 0.0 else -1.0
-        # outer motions first: the axes are those of A's pose
+        # outer motions first: the axes refer to A's pose
         T = exponential(mine.kind, mine.direction, mine.centre, p - sign * q) @ T
     return T
 
@@ -177,19 +178,19 @@ def lay(one: Feature, other: Feature) -> Array:
 
 
 def _fit(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
-    """Find the motion along some freedoms that aligns most of a body exactly with its partner."""
+    """Find the motion along given degrees of freedom that aligns most of a body exactly with its partner."""
     best, most = near, -math.inf
     for T in _moves(overlay, steps, near):
         off = overlay.misfits(T)
         if (found := score(off)) > most:
             best, most = T, found
-        if off.max() <= EXACT:  # on symmetric machines take the first, which moves least
+        if off.max() <= EXACT:  # on symmetric machines, take the first exact placement, which moves least
             break
     return best
 
 
 def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
-    """Yield placements reached along some freedoms: in closed form with at most one hinge."""
+    """Yield placements reached along given degrees of freedom, in closed form if there is at most one hinge."""
     hinges = [step for step in steps if step.kind == "hinge"]
     ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
     if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _are_parallel(ways, hinges[0].direction)):
@@ -202,7 +203,7 @@ def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Arra
 
 
 def _are_parallel(ways: Array, axis: Array) -> bool:
-    """True if directions, zero for points, are parallel to an axis. Shape (3,) or (n, 3)."""
+    """True if directions (zero for points) are parallel to an axis. Shape (3,) or (n, 3)."""
     return float(np.abs(cross(ways, np.broadcast_to(axis, ways.shape))).max()) < EXACT
 
 
@@ -228,7 +229,7 @@ def _turns(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
 
 
 def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
-    """Return shifts along some directions, shape (n, 3), that align a point of a body with its partner."""
+    """Return placements shifted along given directions, shape (n, 3), that align a point of a body with its partner."""
     shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.move(near).places()):
         if kind == other:
@@ -238,7 +239,7 @@ def _shifts(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
 
 
 def _descend(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
-    """Return the placement that a fit along some freedoms reaches from a start."""
+    """Return the placement that a fit along given degrees of freedom reaches from initial coordinates."""
 
     def placement(q: Array) -> Array:
         out: Array = np.eye(4)
@@ -253,7 +254,7 @@ def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
     """Minimise residuals with robust Gauss-Newton steps: large residuals are down-weighted (Cauchy loss).
 
     Args:
-        residuals: Maps coordinates, shape (k,), to residuals whose rows are weighted as units. Shape (n, m).
+        residuals: Function from coordinates, shape (k,), to residuals; each row gets one weight. Shape (n, m).
         q: Initial guess. Shape (k,).
     """
     r = residuals(q)
@@ -270,10 +271,10 @@ def descend(residuals: Callable[[Array], Array], q: Array) -> Array:
 
 
 def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
-    """Compute the distance of two links on their near bodies, in lengths of the machine or rad.
+    """Compute the distance between two links on their near bodies, in machine lengths or rad.
 
     Args:
-        T: Placement of B's world in A's. Shape (4, 4).
+        T: Placement of B's world frame in A's. Shape (4, 4).
     """
     ours, theirs = (features(link, link.near) for link in links)
     gaps = (np.linalg.norm(gap(x, y.move(T), a.length)) for x, y in zip(ours, theirs, strict=False))
@@ -281,7 +282,7 @@ def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
 
 
 def _free_motions(link: Link) -> list[Element]:
-    """Return the rotations and translations that remain free once a ground link is aligned with its counterpart."""
+    """Return the rotations and translations that remain free after a ground link is aligned with its counterpart."""
     if link.kind not in ("R", "P"):
         return _freedoms(link)
     axis, centre = link.elements[0].direction, link.elements[0].centre

@@ -1,7 +1,7 @@
-"""Finds differences of the whole machine: another placement, a mirror image, other units.
+"""Finds differences that affect the whole machine: a different placement, a mirror image, different units.
 
-They are found from the features of all partners together, in the world: a search from the ground outwards would
-attribute them to the freedom of the first joint.
+It uses the features of all partners together, in the world frame: a search from the ground outwards would attribute
+such a difference to a motion of the first joint.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Smallest number of parts that share a factor of the whole, their smallest share of all parts, and the tolerance.
+#: Smallest number of parts that share a common factor, their smallest share of all parts, and the tolerance.
 SEVERAL, MOST, SAME = 3, 0.6, 1e-4
-#: Largest relative difference of equal factors of masses and inertias: files print six digits.
+#: Largest relative difference between equal factors of masses and inertias: files print six digits.
 ROUNDED = 1e-5
-#: Distance at which a feature counts half, and below which it is aligned [lengths of the machine, rad, relative].
+#: Distance at which a feature counts half, and below which it is aligned [machine lengths, rad, relative].
 NEAR, NONE = 0.02, 1e-6
-#: Share of aligned features above which no transformation is sought, and the smallest gain of a mere displacement.
+#: Share of aligned features above which no transformation is sought, and smallest gain of a mere displacement.
 ENOUGH, GAIN = 0.9, 0.1
-#: Smallest sine between two axes that span a frame, and number of pairs of axes that are tried.
+#: Smallest sine of the angle between two axes that span a frame, and number of pairs of axes that are tried.
 ACROSS, PAIRS = 0.3, 8
 #: Reflection of the frames of bodies in a mirrored machine.
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -42,7 +42,8 @@ class Whole:
     """A transformation of A as a whole that yields B.
 
     Attributes:
-        placement: Placement of A's world in B's, in A's lengths; with determinant -1 if B is mirrored. Shape (4, 4).
+        placement: Placement of A's world frame in B's, in A's unit of length; its determinant is -1 if B is mirrored.
+            Shape (4, 4).
         length, mass, inertia: Factors from A to B.
     """
 
@@ -53,7 +54,7 @@ class Whole:
 
     @property
     def stands(self) -> bool:
-        """True if B is A at another placement, in the same units."""
+        """True if B is A at a different placement, in the same units."""
         return not self.mirrored and self.length == self.mass == self.inertia == 1.0
 
     @property
@@ -62,7 +63,7 @@ class Whole:
 
     @property
     def step(self) -> tuple[str, Array]:
-        """Axis of a mirror image, else empty; rotation vector [rad] and translation [m] from A to B. Shape (2, 3)."""
+        """Mirror axis (empty if none), and rotation vector [rad] and translation [m] from A to B. Shape (2, 3)."""
         R, way = self.placement[:3, :3], self.placement[:3, 3]
         if not self.mirrored:
             return "", np.array([rotation_vector(R), way])
@@ -71,7 +72,7 @@ class Whole:
         return _AXES[i], np.array([turns[i], way])
 
     def undo(self, b: Reading, a: Reading) -> Reading:
-        """Convert B to the units and the placement of A, under the gravity nearest to A's."""
+        """Convert B to A's units and placement, with gravity in the units and axes that best match A's gravity."""
         T = np.asarray(np.linalg.inv(self.placement))
         g = gravity_of(b)
         tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
@@ -80,14 +81,14 @@ class Whole:
         return replace(out, gravity=None if b.gravity is None else gravity)
 
     def apply(self, a: Reading) -> Reading:
-        """Convert A to the units and the placement of B, keeping A's gravity, as for torques of B."""
+        """Convert A to the units and placement of B, but keep A's gravity."""
         T = self.placement.copy()
         T[:3, 3] *= self.length
         return replace(_transform(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
 
 
 def _transform(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
-    """Convert a reading to other units, then move or mirror it; coordinates of hinges stay.
+    """Convert a reading to different units, then move or mirror it; coordinates of hinges remain unchanged.
 
     Args:
         T: Transformation with determinant 1 or -1. Shape (4, 4).
@@ -134,10 +135,10 @@ Pairs = tuple[Mapping[str, str], Mapping[str, str]]
 
 
 def find_wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
-    """Find transformations that may explain the differences as a whole, the likeliest first.
+    """Find transformations of the whole machine that may explain the differences, likeliest first.
 
     Args:
-        joints, bodies: Certain partners, A -> B.
+        joints, bodies: Known partners, A -> B.
     """
     pairs: Pairs = (joints, bodies)
     if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
@@ -150,7 +151,7 @@ def find_wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mappi
         length, mass, inertia = (1.0 / factor for factor in factors)
         unit = _transform(b, np.eye(4), length, mass, inertia)
         overlays = [_Overlay(a, each, pairs) for each in _poses(a, unit, pairs[0])]
-        if not count:  # B as it stands
+        if not count:  # B as it is
             count, base = overlays[0].count, max(float(each.score(np.eye(4)[None])[0]) for each in overlays)
             if not count or base > ENOUGH * count:
                 return []
@@ -191,7 +192,7 @@ def _pair_by_matter(a: Reading, b: Reading) -> Pairs:
 
 
 def _poses(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
-    """Return B at the coordinates of A, if its loops close there, and at the closed pose nearest to its home."""
+    """Return B at the coordinates of A, if B's loops close there, and at the closed pose nearest to its home pose."""
     b = at_closed_pose(b)
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
     if not q:
@@ -215,7 +216,7 @@ def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, floa
 
 
 def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
-    """Return the ratio that most pairs share; 1 if there is none."""
+    """Return the ratio that most pairs share; 1 if they do not share one."""
     ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
     middle = float(np.median(ratios)) if ratios else 1.0
     near = [ratio for ratio in ratios if abs(ratio / middle - 1.0) < SAME]
@@ -225,7 +226,7 @@ def _common_ratio(pairs: Sequence[tuple[float, float]]) -> float:
 
 
 def _gap(one: JointReading, other: JointReading) -> float:
-    """Compute the distance of two axes, which is invariant under motion of either joint [m]."""
+    """Compute the distance between two axes, which is invariant under motion of either joint [m]."""
     d, e = (each.direction if each.kind == "hinge" else np.zeros(3) for each in (one, other))
     step, normal = other.centre - one.centre, np.cross(d, e)
     if np.linalg.norm(normal) > 1e-6:
@@ -234,7 +235,7 @@ def _gap(one: JointReading, other: JointReading) -> float:
 
 
 class _Overlay:
-    """Features of partners in the world, as arrays: axes, centres of mass, inertias."""
+    """Features of partners in the world frame, as arrays: axes, centres of mass, inertias."""
 
     def __init__(self, a: Reading, b: Reading, pairs: Pairs) -> None:
         joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items() if a.joints[x].kind in ("hinge", "slide")]
@@ -250,7 +251,7 @@ class _Overlay:
         self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
 
     def score(self, T: Array) -> Array:
-        """Count the features of B aligned with their partners; nearby ones count in part. Shape (n, 4, 4) -> (n,)."""
+        """Count features of B aligned with their partners; nearby features count in part. Shape (n, 4, 4) -> (n,)."""
         R, p = T[:, :3, :3], T[:, None, :3, 3]
         (d, e), (c, k), (m, n), (I, J) = self.axes, self.points, self.centres, self.inertias
         tilt = np.linalg.norm(np.cross(np.einsum("gij,nj->gni", R, e), d), axis=-1)
@@ -263,7 +264,7 @@ class _Overlay:
         return np.asarray((0.5 / (1.0 + (errors / NEAR) ** 2) + 0.5 * (errors < NONE)).sum(axis=1))
 
     def candidates(self) -> Array:
-        """Return candidate placements and mirror images of B's world in A's. Shape (n, 4, 4)."""
+        """Return candidate placements and mirror images of B's world frame in A's. Shape (n, 4, 4)."""
         points, others = self.centres if len(self.centres[0]) else self.points
         out = []
         for R in self._turns(points, others):
@@ -272,7 +273,7 @@ class _Overlay:
         return np.array(out)
 
     def _turns(self, points: Array, others: Array) -> Iterator[Array]:
-        """Yield signed permutations, frames of two axes, and the best fits of all points. Shape (3, 3) each."""
+        """Yield signed permutations, rotations aligning two axes, and best fits of all points. Shape (3, 3) each."""
         yield np.eye(3)
         for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
             yield np.eye(3)[list(order)] * np.array(signs)
