@@ -53,7 +53,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run campaigns and thorough cases only where ``-m`` names them."""
     _thin_out(items)
     expression = config.getoption("markexpr")
     late = [name for name in ("campaign", "thorough") if name not in expression]
@@ -95,7 +94,6 @@ def paper_models(paper: Mechanism) -> dict[str, str]:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory):
-    """Keep truths in a folder that all workers share."""
     folder = tmp_path_factory.getbasetemp()
     folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "cache"
     with pytest.MonkeyPatch.context() as patch:
@@ -105,7 +103,6 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.fixture(scope="session", autouse=True)
 def here():
-    """Run engines in this process, where tests replace them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(isolation, "isolated", unwatched)
         yield
@@ -113,7 +110,6 @@ def here():
 
 @pytest.fixture
 def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Run engines in processes, as users do."""
     monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
 
 
@@ -126,8 +122,6 @@ def cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
-    """Diagnose two texts as model files."""
-
     def of(a: str, b: str, ending: str = "xml", **options: Any) -> Diagnosis:
         files = [tmp_path / f"{side}.{ending}" for side in "ab"]
         for file, text in zip(files, (a, b), strict=True):
@@ -138,7 +132,6 @@ def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
 
 
 def first_times(calls, protocol, record, known, first) -> None:
-    """Replace `timing.measure` by first times."""
     for key in calls:
         if not known.get(key):
             record(key, first[key])
@@ -146,7 +139,6 @@ def first_times(calls, protocol, record, known, first) -> None:
 
 @pytest.fixture(scope="session")
 def bench_of_all() -> Bench:
-    """All contestants on five samples, shared by several files."""
     chosen = dict.fromkeys(c.name for c in contestants(quick=True) if c.name != LEAVING_OUT)
     plan = Plan(samples=5, rounds=1, budget=1e9, quick=True)
     with pytest.MonkeyPatch.context() as patch:
@@ -156,7 +148,6 @@ def bench_of_all() -> Bench:
 
 @pytest.fixture
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Print no progress, however slow the machine."""
     monkeypatch.setattr("screwgauge.report.console.QUIET", float("inf"))
 
 
@@ -177,15 +168,12 @@ def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.fixture
 def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The test's folder as working folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def write(tmp_path: Path):
-    """Write a text file and return its path."""
-
     def write_text(name: str, text: str) -> Path:
         path = tmp_path / name
         path.write_text(text, encoding="utf-8")
@@ -217,8 +205,6 @@ def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None
 
 @pytest.fixture
 def command(capfd: pytest.CaptureFixture[str]):
-    """Run a command, check its status, return its output."""
-
     def run(*arguments: object, status: int = 0) -> pytest.CaptureResult[str]:
         assert main([*map(str, arguments)]) == status
         return capfd.readouterr()
@@ -228,8 +214,6 @@ def command(capfd: pytest.CaptureFixture[str]):
 
 @pytest.fixture
 def paper_scene(write):
-    """Write a scene of the paper's mechanism."""
-
     def make(**entries: str) -> Path:
         usual = {
             "mechanism": 'mechanism = "3ups-upu-s"',
@@ -243,14 +227,11 @@ def paper_scene(write):
 
 @pytest.fixture
 def scene(paper_scene) -> screwgauge.Scene:
-    """Two samples of the paper's mechanism."""
     return load_scene(paper_scene())
 
 
 @pytest.fixture
 def changed_scene(write, paper_scene):
-    """Write a scene of the changed paper's mechanism."""
-
     def make(changes: str, **entries: str) -> Path:
         write("changed.toml", f'extends = "3ups-upu-s"\nname = "changed"\n{changes}\n')
         return paper_scene(mechanism='mechanism = "changed.toml"', **entries)
@@ -274,8 +255,6 @@ def stand_in(monkeypatch: pytest.MonkeyPatch):
 
 
 class Answer(NamedTuple):
-    """A simulation by the solver, and its observables. Shape (n, n_observable)."""
-
     lay: Layout
     trajectory: Trajectory
     observable: Array
@@ -283,8 +262,6 @@ class Answer(NamedTuple):
 
 @pytest.fixture(scope="session")
 def answer():
-    """Integrate an established problem; return its reference, too."""
-
     def solve(name: str, until: float = float("inf"), every: int = 10, tolerance: float | None = None):
         known = pd.read_csv(FOLDER / f"{name}.csv", comment="#")[::every]
         known = known[known["t"] <= until]

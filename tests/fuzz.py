@@ -60,7 +60,6 @@ def document(table: dict[str, Any]) -> str:
 
 
 def places(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Paths of all entries below a node."""
     items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
     for key, value in items:
         yield (*path, key)
@@ -68,7 +67,6 @@ def places(node: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def mutate(table: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any], str]:
-    """A copy with one entry deleted, renamed or replaced, and what was done."""
     result = copy.deepcopy(table)
     *parents, last = chance.choice(list(places(table)))
     node = result
@@ -86,7 +84,6 @@ def mutate(table: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any]
 
 
 def mutated_xml(text: str, chance: random.Random) -> tuple[str, str]:
-    """An element or an attribute deleted, doubled, renamed, moved, replaced or scaled, and what was done."""
     root = ET.fromstring(text)
     parent, element = chance.choice([(parent, child) for parent in root.iter() for child in parent])
     name = f"{element.tag} {element.get('name', '')}".strip()
@@ -119,7 +116,6 @@ def _scaled(part: str, chance: random.Random) -> str:
 
 
 def mutated_csv(text: str, chance: random.Random) -> tuple[str, str]:
-    """A cell replaced, a row or a column deleted."""
     table = [line.split(",") for line in text.splitlines()]
     i, k = chance.randrange(len(table)), chance.randrange(len(table[0]))
     how = chance.choice(["cell", "cell", "row", "column", "swap"])
@@ -135,7 +131,6 @@ def mutated_csv(text: str, chance: random.Random) -> tuple[str, str]:
 
 
 def mutated_bytes(data: bytes, chance: random.Random) -> tuple[bytes, str]:
-    """Bytes changed, lost or put in."""
     i, j = sorted(chance.randrange(len(data) + 1) for _ in range(2))
     how = chance.choice(["cut", "lose", "change", "insert", "mark", "latin"])
     changed = {
@@ -151,7 +146,6 @@ def mutated_bytes(data: bytes, chance: random.Random) -> tuple[bytes, str]:
 
 @lru_cache
 def whole(name: str) -> dict[str, bytes]:
-    """The files of a scene with all kinds of files, nothing broken."""
     mechanism, scene = load_mechanism(name), load_scene(name)
     few = scene.at(np.linspace(scene.t[0], scene.t[-1], 9)[:4])
     labels, motion = list(mechanism.independent), few.motion
@@ -176,8 +170,6 @@ def whole(name: str) -> dict[str, bytes]:
 
 
 class Case(NamedTuple):
-    """A scene of which one file is broken."""
-
     mechanism: str
     file: str
     done: str

@@ -53,7 +53,6 @@ LIBRARY = re.compile(r"(yourdfpy|pinocchio|mujoco) refuses it \(.*?\);", re.DOTA
 
 
 def prepare() -> None:
-    """Imports what any command needs, so that a fork has it."""
     for name in (*IMPORTED, *(f"screwgauge.{one}" for one in OURS)):
         try:
             importlib.import_module(name)
@@ -111,7 +110,6 @@ def _watch(folder: Path) -> None:
 
 
 def _ended(child: int) -> tuple[int | None, float]:
-    """Status of a process, None if it took too long and was stopped; and the memory that it needed [GB]."""
     descriptor = os.pidfd_open(child)
     ended = select.select([descriptor], [], [], LIMIT)[0]
     os.close(descriptor)
@@ -122,7 +120,6 @@ def _ended(child: int) -> tuple[int | None, float]:
 
 
 def _there(work: Path) -> dict[str, Any]:
-    """What is in a folder outside of ``out``."""
     found: dict[str, Any] = {}
     for path in sorted(work.rglob("*")):
         name = path.relative_to(work).as_posix()
@@ -135,7 +132,6 @@ def _there(work: Path) -> dict[str, Any]:
 
 
 def outcome(case: Case, *, separate: bool = False, draws: bool = False) -> str:
-    """How the command ended, ``exit N``; or ``WRONG`` and what happened."""
     # one that goes away by itself would do so at the end of the child, too
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     try:
@@ -170,7 +166,6 @@ def _outcome(case: Case, folder: Path, *, separate: bool, draws: bool) -> str:
 
 
 def _judged(case: Case, status: int | None, out: str, errors: str) -> str:
-    """What a status and the streams say."""
     if status is None:
         return f"WRONG more than {LIMIT:g} s"
     if os.WIFSIGNALED(status):

@@ -116,7 +116,6 @@ KINDS = {
 
 @lru_cache
 def whole(name: str) -> dict[str, bytes]:
-    """All files of a folder in which every command of `KINDS` does what it should."""
     mechanism = load_mechanism(name)
     files = fuzz.whole(name)
     texts = model_texts(mechanism, include=frozenset({"yaml"}))
@@ -141,7 +140,6 @@ def whole(name: str) -> dict[str, bytes]:
 
 
 def _left() -> dict[str, bytes]:
-    """What commands leave of the scene in this folder, and numbers of one's own for it."""
     found = screwgauge.check("scene.toml")
     found.write_baseline("baseline.json")
     kept = {"baseline.json": Path("baseline.json").read_bytes()}
@@ -177,7 +175,6 @@ class Case(NamedTuple):
     done: str
 
     def write(self, folder: Path) -> None:
-        """Puts all files there; in ``out`` only those that the command finds of an earlier one."""
         of_reports = self.kind == "manifest"
         for file, data in {**whole(self.mechanism), self.file: self.data}.items():
             path = folder / file
@@ -214,7 +211,6 @@ def drawn(kind: str, seed: int) -> Case:
 
 
 def _mutated(file: str, data: bytes, chance: random.Random) -> tuple[bytes, str]:
-    """A file changed as its format is written."""
     text = "" if file.endswith(".parquet") else data.decode()
     if file.endswith(".json"):
         table, done = mutated(json.loads(text), chance)
@@ -243,7 +239,6 @@ def _pairs(text: str) -> list[tuple[str, str, str]]:
 
 
 def mutated(table: Any, chance: random.Random) -> tuple[Any, str]:
-    """A copy of what JSON holds with an entry deleted, renamed or replaced, and what was done."""
     places = list(fuzz.places(table))
     if not places or chance.random() < 0.05:
         return (found := chance.choice(HOSTILE)), f"became {found!r:.60}"
@@ -264,7 +259,6 @@ def mutated(table: Any, chance: random.Random) -> tuple[Any, str]:
 
 
 def _mutated_parquet(data: bytes, chance: random.Random) -> tuple[bytes, str]:
-    """A table with a cell, a column or its type changed."""
     table, text = pd.read_parquet(BytesIO(data)), BytesIO()
     column, row = chance.choice(list(table)), chance.randrange(len(table))
     how = chance.choice(["cell", "cell", "cell", "column", "rename", "drop", "empty", "type", "many"])

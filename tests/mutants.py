@@ -54,8 +54,6 @@ CHANGED = 0.05  # of what golden numbers may be off by
 
 
 class Mutant(NamedTuple):
-    """A byte range of a file, and its replacement."""
-
     file: Path
     line: int
     start: int
@@ -97,7 +95,6 @@ def mutants(file: Path) -> Iterator[Mutant]:
 
 
 def _swapped(node: ast.AST) -> tuple[ast.expr, tuple[str, str], ast.expr] | None:
-    """Return both sides of an operator and its replacement."""
     match node:
         case ast.BinOp(ast.Constant() | ast.JoinedStr()):
             return None
@@ -107,7 +104,6 @@ def _swapped(node: ast.AST) -> tuple[ast.expr, tuple[str, str], ast.expr] | None
 
 
 def _rewritten(node: ast.expr) -> str | None:
-    """Return the replacement of an expression."""
     match node:
         case ast.UnaryOp(ast.USub() | ast.Not(), operand):
             return ast.unparse(operand)
@@ -123,7 +119,6 @@ def _rewritten(node: ast.expr) -> str | None:
 
 
 def _another(value: object) -> str | None:
-    """Return another constant of the same type."""
     match value:
         case bool():
             return str(not value)
@@ -135,7 +130,6 @@ def _another(value: object) -> str | None:
 
 
 def drawn(count: int, seed: int) -> list[Mutant]:
-    """Draw mutants, stratified by lines of code."""
     files = {room: [path.relative_to(ROOT) for path in sorted((ROOT / room).rglob("*.py"))] for room in ROOMS}
     lines = {room: sum(map(_code_lines, every)) for room, every in files.items()}
     shares = {room: count * each / sum(lines.values()) for room, each in lines.items()}
@@ -151,7 +145,6 @@ def drawn(count: int, seed: int) -> list[Mutant]:
 
 
 def _code_lines(file: Path) -> int:
-    """Count lines that are neither blank nor comments."""
     lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
     return sum(bool(line.strip()) and not line.lstrip().startswith("#") for line in lines)
 
@@ -169,7 +162,6 @@ def listed(mutant: Mutant) -> dict[str, str]:
 
 
 def package(folder: Path) -> Path:
-    """Copy the package as it is installed."""
     shutil.copytree(ROOT / "harness", folder / "screwgauge", ignore=shutil.ignore_patterns("__pycache__"))
     for room in ("reference", "models"):
         shutil.copytree(ROOT / room, folder / "screwgauge" / room, ignore=shutil.ignore_patterns("__pycache__"))
@@ -177,12 +169,10 @@ def package(folder: Path) -> Path:
 
 
 def installed(folder: Path, file: Path) -> Path:
-    """Find a file of the checkout in the copy."""
     return folder / "screwgauge" / (file.relative_to("harness") if file.parts[0] == "harness" else file)
 
 
 def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | None:
-    """Run Python in the copy; None after `HUNG` seconds."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         return subprocess.run(
@@ -225,7 +215,6 @@ def covering(folder: Path, *which: str) -> Callable[[Mutant], list[tuple[float, 
 
 
 def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
-    """Return the test that fails, or ``survived``."""
     if not tests:
         return "survived: no test executes it"
     listed = folder / "listed"
@@ -240,7 +229,6 @@ def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
 
 
 def looked_at() -> Iterator[tuple[str, str]]:
-    """Yield parts of golden numbers, and further cases."""
     yield from (("random", str(seed)) for seed in range(1000, 1040, 5))
     yield from (("random", str(seed)) for seed in range(1001, 1025, 2))
     yield from (("diagnoses", f"edit {number}") for number in range(200, 233, 3))
@@ -254,7 +242,6 @@ def looked_at() -> Iterator[tuple[str, str]]:
 
 
 def witness(out: Path) -> None:
-    """Write facts of cases beyond the golden numbers."""
     sys.path.insert(0, str(ROOT / "tests"))
     from golden.kept import PARTS
 
@@ -269,7 +256,6 @@ def witness(out: Path) -> None:
 
 
 def witnessed(folder: Path) -> Any:
-    """Run `witness` in the copy; None on failure."""
     file = folder / "witness.pickle"
     file.unlink(missing_ok=True)
     done = execute(folder, __file__, "witness", "--out", str(file))
@@ -277,7 +263,6 @@ def witnessed(folder: Path) -> Any:
 
 
 def change(answer: Any, right: Any) -> str:
-    """Name the first difference; empty if none."""
     if answer is None:
         return "it breaks"
     for which, known in right.items():

@@ -58,7 +58,6 @@ def mistakes(file: Path = LIST) -> list[Mistake]:
 
 @contextmanager
 def planted(folder: Path, mistake: Mistake) -> Iterator[None]:
-    """Plant a mistake in a copy of the package."""
     target = installed(folder, mistake.file)
     right = target.read_bytes()
     target.write_bytes(mistake.mutant.source())
@@ -89,7 +88,6 @@ for item in sorted([*items([]), known_item()], key=lambda one: one.name not in f
 
 
 def smoke(folder: Path) -> str:
-    """Return the first failing row of `check --smoke`."""
     done = execute(folder, "-c", ROWS)
     if done is None:
         return "hangs"
@@ -97,14 +95,12 @@ def smoke(folder: Path) -> str:
 
 
 def by_test(folder: Path, name: str) -> str:
-    """Return the test if it fails."""
     done = execute(folder, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "", name)
     failed = done is not None and done.returncode == 1
     return f"seen by {name}" if failed else ""
 
 
 def seen(some: Sequence[Mistake], *, tests: bool = False) -> Iterator[tuple[Mistake, str]]:
-    """Yield each mistake, and who sees it."""
     with tempfile.TemporaryDirectory() as name:
         folder = package(Path(name))
         os.environ["SCREWGAUGE_CACHE"] = str(folder / "cache")

@@ -134,7 +134,6 @@ MECHANISMS = {
 
 
 def described(name: str, order: tuple[str, ...], folder: Path) -> Path:
-    """Write mechanism and scene; random full inertia."""
     chosen, joints = MECHANISMS[name]
     rng = np.random.default_rng(len(name))
     bodies = sorted({body for _, sides, _, _ in joints.values() for body in sides.split()} - {"ground"})

@@ -37,7 +37,6 @@ FOLDERS = {
 
 @pytest.fixture(scope="module")
 def laid(tmp_path_factory) -> Path:
-    """The installed package as one tree of files, however it was installed."""
     root = tmp_path_factory.mktemp("laid")
     for name, folder in FOLDERS.items():
         below = [other.rpartition("/")[2] for other in FOLDERS if other.startswith(f"{name}/")]
@@ -47,13 +46,11 @@ def laid(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def modules(laid) -> dict[str, list[ast.AST]]:
-    """Path below the package -> all nodes of its syntax tree."""
     texts = {path: path.read_text(encoding="utf-8") for path in sorted((laid / "screwgauge").rglob("*.py"))}
     return {str(path.relative_to(laid / "screwgauge")): [*ast.walk(ast.parse(text))] for path, text in texts.items()}
 
 
 def imported(nodes: list[ast.AST]) -> set[str]:
-    """Names of all modules that are imported anywhere in a module."""
     names = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -64,7 +61,6 @@ def imported(nodes: list[ast.AST]) -> set[str]:
 
 
 def run(laid: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """A fresh Python that finds the package as it was laid out."""
     environment = {**os.environ, "PYTHONPATH": str(laid), "PYTHONDONTWRITEBYTECODE": "1", "NO_COLOR": "1"}
     return subprocess.run(
         [sys.executable, *arguments], cwd=laid, env=environment, capture_output=True, text=True, check=False
@@ -163,7 +159,6 @@ def test_values_are_quoted_in_complaints_by_one_function(modules):
 
 
 def functions(nodes: list[ast.AST]) -> Iterator[tuple[str, int]]:
-    """Names of functions, with how many parameters they have."""
     for node in nodes:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             given = node.args
@@ -188,7 +183,6 @@ def test_every_folder_with_modules_is_packaged(laid):
 
 
 def _name(function: ast.expr) -> str:
-    """The last word of what is called."""
     return getattr(function, "attr", "") or getattr(function, "id", "")
 
 

@@ -18,7 +18,6 @@ ALIKE = 1e-8
 
 
 def walk(n, seed):
-    """Approach a lock or leg 1's line, then 50 random steps. Shape (n, 2)."""
     rng, y = np.random.default_rng(seed), [np.zeros(2)]
     while len(y) < n:
         centre = np.array([(BASE, 0.0), (-BASE, 0.0), (0.0, BASE), (rng.uniform(-0.5, 0.5), UPU)][rng.integers(4)])

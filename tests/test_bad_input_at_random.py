@@ -18,7 +18,6 @@ TRIES = 30  # of the mechanisms together so many that what may be put in, and wh
 
 
 def attempt(action, done: str) -> bool:
-    """True if the file is taken; foreign errors fail the test with the edit."""
     try:
         action()
     except ScrewgaugeError as error:
@@ -32,7 +31,6 @@ def attempt(action, done: str) -> bool:
 
 
 def accepted(table, chance: random.Random, tries: int, path: Path, action) -> int:
-    """Count the changed copies that go through; the file as it is has to."""
     path.write_text(document(table), encoding="utf-8")
     assert attempt(action, "nothing")
     count = 0

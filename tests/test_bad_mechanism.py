@@ -61,7 +61,6 @@ def test_a_unit_axis_may_be_written_as_an_expression(write):
 
 
 def dependent(mechanism, pair: tuple[str, str]) -> bool:
-    """True if the rates of two coordinates at home have a rank below two."""
     lay, home = at_home(mechanism)
     rates = motion_at(lay, home, np.zeros((1, 2))).joint_map[0]
     return linear.rank(rates[mechanism.columns(pair)]) < 2

@@ -11,8 +11,6 @@ SUFFIX = {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf"
 
 @pytest.fixture
 def own_model(write, paper_scene):
-    """A scene in which one engine reads a file of the test's own. Returns the path."""
-
     def make(engine: str, text: str, name: str = "own"):
         write(name, text)
         return paper_scene(models=f'models = {{ {engine} = "{name}" }}')

@@ -90,7 +90,6 @@ def test_passing_it_is_noticed_across_parts_of_a_long_motion(direction, said, pa
 
 
 def singular_b(scene) -> float:
-    """The singular angle to the last bit, by bisection of the determinant's sign."""
     lay = layout(scene.mechanism)
 
     def sign(b: float) -> float:

@@ -17,7 +17,6 @@ CLOSED, OPEN = "0.65 0 -.4", "0.38 0 -.078"
 def write(
     folder: Path, at: str, rocker: str = ROCKER + SITE, closure: str = 'body1="coupler" body2="rocker" anchor=".5 0 0"'
 ) -> Path:
-    """A four-bar whose rocker stands somewhere."""
     bar = '<geom type="capsule" fromto="0 0 0 {0} 0 0" size=".01" mass=".2"/>'
     coupler = (
         f'<body name="coupler" pos=".15 0 0"><joint axis="0 1 0"/>{bar.format(0.5)}<site name="p" pos=".5 0 0"/></body>'

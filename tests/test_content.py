@@ -19,7 +19,6 @@ DENSE = edited(PLAIN, [["<option >", '<option density="1000">']])
 
 
 def files_of(case: dict) -> tuple[str, str, str]:
-    """Return ending, file without the content, file with it."""
     ending = case.get("file", ".xml")
     text = filled(TABLE["texts"][{"x": "plain", "u": "urdf", "s": "sdf"}[ending[1]]], TABLE["texts"])
     without = edited(text, case.get("without", []))

@@ -25,7 +25,6 @@ WHOLE = f"{FILTER} or test_tasks or feature or redundant or rccc or 3-upu or bel
 
 
 def contract(folder: Path, *options: str, **modules: str) -> tuple[int, str]:
-    """Install engines, a module each, and run the contract for them in an empty folder."""
     (folder / "empty").mkdir()
     said = folder / "own_engine-1.dist-info"
     said.mkdir()
@@ -42,7 +41,6 @@ def contract(folder: Path, *options: str, **modules: str) -> tuple[int, str]:
 
 
 def own(name: str, text: str = "") -> str:
-    """Write the module of an engine that does as the solver, but for further lines."""
     return f"{HEAD}{text}\n".replace("own_engine", f"{name}_engine").replace('"own"', f'"{name}"')
 
 
@@ -53,7 +51,6 @@ def test_an_engine_that_does_all_passes(tmp_path):
 
 
 def named(text: str) -> str:
-    """Name of the module that `contract` installs."""
     package, source = re.subn(r'package="[^"]+"', 'package="own-engine"', text)[0], r'"\w+:load"'
     return re.sub(source, '"own_engine:load"', package)
 
@@ -103,7 +100,6 @@ WRONG = {
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    """What the contract prints of all of them, and of one that lacks a quantity."""
     texts = {kind.replace(" ", "_"): text for kind, (text, _) in WRONG.items()}
     texts["has_less"] = "ENGINE = replace(ENGINE, lacks={'reaction': 'has none'})"
     modules = {name: own(name, f"from dataclasses import replace\n{text}") for name, text in texts.items()}

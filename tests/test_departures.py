@@ -48,8 +48,6 @@ def texts(scene):
 
 @pytest.fixture
 def own(write, texts):
-    """Model and loops file of the user, one text replaced."""
-
     def make(engine: str, kind: str, old: str, new: str) -> ModelFiles:
         write("more.xml", '<mujoco><default><joint armature="1"/></default></mujoco>')
         files = {suffix: texts[f"four-bar.{suffix}"] for suffix in (SUFFIX[engine], "loops.toml")}
@@ -186,8 +184,6 @@ def test_a_verdict_names_three_doubts_and_counts_them_all(scene, own):
 
 @pytest.fixture
 def run(own, scene):
-    """Runs the scene with an attribute added to joint b."""
-
     def of(attributes, *quantities, rotor=None, mass="1.1"):
         files = own("mujoco", "xml", _B, f"& {attributes}")
         files.model.write_text(files.model.read_text(encoding="utf-8").replace('mass="1.1"', f'mass="{mass}"'))
@@ -255,7 +251,6 @@ def test_a_model_file_whose_engine_does_not_run_is_said(own, scene):
 
 @pytest.fixture
 def simulated(write, own):
-    """Simulates the four-bar with an edited file."""
     write("four-bar.toml", (DATA / "four-bar.toml").read_text(encoding="utf-8"))
     motion = "time = { times = [0, 0.05] }\nforward.rates = { crank = 3 }\n"
     text = f'mechanism = "four-bar.toml"\ngravity = [0, "-9.81", 0]\n{motion}'

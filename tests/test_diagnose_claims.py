@@ -47,7 +47,6 @@ def mounted(text: str, axis: Sequence[float], degrees: float, pos: Sequence[floa
 
 
 def converted(text: str, length: float = 1.0, mass: float = 1.0, mirror: float = 1.0) -> str:
-    """Convert a URDF without turned frames; -1 mirrors it in y."""
     root = ElementTree.fromstring(text)
     sign = np.array([1.0, mirror, 1.0])
     for element in root.iter():
@@ -61,7 +60,6 @@ def converted(text: str, length: float = 1.0, mass: float = 1.0, mirror: float =
 
 
 def renamed(text: str) -> str:
-    """Rename all parts but the ground."""
     found = dict.fromkeys(re.findall(r'name="(\w+)"', text))
     names = {name: f"part{i}" for i, name in enumerate(found) if name != "world"}
     return re.sub(r'"(\w+)"', lambda match: f'"{names.get(match[1], match[1])}"', text)
@@ -90,7 +88,6 @@ CHANGES: Mapping[str, Callable[[str, Any], str]] = {
 
 
 def written(folder: Path, name: str, text: str, beside: str | None, edits: Sequence[Sequence[str]] = ()) -> Path:
-    """Write a model, and the file that closes the loops of a URDF beside it."""
     ending = "urdf" if "<robot" in text else "xml" if "<mujoco" in text else "toml"
     if beside:
         (folder / f"{name}.loops.toml").write_text(replaced(text_of(beside), edits), encoding="utf-8")
@@ -186,7 +183,6 @@ NUMBERS = re.compile(r'(?:xyz|value|pos|mass|i[xyz]{2}|damping|armature|range|lo
 
 
 def changed(text: str, at: Random) -> str:
-    """Scale one number that is neither 0 nor 1 by a factor that nobody slips by."""
     places = [match.span(1) for match in NUMBERS.finditer(text)]
     while True:
         start, end = at.choice(places)

@@ -11,15 +11,12 @@ from support.diagnosis import Deadline
 
 @pytest.fixture
 def pair(tmp_path):
-    """Two arms: gravity leads, damping differs."""
     model = robots.write(tmp_path)[1]
     other = robots.edited(model, 'damping="0.14"', 'damping="0.24"', "other.xml")
     return model, robots.edited(other, 'gravity="0 0 -9.81"', 'gravity="0 0 -9"', "other.xml")
 
 
 def stopping(monkeypatch, work):
-    """End the time at a piece of work."""
-
     def deadline(limit):
         late = []
 

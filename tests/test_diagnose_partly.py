@@ -11,13 +11,10 @@ ONE, OTHER = ("0 0 1", "1 0 0", "0 1 0"), ("0 0 1", "0 1 0", "1 0 0")
 
 
 class Robot:
-    """A URDF grown limb by limb, masses and offsets at random."""
-
     def __init__(self, seed: int) -> None:
         self.random, self.parts = np.random.default_rng(seed), ['<link name="pelvis"/>']
 
     def limb(self, root: str, names: list[str], at: tuple[float, ...], axes=ONE, kind: str = "revolute") -> str:
-        """Adds a chain; returns its last link."""
         for i, name in enumerate(names):
             xyz = np.array(at) if i == 0 else self.random.uniform(-0.05, 0.05, 3) + np.array([0, 0, -0.2])
             mass, com = self.random.uniform(1, 8), self.random.uniform(-0.05, 0.05, 3)

@@ -40,7 +40,6 @@ def torques(reading, states=None):
 
 
 def changes_of(reading):
-    """One of each property; `joint` carries a joint and a body further."""
     hinges = [name for name, joint in reading.joints.items() if joint.kind == "hinge"]
     (body, *_), joint = reading.bodies, hinges[1]
     old, held = reading.bodies[body], reading.joints[joint]

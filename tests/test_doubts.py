@@ -46,8 +46,6 @@ ASKED: dict[str, Callable[[Path], list[str]]] = {
 
 @pytest.fixture
 def made(write):
-    """Writes a model of the table with edits made, a scene with its arm."""
-
     def make(model: str, edits=(), name: str = "") -> Path:
         if model == "scene":
             write("arm.toml", replaced(MODELS["arm"], [FREE]))

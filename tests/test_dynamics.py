@@ -17,7 +17,6 @@ def solve(scene, **changes):
 
 @pytest.fixture(scope="module")
 def known():
-    """Two independent programs in 50-digit arithmetic."""
     return screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0])
 
 

@@ -104,7 +104,6 @@ def test_an_engine_that_is_registered_wrongly_is_a_row(target, elsewhere, scene)
 
 
 def solve_right(problem):
-    """The solver, by any model file."""
     return ask("screw", model_files("3ups-upu-s", "screw"), problem)
 
 

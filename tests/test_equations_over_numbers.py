@@ -109,7 +109,6 @@ rounding = cache(lambda name: max(conditions(posed(name))))
 
 
 def check(name: str, found, number, right=None) -> None:
-    """Compare with balls up to rounding."""
     errors, bound = errors_of(posed(name), found, right or true(name)), ROUNDINGS * EPS[number] * rounding(name)
     assert errors
     assert {each: error for each, error in errors.items() if not error <= bound} == {}

@@ -19,7 +19,6 @@ RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_posit
 
 @contextmanager
 def files_of_at_most(size: int):
-    """A disk, as far as a file can tell, that is full when the file has so many bytes."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:

@@ -37,7 +37,6 @@ def error(name, until, engine, **stepper):
 
 
 def order(name, until, steps, **stepper):
-    """Slope of the error over the step."""
     errors = [error(name, until, dt=dt, **stepper)[0] for dt in steps]
     return np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1])
 

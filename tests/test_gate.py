@@ -50,7 +50,6 @@ def test_what_agrees_passes_in_every_form(theirs):
 
 
 def heavier(text: str) -> str:
-    """An MJCF with the coupler heavier by 1e-9 of its mass."""
     return text.replace('mass="1.2"', f'mass="{1.2 * (1 + 1e-9)!r}"')
 
 

@@ -104,7 +104,6 @@ def test_a_folder_may_hold_anything(make, theirs):
 
 
 def turned(self: TreeLoops, at, V, A):
-    """`TreeLoops.bias` with the sign of the parent's angular part changed."""
     out = right(self, at, V, A).reshape(len(V), -1, 3).copy()
     for k, anchor in enumerate(self.anchors):
         if anchor.angular:
@@ -140,7 +139,6 @@ each, granted = comparing._components, Allowance.granted
 
 
 def loose(*arguments, **sizes):
-    """What an allowance grants that admits far too much."""
     right = granted(*arguments, **sizes)
     return replace(right, limits=np.maximum(right.limits, 1e-3))
 

@@ -35,7 +35,6 @@ def squeezed(text: str) -> str:
 
 
 def block_with(beginning: str) -> str:
-    """Return the guide block with this beginning."""
     found = {block.text for text in TEXTS.values() for block in blocks(text) if block.text.startswith(beginning)}
     return max(found, key=len)
 
@@ -91,7 +90,6 @@ def test_every_dash_in_the_table_of_engines_has_a_reason() -> None:
 
 @pytest.fixture
 def engines_of_pages(inside, monkeypatch):
-    """Install the engines that a page shows."""
     monkeypatch.setattr(sys, "path", [*sys.path, str(inside)])
     with further_engines({"absolute": "my_engine:ENGINE", "mytree": "tree_engine:ENGINE"}):
         yield inside
@@ -100,7 +98,6 @@ def engines_of_pages(inside, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
 def test_commands_and_code_of_a_page_do_what_it_shows(page, engines_of_pages, no_progress) -> None:
-    """Compare status, verdicts, names and numbers."""
     for each in guide.carried_out(TEXTS[page], engines_of_pages):
         assert not guide.missing(each.shown, each.printed), each.printed
 
@@ -141,7 +138,6 @@ def test_readme_shows_what_pages_show() -> None:
 
 
 def test_commands_that_are_shown_are_understood(capsys) -> None:
-    """Parse commands that are not run."""
     for page, text in TEXTS.items():
         lines = [line for block in blocks(text) if not block.language for line in block.text.splitlines()]
         lines += re.findall(r"`(screwgauge [^`]*)`", FENCE.sub("", text))
@@ -182,7 +178,6 @@ def test_help_is_quick_to_load() -> None:
 
 
 def test_the_panda_differs_as_its_report_says() -> None:
-    """Find quotes of the README in the report."""
     report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
     said, table = block_with("✗ DIFFER: panda").split("share  class     cause")
     rounding = re.compile(r"\de-1\d")  # another processor leaves another one
@@ -214,7 +209,6 @@ def test_the_panda_is_told_as_its_report_says() -> None:
 
 
 def test_reports_begin_with_what_was_found() -> None:
-    """Find linked numbers in verdicts; miss no verdict."""
     first = TEXTS["reports/README.md"].partition("\n## ")[0]
     quoted = re.findall(r"\[([^]]*)\]\(([\w/-]+)/report\.md\)", first)
     reports = (ROOT / "reports").rglob("report.md")
@@ -278,7 +272,6 @@ UNKNOWN = "unknown_one = 1"
 
 
 def undocumented(call, path: Path, text: str) -> list[str]:
-    """Return known keys that a text does not name."""
     with pytest.raises(screwgauge.ScrewgaugeError) as error:
         call(path)
     assert "unknown key 'unknown_one'" in str(error.value)

@@ -66,8 +66,6 @@ LOOPED += ["planetary-gear", "delta", "stewart", "3ups-upu-s", "3ups-upu-s-offse
 
 @pytest.fixture
 def four_bar(write):
-    """A four-bar by its lengths, which may be other ones; `a`, `c` are further entries of joints. Returns its path."""
-
     def make(a: str = "", c: str = "", **lengths: float):
         usual = {"crank": CRANK, "coupler": COUPLER, "rocker": ROCKER, "base": BASE}
         return write("four-bar.toml", LENGTHS.format(a=a, c=c, **{**usual, **lengths}))
@@ -76,12 +74,10 @@ def four_bar(write):
 
 
 def gap(mechanism) -> float:
-    """Largest closure residual at home [rad or m]."""
     return float(np.abs(gaps(layout(mechanism), mechanism.home[None])).max(initial=0.0))
 
 
 def rough(mechanism, by: float | None):
-    """A mechanism whose dependent coordinates are off home by up to so much, or zero [rad or m]."""
     off, chosen = np.random.default_rng(1).uniform(-1.0, 1.0, len(mechanism.home)), mechanism.independent_columns
     q = np.zeros(len(off)) if by is None else mechanism.home + by * off
     q[chosen] = mechanism.home[chosen]
@@ -90,7 +86,6 @@ def rough(mechanism, by: float | None):
 
 
 def apex(side: float) -> tuple[float, float]:
-    """Angles of coupler and rocker of the four-bar, its crank along x, by the law of cosines."""
     base = BASE - CRANK
     coupler = np.arccos((base**2 + COUPLER**2 - ROCKER**2) / (2 * base * COUPLER))
     rocker = np.pi - np.arccos((base**2 + ROCKER**2 - COUPLER**2) / (2 * base * ROCKER))

@@ -34,7 +34,6 @@ def scene_of(name, count=201):
 
 
 def thick(scene):
-    """Bodies of which a little may be taken away."""
     more = {f"joints.{joint.name}.rotor": "x + 0.5" for joint in scene.mechanism.actuators if len(joint.home) == 1}
     return scene.with_({f"bodies.*.inertia.{key}": "x + 0.05" for key in ("xx", "yy", "zz")} | more)
 
@@ -69,7 +68,6 @@ def test_rank_is_that_of_another_engine(five_bar):
 
 
 def trials(name, count):
-    """Distances of estimates from the truth in their own deviations, and errors of prediction without noise."""
     rng, scene = np.random.default_rng(0), scene_of(name)
     away, errors = [], []
     for _ in range(count):
@@ -141,7 +139,6 @@ def test_a_number_of_a_body_stands_for_all_of_it(five_bar):
 
 @pytest.fixture
 def table(five_bar, tmp_path):
-    """A log of a machine whose right rod is heavier, in N mm, with the motion beside it."""
     data = log(five_bar.with_({"right.rod.mass": 0.46}), 1e-5, np.random.default_rng(4), "mujoco")
     motion = five_bar.motion
     columns = {"t": five_bar.t}

@@ -69,7 +69,6 @@ def cart(tmp_path) -> Callable[..., Scene]:
 
 
 def pole(t: Array, start: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
-    """Lagrange's equations of the cart-pole."""
     m, l, g, inertia = 1.0, 0.7, 9.81, 2e-2 + 0.49
     push = lambda t: -3.6 * np.sin(3 * t)  # noqa: E731
 

@@ -54,7 +54,6 @@ ARM = (
 
 
 def rnea(path: Path, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Joint torques as Pinocchio computes them from the file itself, continuous joints as angles."""
     model = pinocchio.buildModelFromUrdf(str(path))
     found = np.zeros(model.nq)
     for angle, one in zip(q, list(model.joints)[1:], strict=True):

@@ -16,7 +16,6 @@ def at(x: float, y: float, z: float) -> pin.SE3:
 
 
 def four_bar() -> tuple[pin.Model, list]:
-    """Crank and coupler on the ground side, rocker on the other; no frames but those of joints."""
     model = pin.Model()
     model.name = "linkage"
     lengths = {"a": (0, at(0, 0, 0), 0.2), "b": (1, at(0, 0, 0.2), 0.5), "c": (0, at(0.4, 0, 0), 0.4)}

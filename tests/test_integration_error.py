@@ -147,7 +147,6 @@ def several(scene: Scene, engine: str) -> tuple[Solution, list[Solution]]:
 
 
 def honest(estimate: np.ndarray, error: np.ndarray) -> None:
-    """Bounds the error, by less than a factor 1000."""
     error = np.maximum.accumulate(np.abs(error).max(axis=1))
     assert (estimate >= error - 1e-13).all(), (estimate / error).min()
     assert estimate[-1] < 1000.0 * error[-1] + 1e-11

@@ -26,7 +26,6 @@ pytestmark = pytest.mark.usefixtures("isolated")
 
 @pytest.fixture(scope="module")
 def ended():
-    """Results of works of all kinds at once."""
     names = ("fine", "segfault", "abort", "leave", "odd", "hog")
     works = {name: getattr(bad_works, name) for name in names}
     return isolated(works, Limits(memory=0.5), silent)

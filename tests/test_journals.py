@@ -109,8 +109,6 @@ def test_the_address_of_a_bench_knows_scene_and_extent():
 
 @pytest.fixture
 def fresh(monkeypatch):
-    """An address made by a fresh process."""
-
     def forget() -> None:
         for each in (address_module._code, address_module._engines, address_module._installed):
             each.cache_clear()

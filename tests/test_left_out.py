@@ -29,7 +29,6 @@ def text_of(name: str, *arguments: str) -> str:
 
 
 def chain(**parts: str | list[str]) -> str:
-    """Three joints in a row, with parts put in."""
     names = ("option", "a", "ja", "jb", "c", "jc", "d", "world", "end", "ma", "motors")
     given = {name: part if isinstance(part, str) else text_of(*part) for name, part in parts.items()}
     return TABLE["texts"]["chain"].format(**{**dict.fromkeys(names, ""), **given})
@@ -155,8 +154,6 @@ def test_a_description_refuses_what_it_does_not_know(write):
 
 @pytest.fixture
 def gait(write):
-    """A scene of a five-bar whose motors turn a rotor by their difference."""
-
     def make(tendon: str = f'armature="{ROTOR}"', source: str = ""):
         path = write(f"five-bar-{len(tendon)}.xml", text_of("five-bar", tendon))
         if source == "gone":
@@ -177,7 +174,6 @@ def logged(scene, torques):
 
 @pytest.fixture
 def rigid(gait):
-    """Torques without the rotor, and what it takes besides."""
     scene, shares = gait(""), np.array([1.0, -1.0])
     torques = screwgauge.run(scene, ["screw"]).values("actuator_force")
     return torques, ROTOR * np.outer(scene.motion.ydd @ shares, shares)

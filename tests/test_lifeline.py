@@ -43,7 +43,6 @@ else:
 
 
 def until(true: Callable[[], bool], most: float = 30.0) -> bool:
-    """True if something comes true in time; others get the processor."""
     end = monotonic() + most
     while not (found := true()) and monotonic() < end:
         os.sched_yield()
@@ -51,7 +50,6 @@ def until(true: Callable[[], bool], most: float = 30.0) -> bool:
 
 
 def alive(pid: int) -> bool:
-    """True if a process runs; a zombie does not."""
     try:
         state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0]
     except OSError:

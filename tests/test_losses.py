@@ -29,7 +29,6 @@ def spoil(arm: Arm, row: Mapping[str, Any]) -> None:
 
 
 def change(part: object, values: Mapping[str, Any]) -> None:
-    """Give a part values, none where they are false and no number, and multiply others."""
     for key, value in values.items():
         if key != "times":
             setattr(part, key, None if value is False and key != "products" else value)
@@ -39,8 +38,6 @@ def change(part: object, values: Mapping[str, Any]) -> None:
 
 
 def pair(forms: tuple[str, str], row: Mapping[str, Any], tmp_path) -> Any:
-    """Diagnose the arm against itself in another format, spoilt, without what either format lacks."""
-
     def without(arm: Arm) -> None:
         if "urdf" in forms:
             del arm.joints["t"]

@@ -30,7 +30,6 @@ PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0
 
 
 def elsewhere(reading):
-    """Yield the reading in closed poses."""
     tree = tree_of(reading)
     for q in closed(tree, draw(reading, 8))[0].q:
         values = {name: q[at] if at.stop - at.start > 1 else q[at][0] for name, at in tree.places.items()}
@@ -38,7 +37,6 @@ def elsewhere(reading):
 
 
 def farthest(one, other):
-    """The largest misfit of bodies behind links of joints, each at the coordinates of the other machine."""
     a, b = machine_of(one), machine_of(other)
     same = {name: name for name in one.joints if name in other.joints}
     found = align(a, b, same, {name: name for name in one.bodies}, BELIEVED[0])

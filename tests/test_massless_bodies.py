@@ -132,7 +132,6 @@ def test_what_a_massless_body_cannot_have_is_refused(old, new, said, write):
 
 
 def point_mass_coupler() -> str:
-    """A point mass at the crank's end."""
     text = 'name = "four-bar"\nindependent.arm = "a"\n' + four_bar([Bar(0.3), Bar(0.6), Bar(0.4)], 0.5, 1.0)
     whole = Bar(0.6).written("coupler")
     assert whole in text

@@ -30,7 +30,6 @@ def test_kept_files_are_those_written_now(name: str) -> None:
 
 
 def words_and_numbers(text: str) -> tuple[list[str], list[float]]:
-    """A text without its numbers, and these."""
     number = r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])"
     return re.split(number, text), [float(each) for each in re.findall(number, text)]
 

@@ -50,7 +50,6 @@ def reversed_chain(write) -> Mechanism:
 
 @pytest.fixture
 def reversed_loop(write) -> Mechanism:
-    """The chain with a ball between its tip and ground, placed in ground so that the loop closes at home."""
     mechanism = load_mechanism(write("loop.toml", REVERSED + BALL))
     ball = mechanism.joint("ball")
     T = home_poses(lay_out(mechanism, "minimal"))["tip"] @ joint_transform(ball, ball.home)
@@ -59,7 +58,6 @@ def reversed_loop(write) -> Mechanism:
 
 
 def closing_errors(mechanism: Mechanism) -> dict[str, float]:
-    """Return the gap of each joint at home."""
     poses = home_poses(lay_out(mechanism, "minimal"))
     return {
         joint.name: float(np.abs(poses[joint.parent] @ joint_transform(joint, joint.home) - poses[joint.child]).max())

@@ -22,7 +22,6 @@ pytestmark = pytest.mark.usefixtures("inside", "no_progress")
 
 @pytest.fixture
 def bars() -> None:
-    """A description and models, one with a heavier crank."""
     repository(Path())
     for path in Path().glob("four-bar*.*"):
         if path.name != "four-bar.toml":
@@ -34,7 +33,6 @@ def bars() -> None:
 
 
 def refused(*arguments: str) -> str:
-    """Runs a command that has to change no file."""
     before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
     assert main([*arguments]) == 2
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

@@ -22,7 +22,6 @@ def sha256(path: Path) -> str:
 
 @pytest.fixture
 def edited(paper_scene, tmp_path) -> Path:
-    """A scene whose MuJoCo model is the user's own."""
     scene = screwgauge.load_scene(paper_scene())
     write_models(scene.mechanism, tmp_path)
     (tmp_path / "3ups-upu-s.xml").rename(tmp_path / "mine.xml")

@@ -32,13 +32,11 @@ ENGINES = ("pinocchio", "mujoco", "numpy", "pandas", "scipy")
 
 @pytest.fixture(scope="module", autouse=True)
 def loaded():
-    """Import before pytester begins what cannot be imported twice."""
     assert screwgauge.check(ROBOT, smoke=True).ok
 
 
 @pytest.fixture(scope="module")
 def files() -> dict[str, str]:
-    """Somebody's robot: name of a file -> text."""
     mechanism = load_mechanism(ROBOT)
     models = {name.replace(ROBOT, "robot"): text for name, text in model_texts(mechanism).items() if "full" not in name}
     return {**models, "robot.toml": Path(mechanism.where).read_text(encoding="utf-8"), "scenes/robot.toml": SCENE}

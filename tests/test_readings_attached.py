@@ -44,7 +44,6 @@ def arm(tmp_path: Path) -> Path:
 
 
 def by_mujoco(path: Path) -> Any:
-    """Load a model with MuJoCo, without its log of warnings in the working directory."""
     with collect_warnings():
         return mujoco.MjModel.from_xml_path(str(path))
 

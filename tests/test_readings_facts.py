@@ -19,7 +19,6 @@ KEYS = {"by", "files", "edits", "old", "new", "text", "facts", "near", "ignored"
 
 
 def facts_of(reading: Reading) -> dict[str, Any]:
-    """Return the facts of a reading by name."""
     facts: dict[str, Any] = {
         what: [*getattr(reading, what)] for what in ("bodies", "joints", "fixed", "closures", "couplings", "actuators")
     }
@@ -51,7 +50,6 @@ def facts_of(reading: Reading) -> dict[str, Any]:
 
 
 def facts_of_import(imported: Imported) -> dict[str, Any]:
-    """Return the facts of an import by name."""
     mechanism = imported.mechanism
     facts: dict[str, Any] = {f"{body.name}.mass": body.mass for body in mechanism.bodies}
     facts |= {f"{one.name}.couples": [one.coordinate, *one.function.terms] for one in mechanism.couplings}
@@ -77,7 +75,6 @@ def facts_of_import(imported: Imported) -> dict[str, Any]:
 
 
 def is_near(value: Any, claimed: Any, near: float) -> bool:
-    """True if a fact is as claimed: numbers to a share `near`, zeros to 1e-6 of it."""
     if isinstance(claimed, dict | str | bool) or claimed == [] or value is None:
         return bool(value == claimed)
     if isinstance(np.ravel(claimed).tolist()[0], str):
@@ -86,7 +83,6 @@ def is_near(value: Any, claimed: Any, near: float) -> bool:
 
 
 def lacking(said: Iterable[str], words: list[list[str]]) -> list[list[str]]:
-    """Return the groups of words that no sentence contains."""
     sentences = [*said]
     return [group for group in words if not any(all(word in each for word in group) for each in sentences)]
 

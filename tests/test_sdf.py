@@ -17,7 +17,6 @@ R, L = 0.2, 0.7
 
 @pytest.fixture
 def link(write):
-    """A link that a ball carries at the end of the arm."""
     return lambda parts: read(write("m.sdf", ARM.replace("</model>", f"{parts}{BALL}</model>")), "screwgauge").bodies[
         "c"
     ]

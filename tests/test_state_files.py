@@ -28,7 +28,6 @@ BRACKETS = "[" * 100_000
 
 
 def special(make):
-    """Puts something in the place of a file that is none."""
     return lambda path: (path.unlink(missing_ok=True), make(path))
 
 
@@ -56,8 +55,6 @@ def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known)
 
 
 def changed(**entries: object):
-    """Replaces entries of the only scene of a baseline."""
-
     def change(record):
         record["scenes"]["a"] |= entries
 

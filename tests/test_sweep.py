@@ -30,7 +30,6 @@ motion.right = { harmonics = [[4, -0.3, 0.2]], offset = 0.3 }
 
 @pytest.fixture
 def plan(write):
-    """Reads a plan for the scene of this module."""
     write("scene.toml", SCENE)
 
     def read(text=PLAN):

@@ -19,7 +19,6 @@ TIMES = [0.0, 0.25, 0.5, 0.75]
 
 @pytest.fixture(scope="module")
 def right(tmp_path_factory) -> pd.DataFrame:
-    """Columns of the solver by quantity, component and unit."""
     path = tmp_path_factory.mktemp("right") / "scene.toml"
     path.write_text(f"{SCENE}time.times = {TIMES}\n", encoding="utf-8")
     found = screwgauge.run(load_scene(path), ["screw"]).solutions["screw"].values
@@ -34,8 +33,6 @@ def right(tmp_path_factory) -> pd.DataFrame:
 
 @pytest.fixture
 def scene(write, right, tmp_path):
-    """Writes a table and a scene with it; loads that."""
-
     def make(table: pd.DataFrame | str = "", *, entries: str = "", name: str = "mine.csv") -> screwgauge.Scene:
         return load_scene(path(table, entries=entries, name=name))
 

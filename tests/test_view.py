@@ -172,7 +172,6 @@ FRAMES = 50
 
 
 def seen(page: Any) -> bytes:
-    """The picture, once it is drawn."""
     page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return bytes(page.locator(".stage canvas").screenshot())
 

@@ -36,7 +36,6 @@ def read(name):
 
 @pytest.fixture
 def somebody(tmp_path, inside):
-    """Somebody's repository, in which a shell stands."""
     mechanism = screwgauge.load_scene("slider-crank").mechanism
     (tmp_path / "scenes").mkdir()
     (tmp_path / "scenes/robot.toml").write_text(SCENE, encoding="utf-8")
@@ -46,7 +45,6 @@ def somebody(tmp_path, inside):
 
 @pytest.fixture
 def action(somebody, tmp_path_factory):
-    """The command of the action, as a runner of GitHub executes it; returns exit status and what it says."""
     (step,) = [step for step in read("action.yml")["runs"]["steps"] if "screwgauge check" in step.get("run", "")]
     given = {name: f"${{{{ inputs.{name.lower()} }}}}" for name in ("WHAT", "OPTIONS")}
     assert (step["env"], step["shell"]) == (given, "bash")
@@ -70,7 +68,6 @@ def action(somebody, tmp_path_factory):
 
 
 def hook(*args):
-    """The arguments of the hook's command."""
     (entry,) = (hook["entry"] for hook in read(".pre-commit-hooks.yaml"))
     program, *arguments = shlex.split(entry)
     assert program == "screwgauge"

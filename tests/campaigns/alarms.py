@@ -29,7 +29,6 @@ LEAST = 1e-3
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    """The row of one mechanism, by seed and family: whether the gate is quiet, and whether a change is caught."""
     seed, family = item
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     settings = GateSettings(lambda results: "")
@@ -71,7 +70,6 @@ def _chosen(results: Comparison, rng: np.random.Generator) -> tuple[str, float] 
 
 
 def changed(mechanism: Mechanism, parameter: str, share: float) -> Mechanism:
-    """A mechanism of which a parameter, named as coverage does, is larger by a share of its size."""
     what, _, name = parameter.partition(" of ")
     kind, _, axes = what.partition(" ")
     bodies = list(mechanism.bodies)
@@ -99,7 +97,6 @@ def sentence(found: pd.DataFrame) -> str:
 
 
 def passed(found: pd.DataFrame) -> bool:
-    """Whether there is neither a false alarm nor a missed change, and something was looked at."""
     n = _counts(found)
     return bool(n["looked"] and n["changed"]) and not n["alarms"] and not n["missed"]
 
@@ -113,8 +110,6 @@ def _counts(found: pd.DataFrame) -> dict[str, int]:
 
 
 def _bad(found: pd.DataFrame) -> list[str]:
-    """Every false alarm and missed change, and what was refused."""
-
     def because(row: Row) -> str:
         missed = "{parameter} by {share} missed ({error}, tolerance {tolerance})".format(**row)
         return "; ".join([*([row["reason"]] if row["reason"] else []), *([missed] if row["caught"] == "no" else [])])

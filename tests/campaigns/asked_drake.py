@@ -86,8 +86,6 @@ def _open(path: Path, tree: ReadingTree, folder: Path) -> Path:
 
 
 class _Moves:
-    """A joint of the reading, and how Drake has it."""
-
     def __init__(self, plant: Any, joint: Any, name: str, states: JointStates) -> None:
         self.states, self.joint = states, joint
         if self.joint is None or self.joint.num_velocities() != states.qd.shape[1]:

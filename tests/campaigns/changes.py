@@ -45,7 +45,6 @@ def product_more(I: Array, size: float, rng: Random, _: Mark) -> Array:
 
 
 def reordered(I: Array, *_: object) -> Array:
-    """xy, xz, yz as yz, xz, xy."""
     I[0, 1], I[1, 2] = I[1, 2], I[0, 1]
     I[1, 0], I[2, 1] = I[0, 1], I[1, 2]
     return I
@@ -78,7 +77,6 @@ def more(x: Array, size: float, *_: object) -> Array:
 
 
 def permuted(I: Array, *_: object) -> Array:
-    """xx as yy, yy as zz, zz as xx."""
     return I + np.diag(np.roll(np.diag(I), 1) - np.diag(I))
 
 
@@ -121,7 +119,6 @@ def unlike(I: Array) -> bool:
 
 
 def asymmetric(mark: Mark) -> bool:
-    """Whether the three principal moments differ, and products are there."""
     I = mark.get("tensor")
     moments = np.linalg.eigvalsh(I)
     products = np.abs(I - np.diag(np.diag(I))).max()
@@ -134,7 +131,6 @@ def unlike_products(mark: Mark) -> bool:
 
 
 def turned(mark: Mark) -> bool:
-    """Whether the orientation in which a tensor is written changes it."""
     R, I = mark.get("turn"), mark.get("tensor")
     return bool(np.abs(R - np.eye(3)).max() > 1e-2) and bool(np.abs(R.T @ I @ R - I).max() > 0.0)
 
@@ -182,7 +178,6 @@ def angle(old: Array, new: Array, mark: Mark) -> float:
 
 
 def turned_by(old: Array, new: Array, mark: Mark) -> float:
-    """Norm of the difference that another orientation makes to a tensor."""
     I = mark.get("tensor")
     step = distance(old @ I @ old.T, new @ I @ new.T, mark)
     if step <= 1e-9 * np.abs(I).max():

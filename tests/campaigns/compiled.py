@@ -56,7 +56,6 @@ def states(count: int, seed: int = 0) -> GivenMotion:
 
 
 def near_home(name: str | Path, n: int = SAMPLES) -> Scene:
-    """A mechanism, built in or a file, in a motion near its home pose."""
     mechanism = load_mechanism(name)
     rng, k, t = np.random.default_rng(5), len(mechanism.independent), np.linspace(0.0, 1.0, n)
     size, w = 0.02 * rng.uniform(0.5, 1.0, k), rng.uniform(1.0, 4.0, k)
@@ -71,13 +70,11 @@ Answers = Mapping[str, tuple[Array, Array]]
 
 
 def spread(errors: Array, units: Sequence[str]) -> Array:
-    """Errors of each unit for each component. Shape (n, n_unit) -> (n, m)."""
     kinds = [*dict.fromkeys(units)]
     return errors[:, [kinds.index(unit) for unit in units]]
 
 
 def by_array(scene: Scene, motion: GivenMotion) -> Answers:
-    """All samples by the array solver."""
     work = Work(layout(scene.mechanism), scene.problem(GIVEN))
     some = [motion.part(slice(i, i + PART)) for i in range(0, len(motion), PART)]
     parts = [work.part(one, work.close(one, work.predict(one))) for one in some]
@@ -108,7 +105,6 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
 
 
 def by_program(solver: Solver, motion: GivenMotion) -> tuple[int, Answers]:
-    """How many samples a program answered, and all answers of its solver."""
     left, parts = 0, list[CompiledSolution]()
     for first in range(0, len(motion), PART):
         some = motion.part(slice(first, first + PART))
@@ -152,7 +148,6 @@ def compared(scene: Scene, motion: GivenMotion, backends: Iterable[str]) -> Iter
 
 
 def furthest(mine: Answers, others: Answers, units: Mapping[str, Sequence[str]]) -> tuple[float, str]:
-    """Largest difference over its bound, see `beyond`, and where."""
     worst = 0.0, ""
     for name, (b, radius) in others.items():
         a, estimate = mine[name]
@@ -200,7 +195,6 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
 
 
 def compiled(file: Path, count: int | None) -> pd.DataFrame:
-    """Writes the rows of `cases` into a file, and returns them."""
     states = STATES * (count or DRAWN)
     text = grow_table(
         file,

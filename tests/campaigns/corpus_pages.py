@@ -24,7 +24,6 @@ FALSE = ("no", "false SAME", "crashed")
 
 
 def pairs_passed(table: pd.DataFrame) -> bool:
-    """Whether all that is wanted of pairs is reached; those of packages that are not installed are left out."""
     asked = table[table["right"] != "skipped"]
     return bool((asked["right"] == YES).mean() >= PAIRS_RIGHT and not asked["right"].isin(FALSE).any())
 
@@ -75,7 +74,6 @@ PAIRS = study(
 
 
 def found(row: Row) -> bool:
-    """Whether an edit is in the first sentence with magnitude and sign."""
     return all(row[name] == YES for name in ("named", "magnitude", "sign"))
 
 
@@ -85,7 +83,6 @@ def singles_passed(table: pd.DataFrame) -> bool:
 
 
 def _figures(some: list[Row]) -> Row:
-    """How many of some edits are told how well."""
     count = {name: sum(row[name] == YES for row in some) for name in ("found", "named", "magnitude", "sign")}
     return {
         "edits": len(some),

@@ -52,7 +52,6 @@ SAME = (*FORMS, "integrator")
 
 
 def edits(count: int, progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """One row for each edit, kinds in turn, on models that have a place for them, drawn at random."""
     models = {name: installed(package, file) for package, files in MODELS.items() for name, file in files.items()}
     table = []
     for number in range(count):
@@ -64,7 +63,6 @@ def edits(count: int, progress: Callable[[str, float], None]) -> pd.DataFrame:
 
 
 def _edited(models: dict[str, Path], kind: str, rng: np.random.Generator) -> Iterator[tuple[str, ET.Element, Edit]]:
-    """Models that have a place for an edit, after it."""
     for name in map(str, rng.permutation([*models])):
         root = ET.parse(models[name]).getroot()
         try:
@@ -74,7 +72,6 @@ def _edited(models: dict[str, Path], kind: str, rng: np.random.Generator) -> Ite
 
 
 def row(file: Path, root: ET.Element, edit: Edit, kind: str) -> dict[str, object]:
-    """What `diagnose` makes of a file and its edited copy."""
     cells = {"edit": edit.what, "expected": "same" if kind in SAME else "not same"}
     with TemporaryDirectory() as folder:
         b = Path(folder) / f"edited{file.suffix}"
@@ -92,7 +89,6 @@ def row(file: Path, root: ET.Element, edit: Edit, kind: str) -> dict[str, object
 
 
 def wrong(table: pd.DataFrame) -> pd.DataFrame:
-    """Rows whose verdict is not the expected one, or does not name the part."""
     return table[(table["expected"] != table["said"]) & (table["said"] != "refused") | (table["named"] == False)]  # noqa: E712
 
 

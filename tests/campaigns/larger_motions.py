@@ -27,7 +27,6 @@ COLUMNS = ["seed", "family", "factor", "verdict", "confirmed", "reason"]
 
 
 def larger(file: Path, factor: float) -> screwgauge.Scene:
-    """The scene of a file with larger amplitudes, over a second."""
     tables = tomllib.loads(file.read_text(encoding="utf-8"))
     for motion in tables["motion"].values():
         motion["harmonics"] = [[omega, factor * c, factor * s] for omega, c, s in motion["harmonics"]]
@@ -51,7 +50,6 @@ def confirmed(scene: screwgauge.Scene, bad: pd.DataFrame) -> bool:
 
 
 def row(seed: int, folder: Path) -> dict[str, object]:
-    """What becomes of one random mechanism."""
     drawn = screwgauge.random(seed, folder=folder)
     found: dict[str, object] = {"seed": seed, "family": drawn.mechanism.name.rpartition("-")[0]}
     for factor in FACTORS:
@@ -80,7 +78,6 @@ def row(seed: int, folder: Path) -> dict[str, object]:
 
 
 def rows_of_larger_motions(count: int, file: Path) -> list[dict[str, str]]:
-    """Writes rows into a file until so many mechanisms are not refused, and returns them."""
     table = list[dict[str, str]]()
     while (left := count - sum(each["verdict"] != "refused" for each in table)) > 0:
         tasks = [Task(f"{seed}", partial(_rows, seed)) for seed in range(FIRST, FIRST + len(table) + left)]

@@ -22,7 +22,6 @@ _NUMBERS = (
 
 
 def same_text(text: str, rng: Random) -> str:
-    """As it is; read by another library or from another format."""
     return text
 
 
@@ -43,7 +42,6 @@ def _urdf(text: str) -> XmlText:
 
 
 def reordered(text: str, rng: Random) -> str:
-    """Links and joints of a URDF in another order."""
     xml = _urdf(text)
     pieces = [text[element.start : element.end] for element in xml.root.children]
     for element, i in zip(xml.root.children, rng.permutation(len(pieces)), strict=True):
@@ -52,7 +50,6 @@ def reordered(text: str, rng: Random) -> str:
 
 
 def renamed(text: str, rng: Random) -> str:
-    """All links and joints of a URDF have a prefix before their names."""
     xml = _urdf(text)
     holders = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
     for element in xml.root.iter(*holders):
@@ -62,7 +59,6 @@ def renamed(text: str, rng: Random) -> str:
 
 
 def inertials_turned(text: str, rng: Random) -> str:
-    """Every tensor of a URDF in other axes, and the orientation to match."""
     xml = _urdf(text)
     for mark in inertials(xml):
         old, I = mark.get("turn"), mark.get("tensor")
@@ -73,7 +69,6 @@ def inertials_turned(text: str, rng: Random) -> str:
 
 
 def fixed_links_merged(text: str, rng: Random) -> str:
-    """Mass of links that are fixed goes to what they are fixed to."""
     xml = _urdf(text)
     links = urdf.links(xml)
     into = list(range(len(links)))

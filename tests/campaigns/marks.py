@@ -31,7 +31,6 @@ PLACES = {
 
 
 def is_urdf(xml: XmlText) -> bool:
-    """Whether it is a URDF, and not an MJCF."""
     return xml.root.tag == "robot"
 
 
@@ -105,7 +104,6 @@ class Mark:
 
 
 def inertials(xml: XmlText) -> list[Mark]:
-    """Of all links with mass that are behind a joint."""
     if is_urdf(xml):
         moved = _moved(xml)
         owners = [link for link in children(xml, "link") if link.get("name") in moved]
@@ -116,12 +114,10 @@ def inertials(xml: XmlText) -> list[Mark]:
 
 
 def children(xml: XmlText, *tags: str) -> list[Element]:
-    """Outermost elements of a file with one of these tags."""
     return [element for element in xml.root.children if element.tag in tags]
 
 
 def _moved(xml: XmlText) -> set[str]:
-    """Links of a URDF behind a joint that moves."""
     joints = children(xml, "joint")
     moved = {end(joint, "child") for joint in joints if joint.get("type") != "fixed"}
     while more := {end(j, "child") for j in joints if end(j, "parent") in moved} - moved:
@@ -130,13 +126,11 @@ def _moved(xml: XmlText) -> set[str]:
 
 
 def end(joint: Element, tag: str) -> str:
-    """Name of the parent or child link of a joint of a URDF."""
     link = joint.find(tag)
     return link.get("link") if link else ""
 
 
 def moving(body: Element) -> list[Element]:
-    """The joints of a body of an MJCF."""
     return [child for child in body.children if child.tag in ("joint", "freejoint")]
 
 
@@ -185,7 +179,6 @@ def motors(xml: XmlText) -> list[Mark]:
 
 
 def anchors(xml: XmlText) -> list[Mark]:
-    """First sites of closures of an MJCF, by the closures' names."""
     sites = {site.get("name"): site for site in xml.root.iter("site")}
     closures = (part for room in children(xml, "equality") for part in room.children if part.tag == "connect")
     return [
@@ -194,5 +187,4 @@ def anchors(xml: XmlText) -> list[Mark]:
 
 
 def mimics(xml: XmlText) -> list[Mark]:
-    """Joints of a URDF that follow others."""
     return [Mark(xml, joint, joint.get("name")) for joint in children(xml, "joint") if joint.find("mimic")]

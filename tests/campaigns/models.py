@@ -71,13 +71,11 @@ class ImportRow:
 
 
 def imports(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """A row for each model, a column for each field of `ImportRow`."""
     table = rows_in_turn([(model.name, partial(import_row, model)) for model in models], progress)
     return frame(table, columns_of(ImportRow))
 
 
 def import_row(model: Public) -> ImportRow:
-    """Imports a model, and drives all engines with its default scene at a few samples."""
     form = FORMATS.get(model.file.suffix, "MJCF")
     row = ImportRow(model.name, model.source, model.version, model.path, form)
     begin = process_time()
@@ -107,7 +105,6 @@ def import_row(model: Public) -> ImportRow:
 
 
 def _beside(row: ImportRow, model: Public, imported: Imported) -> ImportRow:
-    """The row with what the library of its format says."""
     try:
         own = own_library(model.file, imported, floating=model.floating)
     except (ScrewgaugeError, ImportError, LookupError, ValueError) as error:

@@ -125,7 +125,6 @@ def all_masses_factor(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    """A joint that does not move any more, and that nothing refers to."""
     rooms = [room for room in xml.root.children if room.tag not in ("worldbody", "joint", "link")]
     parts = [*xml.root.iter("mimic"), *(part for room in rooms for part in room.iter())]
     referred = {value for part in parts for value in part.attributes.values()}
@@ -138,7 +137,6 @@ def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    """A last link of a URDF that is not there, with its joint."""
     if not is_urdf(xml) or len(joints(xml)) < 2:
         raise CannotError("only of a URDF with several joints")
     mimicked = {element.get("joint") for element in xml.root.iter("mimic")}
@@ -153,7 +151,6 @@ def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    """The file printed with six or seven digits."""
     places, changed = 6 + int(rng.integers(2)), False
     for element in xml.root.iter():
         for name, text in element.attributes.items():
@@ -168,7 +165,6 @@ def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
 
 
 def two_at_once(xml: XmlText, rng: Random, size: float) -> list[Expected]:
-    """Two changes of different parts, of about the same size."""
     names = (("mass_factor", "com_shift", "axis_tilted"), ("moment_factor", "placement_shift", "damping"))
     one, two = (KINDS[some[rng.integers(len(some))]](xml, rng, size)[0] for some in names)
     if one.item == two.item:

@@ -69,7 +69,6 @@ class OwnLibrary:
 
     @property
     def wrong(self) -> bool:
-        """Whether it is more than rounding, or nothing could be compared."""
         return not (self.states and self.apart <= LEAVES.get(self.library, ROUNDING))
 
 

@@ -13,7 +13,6 @@ from screwgauge.report.layout import Report, Value
 
 
 def study(file: str, title: str, banner: Callable[[pd.DataFrame], Banner], **values: Value) -> Report:
-    """A report whose text has the name of the table's file."""
     return Report(
         text=str(TEXTS / Path(file).stem),
         banner=banner,
@@ -27,5 +26,4 @@ def study(file: str, title: str, banner: Callable[[pd.DataFrame], Banner], **val
 
 
 def counted(values: Iterable[Any]) -> str:
-    """``3 agree, 1 differ``, the most frequent first."""
     return ", ".join(f"{count} {value}" for value, count in Counter(values).most_common())

@@ -41,7 +41,6 @@ class Public:
 
 
 def public_models(folders: Iterable[Path], count: int | None = None) -> list[Public]:
-    """Models in some folders, then those of the packages that are installed; the first `count` of them."""
     models = [
         Public(path, _label(name := path.relative_to(folder)), folder.name, path=name.as_posix())
         for folder in folders
@@ -81,7 +80,6 @@ def _label(path: Path | str) -> str:
 
 
 def by_source(rows: Iterable[Row], columns: str) -> list[Block]:
-    """A heading and a table for each package or folder that models are from."""
     blocks: list[Block] = []
     for (source,), some in grouped(rows, "source").items():
         every = table(some, columns)

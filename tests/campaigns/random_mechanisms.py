@@ -24,7 +24,6 @@ COLUMNS = (
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    """The row of one mechanism, by seed and family."""
     seed, family = item
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     with TemporaryDirectory(prefix="screwgauge-") as folder:

@@ -44,7 +44,6 @@ def _families(found: pd.DataFrame) -> Table:
 
 
 def _reasons(found: pd.DataFrame) -> list[Row]:
-    """Reasons without names and numbers, the most frequent first, each with one mechanism that has it."""
     told = [
         {"reason": plain(text), "first_seen_in": f"{row['family']} {row['seed']}"}
         for row in rows(found)
@@ -66,7 +65,6 @@ def plain(reason: str) -> str:
 
 
 def _costs(found: pd.DataFrame) -> Table:
-    """Median processor time [s] by number of bodies."""
     keys, lines = [*(f"{engine}_s" for engine in ENGINES), "cpu_s"], []
     for low, high in pairwise((1, 4, 7, 10, 13, 100)):
         group = [row for row in rows(found) if low <= row["bodies"] < high]

@@ -54,14 +54,12 @@ class ReaderRow:
 
 
 def reader_matrix(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """A row for each URDF or MJCF and library, a column for each field of `ReaderRow`."""
     both = [model for model in models if model.file.suffix in (".urdf", ".xml")]
     table = rows_in_turn([(model.name, partial(reader_rows, model)) for model in both], progress)
     return frame(chain.from_iterable(table), columns_of(ReaderRow))
 
 
 def reader_rows(model: Public) -> list[ReaderRow]:
-    """One file by all libraries that read its format and have dynamics, its own first."""
     blank = ReaderRow(model.name, model.source)
     try:
         libraries = [name for name in libraries_for(model.file) if name in ASKED]
@@ -83,7 +81,6 @@ def _reading(model: Public, library: str) -> Reading | Failure:
 
 
 def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Reading | Failure) -> ReaderRow:
-    """Args: first: What the library of the format reads."""
     if isinstance(reading, Failure):
         return replace(blank, cause=reading.reason.removeprefix(f"{model.file}: "))
     torque, rigid, causes = math.nan, math.nan, list[str]()
@@ -123,7 +120,6 @@ def _line(lines: Sequence[Row]) -> Row:
 
 
 def _outcome(lines: Sequence[Row]) -> str:
-    """What becomes of a model, in few words."""
     read = [row["library"] for row in lines if row["loads"]]
     if len(read) < len(ASKED):
         return f"read by {read[0]} alone" if read else "read by neither"

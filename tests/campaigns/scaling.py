@@ -106,7 +106,6 @@ def exponent(rungs: Sequence[Rung]) -> float:
 
 
 def rungs(count: int | None, backend: str = "llvm", rounds: int = ROUNDS) -> dict[str, list[Rung]]:
-    """Each ladder, or its `count` lowest rungs."""
     ladders = {"samples": [*lengthened(MOTIONS[:count], backend, rounds)]}
     return ladders | {
         name: [*climbed(name, sizes[:count], backend, rounds)] for name, (_, sizes, _) in MECHANISMS.items()

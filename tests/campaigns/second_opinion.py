@@ -25,7 +25,6 @@ COLUMNS = (
 
 
 def measured(item: tuple[int, str]) -> dict[str, Any]:
-    """The row of one mechanism, by seed and family: all quantities that both give."""
     seed, family = item
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     with TemporaryDirectory(prefix="screwgauge-") as folder:

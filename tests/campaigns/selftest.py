@@ -71,7 +71,6 @@ class Machine:
 
 
 def machines(folder: Path) -> list[Machine]:
-    """Random trees and built-in mechanisms, each written into a folder; public robots that are installed."""
     files = {f"tree{seed}{ending}": text for seed in range(4) for ending, text in _texts(seed).items()}
     files["coupled.urdf"] = urdf(arm()).replace("</joint>", '<mimic joint="joint1" multiplier="0.5"/></joint>', 1)
     for name in BUILT_IN:
@@ -88,7 +87,6 @@ def _texts(seed: int) -> dict[str, str]:
 
 
 def _read(*files: Path) -> tuple[tuple[Path, str], ...]:
-    """Files with each of the libraries that read them."""
     return tuple(
         (file, library)
         for file in files
@@ -143,7 +141,6 @@ def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path, pr
 
 
 def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) -> dict[str, Any]:
-    """What a diagnosis makes of a random machine that has a place for a change, or that can be written so."""
     rng = np.random.default_rng(seed)
     size, reason = float(10.0 ** rng.uniform(np.log10(SMALLEST), np.log10(LARGEST))), ""
     for i in rng.permutation(len(known)):
@@ -175,13 +172,11 @@ def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) 
 
 
 def _written(kind: str, file: Path, rng: np.random.Generator, size: float) -> tuple[str, list[Expected]]:
-    """A file changed, with what a diagnosis has to say of it, or written in another way, with nothing."""
     text = file.read_text(encoding="utf-8")
     return mutated(kind, text, rng, size) if kind in KINDS else (REWRITES[kind](text, rng), [])
 
 
 def _effect(answer: Diagnosis) -> float:
-    """Largest difference of torques, of the largest torque."""
     return answer.found.torques.scaled if answer.causes else np.inf
 
 
@@ -217,7 +212,6 @@ def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
 
 
 def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[ToldCause]) -> tuple[bool, float]:
-    """Whether each change is named, as the slip that it is, and by how much the worst magnitude is off."""
     named = causes[: len(expected)]
     if expected[0].what == ("digits",):
         rounded = answer.differences and all(difference.kind == "digits" for difference in answer.differences)
@@ -237,7 +231,6 @@ def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[Tol
 
 
 def _fits(value: Difference, expected: Expected, carriers: Mapping[str, str]) -> bool:
-    """Whether it is of the property and the part that was changed."""
     items = {value.item_a, value.item_b}
     part = expected.item == EVERYWHERE or bool({expected.item, carriers.get(expected.item)} & items)
     return part and value.what in expected.what

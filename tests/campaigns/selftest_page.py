@@ -19,20 +19,17 @@ SLOWEST = 10.0
 
 
 def passed(table: pd.DataFrame) -> bool:
-    """Whether all that is wanted is reached."""
     changed, alike = _of(table, CHANGED), _of(table, ALIKE)
     reached = all(good >= WANTED[name] * of for name, (good, of) in _figures(changed).items())
     return reached and not any(row["detected"] for row in alike) and _median(changed) < SLOWEST
 
 
 def _of(table: pd.DataFrame, group: str) -> list[Row]:
-    """Rows of a group that have a diagnosis."""
     some = [row for row in rows(table) if row["group"] == group and row["cpu_s"] != ""]
     return [{**row, **{name: str(row[name]) == "True" for name in ("detected", "right", "public")}} for row in some]
 
 
 def _figures(changed: Sequence[Row]) -> dict[str, tuple[int, int]]:
-    """How many are good, of how many."""
     seen = [row for row in changed if row["detected"]]
     good = (
         [row["detected"] for row in changed if float(row["effect"]) > VISIBLE],
@@ -63,8 +60,6 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 def _by(label: Callable[[Row], str], order: Callable[[Row], Any] = lambda row: 0) -> Value:
-    """Lines of figures, one for all changes with the same label."""
-
     def lines(table: pd.DataFrame) -> list[Row]:
         labelled = ({**row, "label": label(row)} for row in sorted(_of(table, CHANGED), key=order))
         return [
@@ -95,7 +90,6 @@ def _alike(table: pd.DataFrame) -> list[Row]:
 
 
 def _misses(table: pd.DataFrame) -> list[Row]:
-    """All rows that are not right, and kinds that no model has a place for."""
     missed = [row for row in rows(table) if row["verdict"] != "ok"]
     return [{**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}..."} for row in missed]
 

@@ -38,7 +38,6 @@ def unit(rng: np.random.Generator) -> np.ndarray:
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, dict[str, float]]:
-    """A tree as a description, and its driven coordinates with their home."""
     n, floats = int(rng.integers(3, 8)), rng.random() < 0.7
     parts, independent, driven = [], list[str](), dict[str, float]()
     for i in range(n):

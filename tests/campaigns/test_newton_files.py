@@ -36,7 +36,6 @@ def files() -> list[Path]:
 
 @cache
 def readings() -> dict[Path, Reading | str]:
-    """Reading of each file, or why there is none."""
     found: dict[Path, Reading | str] = {}
     for file in files():
         try:

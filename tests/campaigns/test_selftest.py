@@ -24,7 +24,6 @@ def test_changes_at_random_are_detected_named_and_measured(campaign):
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory):
-    """Machines that need no further package, and their folder."""
     folder = tmp_path_factory.mktemp("machines")
     return [machine for machine in machines(folder) if not machine.public], folder
 
@@ -47,7 +46,6 @@ def test_a_robot_is_the_same_in_both_formats(parts, tmp_path_factory):
 
 @pytest.fixture
 def heavier(tmp_path):
-    """A diagnosis of a link that is 1 % heavier, and what it has to name."""
     text, (expected,) = mutated("mass_factor", urdf(tree(0)), np.random.default_rng(1), 0.01)
     for name, content in (("a.urdf", urdf(tree(0))), ("b.urdf", text)):
         (tmp_path / name).write_text(content)

@@ -81,7 +81,6 @@ def _torques(file: Path, pair: Pair, *, floating: bool) -> tuple[float, float, l
 
 
 def _along(tau: Array, velocities: Array) -> Array:
-    """Torques along the velocities of another tree. Shape (n, n_freedom)."""
     return np.asarray((np.swapaxes(velocities, 1, 2) @ tau[..., None])[..., 0])
 
 

@@ -10,7 +10,6 @@ from screwgauge.study.comparison import Comparison
 
 
 def counts(mechanism: Mechanism) -> dict[str, int]:
-    """How large a mechanism is, in columns of a campaign."""
     bodies, joints = len(mechanism.bodies), len(mechanism.joints)
     return {"bodies": bodies, "joints": joints, "freedoms": len(mechanism.independent), "loops": joints - bodies}
 

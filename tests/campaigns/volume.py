@@ -32,7 +32,6 @@ Calls = Mapping[str, tuple[Callable[[], object], int]]
 
 
 def bare() -> dict[str, Callable[[], object]]:
-    """Inverse dynamics on the open tree of the paper's mechanism, for each state or for all at once."""
     mechanism = load_mechanism("3ups-upu-s")
     loops = loops_of(mechanism, "minimal")
     with TemporaryDirectory(prefix="screwgauge-") as folder:
@@ -52,7 +51,6 @@ def bare() -> dict[str, Callable[[], object]]:
 
 
 def samples(scene: Scene, n: int) -> tuple[Array, ...]:
-    """Samples of a scene's motion. Shape (n, k) each."""
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], n)).motion
     return motion.y.copy(), motion.yd.copy(), motion.ydd.copy()
 
@@ -71,7 +69,6 @@ def contestants(backends: Sequence[str]) -> Calls:
 
 
 def measured(calls: Calls, rounds: int = ROUNDS) -> dict[str, float]:
-    """Seconds of the processor a sample of each, the median of interleaved rounds: no other process counts."""
     spent: dict[str, list[float]] = {name: [] for name in calls}
     counts = {name: -(-SHARE // n) for name, (_, n) in calls.items()}
 

@@ -13,7 +13,6 @@ from casebook.toy_models import ARM, INERTIAL, MASS, WEIGHT, Evidence, FourBar, 
 
 
 def _freedoms(text: str, mended: str) -> Evidence:
-    """Degrees of freedom: of a file as Pinocchio and MuJoCo read it, and of a mended one as Pinocchio does."""
     return Evidence(pinocchio.load_mjcf(text).nv, mujoco.load(text).nv, pinocchio.load_mjcf(mended).nv, "")
 
 
@@ -54,7 +53,6 @@ def defaults_first() -> Evidence:
 
 
 def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
-    """A number of what Pinocchio reads; or, where it refuses the file, NaN and its message."""
     try:
         model = pinocchio.load_mjcf(text)
     except (

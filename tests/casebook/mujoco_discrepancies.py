@@ -46,7 +46,6 @@ def inverse(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) ->
 
 
 def measured(text: str, measure: Callable[[mujoco.MjModel], float]) -> tuple[float, str]:
-    """A number of a model; or, where MuJoCo does not load it, NaN and the first line of its message."""
     try:
         model = load(text)
     except ValueError as error:
@@ -55,7 +54,6 @@ def measured(text: str, measure: Callable[[mujoco.MjModel], float]) -> tuple[flo
 
 
 def moment(model: mujoco.MjModel) -> float:
-    """Inertia of the first coordinate [kg m^2]."""
     a = np.eye(model.nv)[0]
     return float(inverse(model, a=a)[0] - inverse(model)[0])
 

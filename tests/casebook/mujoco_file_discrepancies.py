@@ -32,7 +32,6 @@ def turned_inertia() -> Evidence:
 
 
 def _with_tool(inside: str = "", *, com: str, turned: str) -> str:
-    """A bar with a tool on a fixed joint, turned."""
     tool = link("tool", mass=0.5, com=com, tensor=(0.01, 0.02, 0.025))
     held = joint("tool", "a", kind="fixed", origin=f'xyz="0 0 0.1" rpy="{turned}"')
     return robot(link("a"), joint("a"), tool, held, inside)

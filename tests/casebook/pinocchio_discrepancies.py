@@ -38,7 +38,6 @@ def load_mjcf(text: str, files: Mapping[str, str] | None = None) -> pin.Model:
 
 
 def load_closed(text: str) -> tuple[pin.Model, Any]:
-    """Load an MJCF with its closures."""
     with tempfile.TemporaryDirectory() as folder:
         model, constraints, *_ = pin.buildModelAndConstraintsFromMJCF(_written(Path(folder), text, {}))
         return model, constraints
@@ -73,7 +72,6 @@ def _written(folder: Path, text: str, files: Mapping[str, str]) -> str:
 
 
 def inverse(model: pin.Model, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Array:
-    """Forces of `rnea`, in the neutral pose by default. Shape (n_v,)."""
     full = [np.zeros(model.nv) + x for x in (v, a)]
     q = pin.neutral(model) if q is None else np.asarray(q, dtype=float)
     return np.array(pin.rnea(model, model.createData(), q, *full))

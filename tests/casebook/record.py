@@ -72,7 +72,6 @@ def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh
 
 
 def grown(case: Case, versions: Mapping[str, str], found: Found) -> Case:
-    """Add the findings of further versions to a case."""
     status, numbers = found
     pair = tuple(versions[engine] for engine in case.engines)
     shown, not_shown = {*case.shown} - {pair}, {*case.not_shown} - {pair}

@@ -94,7 +94,6 @@ RUN = [name for name, how in REPRODUCTIONS.items() if how.run]
 
 
 def reproduce(case: Case, how: Reproduction) -> Result:
-    """Show a case, or catch the errors of its engines."""
     module, name = how.run.split(":")
     try:
         run = getattr(import_module(f"casebook.{module}"), name)

@@ -151,7 +151,6 @@ def test_what_is_found_with_further_versions_goes_into_the_record() -> None:
 
 @pytest.mark.slow
 def test_a_fresh_environment_measures_what_the_record_has(tmp_path) -> None:
-    """This Python stands for the environment."""
     asked, installed = list[str](), (version("pin"), version("mujoco"))
 
     def make(folder: Path, wanted: Sequence[str]) -> Path:
@@ -166,7 +165,6 @@ def test_a_fresh_environment_measures_what_the_record_has(tmp_path) -> None:
 
 
 def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:
-    """The closed form that most loops are compared with, against energies of neighbouring poses."""
     h, crank, speed = 1e-4, np.pi / 3, 10.0
 
     def energy(angle: float) -> float:

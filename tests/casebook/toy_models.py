@@ -42,7 +42,6 @@ def numbers(values: Iterable[float]) -> str:
 
 
 def mjcf(worldbody: str, *, before: str = "", after: str = "") -> str:
-    """An MJCF in radians."""
     return f'<mujoco><compiler angle="radian"/>{before}<worldbody>{worldbody}</worldbody>{after}</mujoco>'
 
 
@@ -132,7 +131,6 @@ class FourBar:
 
     @cached_property
     def _rates(self) -> tuple[Array, Array]:
-        """Angular velocities and accelerations of the links. Shape (3,) each."""
         lengths = self.lengths
         closing = np.column_stack([lengths[1] * self.across[1], -lengths[2] * self.across[2]])
         omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.across[0] * self.speed)])
@@ -141,12 +139,10 @@ class FourBar:
 
     @property
     def v(self) -> Array:
-        """Velocities of the tree's coordinates [rad/s]. Shape (3,)."""
         return self._tree @ self._rates[0]
 
     @property
     def a(self) -> Array:
-        """Accelerations of the tree's coordinates [rad/s^2]. Shape (3,)."""
         return self._tree @ self._rates[1]
 
     @cached_property
@@ -165,7 +161,6 @@ class FourBar:
         return np.array([*(self.tip - self.elbow), 0.0]), np.array([*(self.tip - self.base), 0.0])
 
     def mjcf(self, closure: str = '<connect site1="coupler" site2="rocker"/>') -> str:
-        """MJCF of the four-bar with sites at both ends."""
         coupler, rocker = (f'pos="{numbers(end)}"' for end in self.ends)
         second = self._body(1, "b", self.elbow, f'<site name="coupler" {coupler}/>')
         first = self._body(0, "a", np.zeros(2), second)

@@ -32,7 +32,6 @@ def offs(solution: Any, quantity: str, least: float = LEAST) -> dict[str, float]
 
 
 def by_component(solution: Any, quantity: str, least: float = LEAST) -> Iterator[Row]:
-    """Minimum, maximum, RMS and a weighted mean of each component."""
     values, off = solution.values[quantity], offs(solution, quantity, least)
     weights = np.cos(1.0 + 2.0 * np.arange(len(values.array)))
     for name, unit, column in zip(values.components, values.units, values.array.T, strict=True):
@@ -41,7 +40,6 @@ def by_component(solution: Any, quantity: str, least: float = LEAST) -> Iterator
 
 
 def by_unit(solution: Any, quantity: str, least: float = LEAST) -> Iterator[Row]:
-    """RMS and a weighted mean of all components that share a unit."""
     values, off = solution.values[quantity], offs(solution, quantity, least)
     n, m = values.array.shape
     weights = np.cos(1.0 + 2.0 * np.arange(n)[:, None] + 3.0 * np.arange(m))
@@ -87,7 +85,6 @@ def errors_of(solution: Any) -> Iterator[Row]:
 
 
 def logarithms(numbers: Any, off: float = ESTIMATED) -> Fact:
-    """Sizes that vary by orders of magnitude, as decades."""
     with np.errstate(all="ignore"):
         return Fact(tuple(float(x) for x in np.log10(np.abs(numbers))), off)
 
@@ -108,14 +105,12 @@ def verdicts_of(results: Any) -> Iterator[Row]:
 
 
 def counted(results: Any) -> Iterator[Row]:
-    """What is counted of the mechanism, and how many forces are not unique."""
     unique = results.mobility["unique forces"]
     counts = [count for count in results.mobility.values() if not isinstance(count, dict)]
     yield "mobility", text(f"{counts}, not unique: {sum(not each for each in unique.values())}")
 
 
 def facts_of(results: Any) -> Iterator[Row]:
-    """The same, with names, and sentences."""
     yield from counted(results)
     yield "not unique", text(", ".join(name for name, each in results.mobility["unique forces"].items() if not each))
     words: Mapping[str, Iterable[Any]] = {
@@ -147,5 +142,4 @@ def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[R
 
 
 def sized(*numbers: float) -> Fact:
-    """Sizes of errors that were made on purpose, as decades."""
     return logarithms(list(map(float, numbers)), 1e-6)

@@ -40,7 +40,6 @@ NOTHING, SIZE = 1e-9, 1e-3
 
 
 def diagnosis(case: str) -> Iterator[Row]:
-    """Facts of the diagnosis of a pair."""
     if case in PAIRS:
         a, b = map(_file, case.split())
         yield from _compared(a, b)
@@ -57,7 +56,6 @@ def _file(name: str) -> Path:
 
 
 def _edited(number: int, folder: Path) -> tuple[str, Path, Path]:
-    """Kind of an edit, the file, and its edited copy: kinds in turn, files with a place for them at random."""
     rng = np.random.default_rng([SEED, number])
     kind = list(KINDS)[number % len(KINDS)]
     for name in rng.permutation([*OWN, *BUILT_IN]):
@@ -116,7 +114,6 @@ def _parts(found: Any) -> Iterator[Row]:
 
 
 def _numbers(part: Any) -> list[float]:
-    """All numbers of a record, in order."""
     if is_dataclass(part) and not isinstance(part, type):
         return _numbers(list(asdict(part).values()))
     if isinstance(part, list | tuple | np.ndarray):

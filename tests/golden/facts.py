@@ -22,8 +22,6 @@ FINER = 0.1  # share of what a number may be off by that is still written
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """Numbers that may be off by `off`, each, or words."""
-
     numbers: tuple[float, ...] = ()
     off: float = 0.0
     words: str = ""
@@ -51,7 +49,6 @@ def close(a: float, b: float, off: float) -> bool:
 
 
 def shortest(number: float, off: float) -> str:
-    """A number with as many digits as what it may be off by asks for."""
     if not math.isfinite(number) or not off:
         return repr(number)
     if abs(number) < FINER * off:
@@ -61,7 +58,6 @@ def shortest(number: float, off: float) -> str:
 
 
 def same_words(now: str, kept: str) -> bool:
-    """Whether texts are the same but for rounding of numbers within them."""
     if NUMBER.sub("#", now) != NUMBER.sub("#", kept):
         return False
     return all(map(_same_number, NUMBER.findall(now), NUMBER.findall(kept)))
@@ -84,7 +80,6 @@ def candidates(key: str, facts: Facts) -> list[Fact]:
 
 
 def differences(now: Facts, kept: Facts) -> list[str]:
-    """Sentences on what is not as it was kept."""
     sentences = [f"{key} is gone, was {kept[key]}" for key in kept if key not in now]
     for key, fact in now.items():
         known = [kept[key]] if key in kept else candidates(key, kept)
@@ -117,7 +112,6 @@ def _lines(facts: Facts) -> list[str]:
 
 
 def read(part: str) -> dict[str, dict[str, Fact]]:
-    """The table of a part: case -> facts; empty where there is none yet."""
     cases = dict[str, dict[str, Fact]]()
     for line in (FOLDER / f"{part}.tsv").read_text(encoding="utf-8").splitlines():
         if line.startswith(CASE):
@@ -130,5 +124,4 @@ def read(part: str) -> dict[str, dict[str, Fact]]:
 
 
 def text(words: object) -> Fact:
-    """Words as a fact, on one line."""
     return Fact(words=" ".join(str(words).split()) or "-")

@@ -35,12 +35,10 @@ def every(n: int) -> Callable[[int, str], bool]:
 
 
 def usual(i: int, case: str) -> bool:
-    """Whether a case takes no longer than others."""
     return not any(name in case for name in ("a02-fourbar-40", "wrist-chart"))
 
 
 def quick_rung(i: int, case: str) -> bool:
-    """Whether a rung is one of quick runs, and takes no longer than others."""
     return case.endswith("quick") and usual(i, case)
 
 
@@ -56,7 +54,6 @@ def long_rung(case: str) -> bool:
 
 
 def further_random(case: str) -> bool:
-    """Whether a random mechanism is none of every eighth."""
     return int(case) % 8 != 0
 
 

@@ -12,7 +12,6 @@ from screwgauge.processes import fix_threads
 
 
 def facts(part: str, case: str) -> tuple[dict, float]:
-    """Facts of a case, and the processor time that they took [s]."""
     from time import process_time
 
     from golden.kept import PARTS
@@ -22,7 +21,6 @@ def facts(part: str, case: str) -> tuple[dict, float]:
 
 
 def main(names: list[str]) -> None:
-    """Writes the tables of the named parts, all by default; prints what each costs."""
     from golden.facts import write
     from golden.kept import PARTS
 

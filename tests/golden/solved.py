@@ -39,14 +39,12 @@ WRONG = 1e-4
 
 
 def listed(what: str) -> list[str]:
-    """First words of what `screwgauge list` prints of a kind."""
     with redirect_stdout(StringIO()) as out:
         assert main(["list", what]) == 0
     return [line.split()[0] for line in out.getvalue().splitlines() if line.strip() and not line.endswith(":")]
 
 
 def own_scenes() -> list[str]:
-    """Names of the scenes that only these tests have."""
     return sorted(path.stem for path in OWN.glob("*.toml"))
 
 
@@ -72,18 +70,15 @@ def files() -> list[str]:
 
 
 def programs() -> list[str]:
-    """Scenes that are compiled, and backends."""
     return [f"{name} {backend}" for backend in ("llvm", "numpy") for name in ("slider-crank", "3ups-upu-s", "delta")]
 
 
 def scene_of(name: str) -> Any:
-    """A built-in scene, or one of `scenes/`."""
     own = OWN / f"{name}.toml"
     return screwgauge.load_scene(own if own.is_file() else name)
 
 
 def few(scene: Any, n: int = 7) -> Any:
-    """The scene at a few times, none of them a special one."""
     first, last = scene.t.min(), scene.t.max()
     return scene if len(scene.t) <= n else scene.at(first + np.linspace(0.013, 0.987, n) * (last - first))
 
@@ -98,7 +93,6 @@ def scene(name: str) -> Iterator[Row]:
 
 
 def simulated(name: str) -> Iterator[Row]:
-    """The first part of a simulation, with its reference."""
     whole = scene_of(name)
     some = whole if name in own_scenes() else whole.at(whole.t[[1, 2, 4, 8]])
     steps = some.start.integration
@@ -111,7 +105,6 @@ def simulated(name: str) -> Iterator[Row]:
 
 
 def wrong(name: str) -> Iterator[Row]:
-    """Comparison and judge of numbers that are wrong on purpose: all of them, and the forces alone."""
     whole = few(scene_of(name), 5)
     right = screwgauge.run(whole, ("screw",)).solutions["screw"]
     forces = [quantity for quantity in right.values if quantity.endswith("force") or quantity == "reaction"]
@@ -123,7 +116,6 @@ def wrong(name: str) -> Iterator[Row]:
 
 
 def _off(right: Any, t: Any, wrong: list[str]) -> Any:
-    """A table of the right numbers, some of which are off."""
     columns = {}
     for quantity, values in right.values.items():
         if quantity.startswith("tree_force"):
@@ -137,7 +129,6 @@ def _off(right: Any, t: Any, wrong: list[str]) -> Any:
 
 
 def covered(name: str) -> Iterator[Row]:
-    """An exciting motion, and what it could see of mistakes."""
     moved = screwgauge.exciting(scene_of(name), samples=21)
     for which in ("t", "y", "yd", "ydd"):
         array = getattr(moved.motion, which)
@@ -152,7 +143,6 @@ def covered(name: str) -> Iterator[Row]:
 
 
 def proved(name: str) -> Iterator[Row]:
-    """The solver and the engine whose numbers are proved."""
     results = screwgauge.run(few(scene_of(name), 2), ("screw", "truth"))
     truth = results.solutions["truth"]
     for quantity in truth.values:
@@ -162,7 +152,6 @@ def proved(name: str) -> Iterator[Row]:
 
 
 def drawn(seed: str) -> Iterator[Row]:
-    """A random mechanism by the solver, every fifth by all engines."""
     return _drawn(int(seed), ENGINES if int(seed) % 5 == 0 else ("screw",))
 
 
@@ -181,7 +170,6 @@ def _drawn(seed: int, engines: tuple[str, ...]) -> Iterator[Row]:
 
 @cache
 def models() -> Path:
-    """A folder with the model files of all built-in mechanisms, as long as the process lives."""
     global _folder
     _folder = tempfile.TemporaryDirectory(prefix="golden-")
     with redirect_stdout(StringIO()):
@@ -191,14 +179,12 @@ def models() -> Path:
 
 
 def imported(file: str) -> Iterator[Row]:
-    """What is read of a model file, in the motion that it is given."""
     results = screwgauge.run(few(screwgauge.load_scene(models() / file), 5), ("screw",))
     yield from values_of(results, by_unit)
     yield from facts_of(results)
 
 
 def compiled(case: str) -> Iterator[Row]:
-    """The program of a scene, its estimates, and loads of each sample."""
     name, backend = case.split()
     some = few(scene_of(name), 5)
     solver, motion = screwgauge.compile(some, backend=backend), some.motion

@@ -32,7 +32,6 @@ def rungs() -> list[str]:
 
 
 def rung(case: str) -> Iterator[Row]:
-    """Yield facts of ``CASE SEVERITY [quick]``."""
     name, severity, *quick = case.split()
     study = stress([name], quick=bool(quick), severities=[float(severity)])
     by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)

@@ -191,7 +191,6 @@ REASONS = (
 
 
 def lines() -> Iterator[str]:
-    """Each kind with its sentence, and the brief one where it is another."""
     full, brief = (Speaker(MACHINE, brief=short) for short in (False, True))
     for title, some, tell in (("Facts", FACTS, Speaker.sentence), ("Causes", CAUSES, Speaker.cause)):
         yield f"# {title}"

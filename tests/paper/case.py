@@ -69,12 +69,10 @@ class Case:
         return self.at.virtual_power(at_origin.along_tree(self.at, need)[:, self.at.loops.columns])
 
     def driving(self, need: Array) -> Array:
-        """Actuator forces of smallest norm [N]. Shape (n, 4)."""
         return (self.generalized(need)[:, None] @ linear.inverted(self.B)[0])[:, 0]
 
 
 def every(step: float) -> Array:
-    """The 10 s of the case by steps. Shape (n,)."""
     return np.arange(round(DURATION / step) + 1) * step
 
 
@@ -84,10 +82,8 @@ def largest(array: Array) -> float:
 
 
 def longest(vectors: Array) -> float:
-    """Largest length of the vectors along the last axis."""
     return float(np.linalg.norm(vectors, axis=-1).max())
 
 
 def percent(wrong: Array, right: Array) -> float:
-    """Largest error as a share of the largest value [%]."""
     return 100.0 * largest(wrong - right) / largest(right)

@@ -14,13 +14,11 @@ from paper.page import Paper
 
 @pytest.fixture(scope="session")
 def case() -> Case:
-    """The paper's case at the times at which errata are measured."""
     return Case(every(STEP))
 
 
 @pytest.fixture(scope="session")
 def forces(case: Case) -> dynamics.Forces:
-    """All its forces, those of the actuators the smallest."""
     return dynamics.Forces(case)
 
 
@@ -38,7 +36,6 @@ def runs(case: Case) -> scheme.Runs:
 
 @pytest.fixture(scope="session")
 def checked(case: Case, forces: dynamics.Forces, axial: dynamics.AxialRule, runs: scheme.Runs) -> Paper:
-    """All errata in the order of their numbers."""
     errata = [
         *mobility.errata(case),
         *kinematics.errata(case),

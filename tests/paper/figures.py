@@ -22,7 +22,6 @@ SINGULAR = "t = k pi: eq. (56) is singular"
 
 
 def make_plots(paper: Paper) -> list[Picture]:
-    """All pictures, in the order of the report."""
     runs, axial = paper.runs, paper.axial
     gaps = [
         ({"panel": side, "name": label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
@@ -57,7 +56,6 @@ def _steps(runs: Runs) -> Picture:
 
 
 def _lines(curves: Sequence[Curve], title: str, moving: bool) -> Spec:
-    """Curves over time on a logarithmic axis."""
     names = dict.fromkeys(keys["name"] for keys, _, _ in curves)
     looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered(i) for i, name in enumerate(names)}
     thinned = [(keys, thin(v, STRETCHES[moving]), t, v) for keys, t, v in curves]

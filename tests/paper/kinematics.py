@@ -93,7 +93,6 @@ def acceleration_at(twist: Array, acceleration: Array, r: Array) -> Array:
 
 
 def trajectory(t: Array) -> tuple[Array, Array, Array]:
-    """D_P, V_P and A_P of eq. (60), angular components first. Shape (n, 6) each."""
     D, V, A = np.zeros((3, len(t), 6))
     D[:, 0], D[:, 1], D[:, 5] = -0.2 * np.cos(t) + 0.2, 0.1 * np.sin(t), 3.0 * np.sqrt(3.0) / 10.0
     V[:, 0], V[:, 1] = 0.2 * np.sin(t), 0.1 * np.cos(t)
@@ -166,7 +165,6 @@ def point_acceleration(case: Case) -> list[Erratum]:
 
 
 def _second_difference(case: Case) -> Array:
-    """Accelerations of the legs' centres of mass from positions alone. Shape (n, 8, 3)."""
     h = 2e-3
 
     def com(t: Array) -> Array:

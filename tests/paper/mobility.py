@@ -63,7 +63,6 @@ def free_axes(case: Case) -> list[Erratum]:
 
 
 def _angle(free: Array, twist: Array) -> float:
-    """Angle [rad] between a unit twist and the space of free ones."""
     return float(np.arcsin(min(1.0, float(np.linalg.norm(twist - free @ (free.T @ twist))))))
 
 

@@ -23,8 +23,6 @@ SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sc
 
 
 class Paper(NamedTuple):
-    """All errata, measured, with what the plots need."""
-
     errata: list[Erratum]
     reach: Reach
     runs: Runs

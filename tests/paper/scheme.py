@@ -118,7 +118,6 @@ def steps_in_time(runs: Runs) -> list[Erratum]:
 
 
 def order(steps: Array, errors: Array) -> float:
-    """The power of the step with which an error falls."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 

@@ -34,7 +34,6 @@ SIX_FIGURES = 5.01e-6
 
 
 def parted(row: pd.Series) -> tuple[tuple[object, ...], np.ndarray]:
-    """The texts of a row, and its numbers: of the form as printed, of the right one, and the effect. Shape (3,)."""
     (printed, _, first), (right, _, second) = (row[name].rpartition(" -> ") for name in ("printed", "right"))
     numbers = np.array([first, second, row["effect"]], dtype=float)
     return (row["number"], row["equation"], printed, right, row["unit"]), numbers

@@ -53,20 +53,17 @@ def test_8_a_shorter_step_mends_the_right_twist_only(runs):
 
 
 def sampled(step, method, start=0.0):
-    """The paper's motion at the ends of all parts of some steps."""
     part = step / PARTS[method]
     return SCENE.moved(start + np.arange(round(DURATION / part) + 1) * part)
 
 
 def closed(lay, t):
-    """Joint coordinates, rates and accelerations of the closed mechanism."""
     motion = SCENE.moved(t)
     at = motion_at(lay, positions(lay, motion.y, t), motion.yd, motion.ydd)
     return at.q, at.joint_velocity, at.joint_acceleration
 
 
 def errors(lay, steps, twist="right", method="euler"):
-    """Largest error of the joint coordinates at each step."""
     motions = [sampled(step, method) for step in steps]
     runs = [(motion.t[:: PARTS[method]], integrate(lay, motion, twist=twist, method=method)[0]) for motion in motions]
     return np.array([np.abs(q - closed(lay, t)[0]).max() for t, q in runs])

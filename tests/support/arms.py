@@ -27,7 +27,6 @@ class Link:
 
     @property
     def inertia(self) -> Array:
-        """About the centre of mass, in axes of the link. Shape (3, 3)."""
         R = quaternion_rotation(np.array(self.turn) / np.linalg.norm(self.turn))
         I = R @ np.diag(self.moments) @ R.T
         return I if self.products else np.diag(np.diag(I))
@@ -35,8 +34,6 @@ class Link:
 
 @dataclass
 class Joint:
-    """A joint at the origin of its child, or at a place in the world; all links stand upright."""
-
     kind: str
     parent: str
     child: str
@@ -62,7 +59,6 @@ class Arm:
     kilo: float = 1.0
 
     def place(self, joint: Joint) -> Array:
-        """Return the place of a joint in the world. Shape (3,)."""
         return np.array(joint.at if joint.at is not None else self.links[joint.child].at)
 
 
@@ -91,7 +87,6 @@ def arm() -> Arm:
 
 
 def sdf(arm: Arm) -> str:
-    """The arm as SDF; it has no armature."""
     out = [f'<sdf version="1.11"><world name="w"><gravity>{vector_text(arm.gravity)}</gravity><model name="arm">']
     for name, link in arm.links.items():
         I = "".join(f"<i{key}>{number_text(link.inertia[at])}</i{key}>" for key, at in TENSOR.items())
@@ -178,7 +173,6 @@ def _of(values: object) -> str:
 
 
 def mjcf(arm: Arm) -> str:
-    """The arm as MJCF; a loop is closed by two points on its axis."""
     children: dict[str, list[str]] = {}
     for name, joint in arm.joints.items():
         if not joint.loop:
@@ -220,7 +214,6 @@ def mjcf(arm: Arm) -> str:
 
 
 def urdf(arm: Arm) -> str:
-    """The arm as URDF, without loops and armature."""
     out = ['<robot name="arm"><link name="world"/>']
     for name, link in arm.links.items():
         I = " ".join(f'i{key}="{number_text(link.inertia[at])}"' for key, at in TENSOR.items())
@@ -251,7 +244,6 @@ WRITERS: dict[str, Callable[[Arm], str]] = {"sdf": sdf, "usda": usd, "xml": mjcf
 
 
 def write(folder: Path, name: str, form: str, change: Callable[[Arm], None] | None = None) -> Path:
-    """Writes the arm, changed, to a file."""
     one = deepcopy(arm())
     if form in ("sdf", "urdf"):  # which have none
         for joint in one.joints.values():

@@ -31,12 +31,10 @@ Bracket = Callable[[Array, Array], Array]
 
 
 def acceleration_at(V: Array, A: Array, r: Array) -> Array:
-    """Acceleration [m/s^2] of the point of a body at r, eqs. (29), (49) with ``v_C = v_O + w x r_C``."""
     return velocity_at(A, r) + cross(V[..., :3], velocity_at(V, r))
 
 
 def acceleration_screws(pose: TreePose, w: Array, beta: Array, bracket: Bracket = lie_bracket) -> Array:
-    """Acceleration screws of the bodies, eq. (44) with the sums of eqs. (42), (43), (48). Shape (..., b, 6)."""
     V, bias = twists(pose, w), 0.0 * twists(pose, w)
     for edge, near, far, columns, sign, _ in walk(pose.lay):
         before, bias[..., far, :] = V[..., near, :], bias[..., near, :]
@@ -58,7 +56,6 @@ def inertia(at: Dynamics, V: Array, A: Array, g: Array) -> Array:
 
 
 def along_tree(at: Dynamics, wrenches: Array) -> Array:
-    """Forces along the coordinates of the tree, by virtual power. Shape (..., b, 6) -> (..., n_q)."""
     return np.asarray(power(transpose(at.loops.lay.path) @ wrenches, at.pose.S))
 
 
@@ -87,18 +84,15 @@ def replace_bracket(monkeypatch: pytest.MonkeyPatch, bracket: Bracket) -> None:
 
 
 def _screw(V: Array, moved: BodyAccelerations, body: int) -> Array:
-    """Acceleration screw of a body at O. Shape (..., 6)."""
     V, p, b = V[..., body, :], moved.pose.p[..., body, :], moved.angular(body)
     return join(b, moved.linear(body, np.zeros(3)) - cross(b, p) - cross(V[..., :3], velocity_at(V, p)))
 
 
 def without_brackets(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leaves out all Lie brackets, those of the screws of one joint among them."""
     replace_bracket(monkeypatch, lambda X, Y: np.zeros_like(Y))
     for kind, entry in joint_types.TYPES.items():
         monkeypatch.setitem(joint_types.TYPES, kind, replace(entry, own=None))
 
 
 def opposite(X: Array, Y: Array) -> Any:
-    """The bracket with the wrong sign."""
     return -lie_bracket(X, Y)

@@ -45,7 +45,6 @@ def refuse(progress) -> None:
 
 
 def until_seen(progress, seen: Path) -> str:
-    """Says that half is done, and goes on when that was seen."""
     progress(0.5)
     while not seen.exists():
         os.sched_yield()
@@ -72,7 +71,6 @@ def _begun(folder: Path) -> None:
 
 
 def spin_in_c(progress=None) -> None:
-    """A loop in C that never lets another thread of Python have its turn."""
     ctypes.PyDLL(None).pause()
 
 

@@ -52,7 +52,6 @@ parent_frame.position = [0, 0, -0.4]
 
 
 def biped(legs: int = 1) -> str:
-    """A description with legs 1 to n, straight at home."""
     ways = [f"{joint}{k}" for k in range(1, legs + 1) for joint in ("hip", "knee", "ankle")]
     independent = "\n".join(f'"{name}" = "{name}"' for name in (*BASE, *ways))
     parts = [f'name = "biped"\n[independent]\n{independent}\n{_TORSO}']

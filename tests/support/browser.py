@@ -19,8 +19,6 @@ SHOWN = 60e3  # longest wait for anything on a page, drawn without a graphics ca
 
 @dataclass
 class Opened:
-    """A page, its console and the addresses that it asked for, itself first."""
-
     page: Any
     path: Path
     said: list[str] = field(default_factory=list)
@@ -35,20 +33,17 @@ class Opened:
 
     @contextmanager
     def beside(self, path: Path, width: int, height: int) -> Iterator[Opened]:
-        """Another page in the same browser."""
         page = self.page.context.browser.new_page(viewport={"width": width, "height": height})
         yield _shown(page, path)
         page.close()
 
     def check_quiet(self) -> None:
-        """Fails where it wrote to its console or asked for anything."""
         assert self.said == []
         assert self.asked == [self.path.as_uri()]
 
 
 @contextmanager
 def open_page(path: Path, width: int, height: int) -> Iterator[Opened]:
-    """Shows a page with a stage until its scene is drawn."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     try:
         program = browser()

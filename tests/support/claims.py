@@ -33,7 +33,6 @@ def cases(rows: Sequence[Mapping[str, Any]], keys: set[str]) -> Iterator[Any]:
 
 
 def text_of(name: str, texts: Mapping[str, str]) -> str:
-    """Text of that name, of a file of ``models/``, or the name itself."""
     if name not in texts and len(name.splitlines()) == 1 and name.count("/") == 1 and not name.startswith("<"):
         return (Path(models.__file__).parent / name).read_text(encoding="utf-8")
     return texts.get(name, name)
@@ -55,7 +54,6 @@ def edited(text: str, edits: Sequence[Sequence[str]]) -> str:
 
 
 def written(row: Mapping[str, Any], texts: Mapping[str, str], folder: Path) -> Path:
-    """Write the files of a row, the first one edited; return its path."""
     files = {name: text_of(text, texts) for name, text in row["files"].items()}
     first = next(iter(files))
     edits = row.get("edits", [[row["old"], row.get("new", "")]] if "old" in row else [])

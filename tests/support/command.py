@@ -10,5 +10,4 @@ from screwgauge.reference.outputs import replace_file
 
 
 def printed_by(code: str) -> str:
-    """What a fresh Python prints that executes some code."""
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

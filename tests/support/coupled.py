@@ -23,7 +23,6 @@ def homes(couplings: Couplings, start: Mapping[str, float]) -> dict[str, float]:
 
 
 def coupling_tables(couplings: Couplings) -> str:
-    """The tables ``[couplings.*]``, last coupling first: their order says nothing."""
     text = ""
     for name, (of, polynomial) in reversed(couplings.items()):
         text += f'[couplings."tie.{name}"]\ncoordinate = "{name}"\npolynomial = {list(map(repr, polynomial))}\n'
@@ -32,7 +31,6 @@ def coupling_tables(couplings: Couplings) -> str:
 
 
 def body(name: str, i: int) -> str:
-    """A body whose numbers differ from those of the others."""
     xx, yy, zz, xy = 0.02 + 0.003 * i, 0.03 - 0.001 * i, 0.025 + 0.002 * i, 0.002
     tensor = f"{{ xx = {xx!r}, yy = {yy!r}, zz = {zz!r}, xy = {xy!r} }}"
     return f'[bodies."{name}"]\nmass = {1.0 + 0.3 * i!r}\ncom = [0.05, {0.02 * i!r}, -0.03]\ninertia = {tensor}\n'
@@ -118,7 +116,6 @@ def moving(write: Write, text: str, offsets: Mapping[str, float], loaded: str) -
 
 
 def started(write: Write, text: str, offsets: Mapping[str, float]) -> Scene:
-    """A mechanism that moves freely from home on, for a fifth of a second."""
     write("coupled.toml", text)
     start = ", ".join(f"{label} = {value!r}" for label, value in offsets.items())
     rates = ", ".join(f"{label} = 1.0" for label in offsets)

@@ -31,7 +31,6 @@ MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
 
 def model_files(mechanism: str, engine: str, folder: Path | None = None) -> ModelFiles:
-    """Model files of an engine: those kept beside a built-in mechanism, or those written to a folder."""
     entry = get_engine(engine)
     if not entry.cut:
         return ModelFiles(mechanism_path(mechanism))
@@ -41,7 +40,6 @@ def model_files(mechanism: str, engine: str, folder: Path | None = None) -> Mode
 
 
 def ask(engine: str, files: ModelFiles, problem: Problem, progress: Progress = quiet, **settings: Any) -> Solution:
-    """Loads a model and puts one problem to it."""
     return get_engine(engine).load(files, **settings).solve(problem, progress)
 
 
@@ -81,7 +79,6 @@ class Simulated:
 def simulate(
     engine: str, files: ModelFiles, applied: Applied, task: Task, progress: Progress = quiet, **settings: Any
 ) -> Simulated:
-    """Integrates a motion: joint coordinates, rates and accelerations of the description, work, condition."""
     solution = ask(engine, files, Problem(applied, task, MOTION), progress, **settings)
     rows = slice(0, solution.n_solved)
     q, v, a = (solution.values[name].array[rows] for name in ("joint_position", "joint_velocity", "joint_acceleration"))
@@ -94,13 +91,10 @@ def simulate(
 
 
 def simulate_scene(engine: str, scene: Scene, **settings: Any) -> Simulated:
-    """The same for a scene with a start, from the kept model files of its mechanism."""
     return simulate(engine, model_files(scene.mechanism.name, engine), scene.applied, scene.start, **settings)
 
 
 def stopped_after(solution: Solution, n: int, why: str) -> Solution:
-    """A simulation as it would be had it stopped after n samples."""
-
     def cut(array: Array) -> Array:
         array = array.copy()
         array[n:] = np.nan
@@ -117,7 +111,6 @@ def stopped_after(solution: Solution, n: int, why: str) -> Solution:
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
-    """Everything that was computed; times and words may differ."""
     found = {f"values {name}": values.array for name, values in solution.values.items()}
     for field in fields(solution):
         held = getattr(solution, field.name)

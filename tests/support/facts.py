@@ -47,7 +47,6 @@ def told(facts: Sequence[Any]) -> str:
 
 
 def replaced(text: str, edits: Sequence[Sequence[str]]) -> str:
-    """Replace texts that are there, wherever they are."""
     for old, new in edits:
         assert old in text, f"{old} is not in the text"
         text = text.replace(old, new)

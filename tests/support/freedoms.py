@@ -11,7 +11,6 @@ from support.solve import at_home, chain_screws
 
 
 def mobility_at_home(mechanism: Mechanism) -> Mobility:
-    """Its freedoms and constraints, counted at home."""
     return mobility(*at_home(mechanism))
 
 
@@ -26,7 +25,6 @@ def chain_constraints(lay: Layout, q: Array) -> list[Array]:
 
 
 def output_constraints(lay: Layout, q: Array) -> Array:
-    """All chain constraints side by side, eq. (12). Shape (6, r)."""
     return np.concatenate(chain_constraints(lay, q), axis=1)
 
 

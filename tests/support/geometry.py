@@ -22,10 +22,8 @@ from screwgauge.reference.rotations import (
 
 
 def revolute(e: Array, r: Array) -> Array:
-    """Unit screw of a rotation about the axis e through the point r. Shape (6,)."""
     return screws.unit_screws(np.array([True]), e[None], r[None])[0]
 
 
 def prismatic(e: Array) -> Array:
-    """Unit screw of a translation along e. Shape (6,)."""
     return screws.unit_screws(np.array([False]), e[None], e[None])[0]

@@ -47,17 +47,14 @@ def freedoms_of(joint: Joint, near: Array) -> tuple[dict[str, JointReading], Arr
 
 
 def poses_of(mechanism: Mechanism) -> Mapping[str, Array]:
-    """World poses at home. Shape (4, 4) each."""
     return home_poses(lay_out(mechanism, "minimal"))
 
 
 def ordered(mechanism: Mechanism, last: str) -> list[Joint]:
-    """Joints, those of a kind last, so that they close loops; without those that constrain nothing."""
     return sorted((j for j in mechanism.joints if j.constrains), key=lambda joint: joint.kind == last)
 
 
 def reading_of(mechanism: Mechanism, last: str = "") -> Reading:
-    """A reading of a graph. `last`: kind of the joints that close loops, as far as they can."""
     poses = poses_of(mechanism)
     links = {b.name: BodyReading(b.mass, b.com, b.inertia, "", (), poses[b.name]) for b in mechanism.bodies}
     link = {GROUND: ""}
@@ -71,12 +68,10 @@ def reading_of(mechanism: Mechanism, last: str = "") -> Reading:
 
 
 def wanted(mechanism: Mechanism) -> Options:
-    """The independent coordinates and actuators of a mechanism."""
     return Options(independent=mechanism.independent, actuated=[joint.coordinates[0] for joint in mechanism.actuators])
 
 
 def described(mechanism: Mechanism, last: str = "") -> Imported:
-    """What import makes of the graph of a mechanism."""
     return describe(reading_of(mechanism, last), mechanism.name, wanted(mechanism))
 
 

@@ -40,7 +40,6 @@ NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py|xml|usda))`")
 
 
 def pages() -> dict[str, str]:
-    """All pages that are written by hand or made: path from the root -> text."""
     files = [
         ROOT / "README.md",
         ROOT / ".github/CONTRIBUTING.md",
@@ -79,7 +78,6 @@ def blocks(text: str) -> Iterator[Block]:
 
 
 def shown_files() -> dict[str, str]:
-    """The files that pages show, by name; a name stands for one text."""
     files: dict[str, str] = {}
     for page, text in pages().items():
         for block in blocks(text):
@@ -90,14 +88,11 @@ def shown_files() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What a page shows after commands, and what these print."""
-
     shown: str
     printed: str
 
 
 def carried_out(text: str, folder: Path) -> Iterator[Shown]:
-    """Runs the commands and the code of a page in a folder that has the files which pages show."""
     for name, content in shown_files().items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(content, encoding="utf-8")
@@ -272,7 +267,6 @@ LEFT_OUT = (
 
 
 def made() -> dict[Path, str]:
-    """The pages that are made of the program."""
     texts = {"commands.md": _commands(), "python.md": _python(), "compared.md": _compared(), "builtin.md": _builtin()}
     texts |= {"engines.md": _engines(), "scene-keys.md": _scene_keys()}
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
@@ -287,7 +281,6 @@ OF = {"given": " (given motion alone)", "simulated": " (simulation alone)"}
 
 
 def _scene_keys() -> str:
-    """Every table of a scene file with its keys."""
     parts = [SCENE_KEYS]
     for table in TABLES.values():
         parts += [f"## {table['title']}", *([table["about"]] if "about" in table else [])]
@@ -364,7 +357,6 @@ def _python() -> str:
 
 
 def _documented(value: Any) -> list[str]:
-    """Docstring and members; those of bases that have no heading of their own among them."""
     if not inspect.isclass(value):
         return [_docstring(value.__doc__)]
     shown = {getattr(screwgauge, name) for name in screwgauge.__all__}
@@ -378,7 +370,6 @@ def _documented(value: Any) -> list[str]:
 
 
 def _members(home: type) -> list[str]:
-    """Public methods and properties that a class has itself."""
     lines = []
     for name, member in sorted(vars(home).items()):
         if name.startswith("_") or not getattr(member, "__doc__", ""):
@@ -464,7 +455,6 @@ def _engines() -> str:
 
 
 def _ticks(head: str, rows: Mapping[str, Sequence[object]], known: Sequence[Engine]) -> str:
-    """A table with a column for each engine."""
     names = [f"`{one.name}`" for one in known]
     lines = [f"| {' | '.join([head, *names])} |", f"|{'---|' * (len(names) + 1)}"]
     marks = {True: "✓", False: "-"}

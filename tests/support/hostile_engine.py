@@ -49,15 +49,11 @@ class Failing:
 
 
 class UnreadableError(Exception):
-    """Breaks whoever asks what it says."""
-
     def __str__(self) -> str:
         raise ValueError("cannot be read")
 
 
 def _array(change):
-    """An answer whose joint positions are other ones."""
-
     def changed(answer: Solution) -> Solution:
         found = answer.values["joint_position"]
         values = Values(found.components, found.units, change(found.array))

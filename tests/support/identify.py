@@ -25,7 +25,6 @@ def regressor(scene: Scene, numbers: Sequence[str] = ()) -> Regressor:
 
 
 def drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[str], Array]:
-    """Names of all unknown numbers, and values that the prior may have."""
     known = regressor(scene)
     unknowns = Unknowns(known, PRIOR)
     values = unknowns.numbers(rng.standard_normal((unknowns.count, 1)))[0]
@@ -34,7 +33,6 @@ def drawn(scene: Scene, rng: np.random.Generator) -> tuple[list[str], Array]:
 
 
 def moved(scene: Scene, known: Regressor, moment: Array) -> Scene:
-    """The scene with moments and resistances added. Shape (E,)."""
     matter = known.matter
     bodies = numbers_of(moments(matter.of_bodies(matter.nominal)) + matter.of_bodies(moment))
     first = 10 * len(matter.bodies)

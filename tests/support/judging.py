@@ -31,6 +31,5 @@ def agreed(results: Results) -> Results:
 def compared(
     scene: Scene, solutions: Mapping[str, Solution], integration: Mapping[str, Integrated] = MappingProxyType({})
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Errors and pairs of a scene's solutions, compared as if these were all that was wanted."""
     counts, allowance = mobility_at_home(scene.mechanism), Allowance(scene.tolerance, integration=integration)
     return compare(scene.mechanism, scene.problem(()), solutions, {}, counts, allowance)

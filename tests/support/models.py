@@ -22,5 +22,4 @@ INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 
 
 def mjcf(body: str, further: str = "") -> str:
-    """MJCF of bodies, and what stands beside them."""
     return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"

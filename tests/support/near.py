@@ -20,7 +20,6 @@ QUANTITIES = (
 
 
 def moving_at(y, *, speed: float = 1.0, seed: int = 0, scene: str | Scene = "3ups-upu-s") -> Scene:
-    """A scene that passes given poses, shape (n, 2), with general rates and accelerations."""
     rng = np.random.default_rng(seed)
     y = np.asarray(y, dtype=float)
     motion = GivenMotion(np.arange(len(y)) * 1.0, y, *(speed * rng.normal(size=(2, *y.shape))))
@@ -34,7 +33,6 @@ def before_upu(distance, n: int = 4, seed: int = 0) -> np.ndarray:
 
 
 def errors(found: Solution, truth: Solution, quantity: str) -> np.ndarray:
-    """Scaled error of each sample, the worst component over all units. Shape (n,)."""
     values = truth.values[quantity]
     worst = np.zeros(len(values.array))
     for unit in set(values.units):

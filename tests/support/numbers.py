@@ -53,7 +53,6 @@ LONG = objects(np.sin, np.cos, np.sqrt, np.arctan2, np.maximum)
 
 
 def balls() -> Ops:
-    """Balls of the working precision, see `precision`."""
     from flint import arb
 
     def of(name: str) -> Callable[..., Any]:
@@ -64,7 +63,6 @@ def balls() -> Ops:
 
 @contextmanager
 def precision(bits: int) -> Iterator[None]:
-    """Balls compute with so many bits."""
     from flint import ctx
 
     before, ctx.prec = ctx.prec, bits
@@ -123,13 +121,11 @@ class State:
         return replace(self, q=self.q[some], y=self.y[some], yd=self.yd[some], ydd=self.ydd[some])
 
     def over(self, tree: Sequence[str]) -> State:
-        """The same written over another tree, of joints of these names."""
         lay = spanning_tree(self.lay.mechanism, tree)
         return replace(self, lay=lay, loops=Loops(lay, [c for c in self.fixed if c in lay.tree_columns]))
 
 
 def acting(mechanism: Mechanism) -> Applied:
-    """A load, and springs, dampers and motors on joints of a mechanism, cut ones too."""
     first, last, body = mechanism.coordinates[0], mechanism.coordinates[-1], mechanism.bodies[-1].name
     return Applied(
         gravity=np.array([1.0, -2.0, -9.0]),
@@ -144,7 +140,6 @@ def acting(mechanism: Mechanism) -> Applied:
 
 
 def state(scene: Scene, n: int = 3) -> State:
-    """Some samples of a scene of a given motion."""
     some = scene.at(np.linspace(scene.t[0] + 0.13 * np.ptp(scene.t), scene.t[-1], n))
     return _state(scene.mechanism, scene.applied, some.motion, scene.rule == "spherical_axial")
 
@@ -164,7 +159,6 @@ def _state(mechanism: Mechanism, applied: Applied, motion: GivenMotion, axial: b
 
 
 def trees(mechanism: Mechanism) -> list[tuple[str, ...]]:
-    """Names of the joints of every spanning tree; those that have to be in the tree, free and coupled, are."""
     must = coupled_joints(mechanism) | {joint.name for joint in mechanism.joints if joint.kind == "F"}
     others, index = [joint for joint in mechanism.joints if joint.name not in must], mechanism.body_index
     first = [joint for joint in mechanism.joints if joint.name in must]
@@ -187,7 +181,6 @@ def _spans(edges: Sequence[tuple[int, int]], n: int) -> bool:
 def quantities(
     at: State, of: type[Dynamics], ops: Ops, q: Array, yd: Array, ydd: Array, t: Any = T
 ) -> dict[str, Array]:
-    """What the equations say at a pose; `of`: `Dynamics`, or `Forward` for the accelerations."""
     found = equations(at, of, ops, q, yd, ydd, t)
     if isinstance(found, Forward):
         return {FORWARD: found.ydd, POWER: np.asarray(found.input_power)[..., None]}
@@ -203,7 +196,6 @@ def equations(at: State, of: type[Dynamics], ops: Ops, q: Array, yd: Array, ydd:
 
 
 def conditions(at: State) -> list[float]:
-    """Condition numbers of what is solved, over floats: of the closing system, and of the actuators."""
     found = equations(at, Dynamics, NUMPY, at.q, at.yd, at.ydd)
     driven = [found.drive.condition] if at.lay.mechanism.actuators else []
     return [float(np.max(x)) for x in (found.system.whole_condition, *driven)]
@@ -234,7 +226,6 @@ def in_floats(at: State, dtype: Any, of: type[Dynamics] = Dynamics, steps: int |
 
 
 def _in_precision(applied: Applied, dtype: Any) -> Applied:
-    """What acts, every array of it rounded."""
     each = {name: tuple(rounded(x, dtype) for x in getattr(applied, name)) for name in ("loads", "springs", "motors")}
     return replace(rounded(applied, dtype), **each)
 
@@ -275,7 +266,6 @@ def _numbers(number: Callable[[Any], Any], values: Array) -> Array:
 
 
 def traced(at: State, of: type[Dynamics] = Dynamics) -> tuple[Program, dict[str, slice]]:
-    """A program of the same, see `inputs`, with one step of Newton's method, and where its quantities are."""
     trace = Trace()
     q, y, yd, ydd = (_numbers(trace.input, rows.T) for rows in (at.q, at.y, at.yd, at.ydd))
     t = trace.input(np.full(len(at.q), T))
@@ -292,7 +282,6 @@ def inputs(at: State) -> Array:
 
 
 def run(made: Program, backend: str, given: Array) -> Array:
-    """Its outputs by a back end: ``numpy``, ``llvm``. Shape (outputs, n)."""
     out = np.empty((len(made.outputs), given.shape[1]))
     if backend == "llvm":
         from screwgauge.reference.traced.native import Native, machine_code
@@ -304,7 +293,6 @@ def run(made: Program, backend: str, given: Array) -> Array:
 
 
 def run_in(made: Program, dtype: Any, given: Array) -> Array:
-    """Its outputs where every operation is done in a type of number. Shape (outputs, n)."""
     values = [*given.astype(dtype)]
 
     def operand(x: int | float) -> Any:
@@ -321,7 +309,6 @@ def parts(out: Array, places: Mapping[str, slice]) -> dict[str, Array]:
 
 
 def middles(x: Array) -> Array:
-    """Doubles next to the middles of balls."""
     return np.frompyfunc(lambda ball: float(getattr(ball, "mid", lambda: ball)()), 1, 1)(x).astype(float)
 
 

@@ -38,7 +38,6 @@ def _joint(name: str, parent: str, child: str, home: float, x: float = 0.0, end:
 
 
 def four_bar(bars: Sequence[Bar], base: float, crank: float) -> str:
-    """Crank, coupler and rocker over a base [m]; the angle of the crank at home [rad]."""
     first, second, third = (bar.length for bar in bars)
     tip = first * np.array([np.cos(crank), np.sin(crank)])
     way = np.array([base, 0.0]) - tip
@@ -58,7 +57,6 @@ def four_bar(bars: Sequence[Bar], base: float, crank: float) -> str:
 
 
 def slider_crank(bars: Sequence[Bar], crank: float) -> str:
-    """Crank, rod and slide, whose length is not used."""
     r, l = bars[0].length, bars[1].length
     rod = float(-np.arcsin(r * np.sin(crank) / l))
     return "".join(
@@ -73,7 +71,6 @@ def slider_crank(bars: Sequence[Bar], crank: float) -> str:
 
 
 def moving(write: Write, text: str, y: Sequence[float], rate: float, second: float = 0.0, g=(0.0, 0.0, -9.81)) -> Scene:
-    """A scene in which the crank passes angles at one rate and acceleration."""
     write("planar.toml", f'name = "planar"\nindependent.crank = "a"\n{text}')
     said = f'mechanism = "planar.toml"\ngravity = {[*g]}\nmotion.crank.offset = {y[0]!r}\ntime.times = [0]\n'
     scene = screwgauge.load_scene(write("scene.toml", said))

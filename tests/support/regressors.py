@@ -75,7 +75,6 @@ def passive_regressor(tree: ReadingTree, states: TreeStates) -> dict[str, Array]
 
 
 def gravity_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
-    """Forces of unit gravity along the world axes. Shape (n, n_freedom, 3)."""
     share = -(tree.weight * tree.matter.mass)
     rates = motion.jacobian(tree.bodies, motion.com.p)[:, :, 3:]
     return np.asarray(np.einsum("b,nbkj->njk", share, rates))

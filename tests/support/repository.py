@@ -19,12 +19,10 @@ FORCES = '["joint_position", "actuator_force"]'
 
 
 def scene(more: str = "", quantities: str = FORCES) -> str:
-    """Text of a scene of the four-bar."""
     return SCENE.format(more=more, quantities=quantities)
 
 
 def repository(folder: Path) -> Path:
-    """A folder with description, models and one scene, ``turn.toml``, of own model files."""
     folder.mkdir(parents=True, exist_ok=True)
     centres = (0.1123456789012, 0.2534567890123, 0.1712345678901)
     sizes = zip((0.3, 0.6, 0.4), (0.5, 1.2, 0.9), centres, strict=True)
@@ -37,7 +35,6 @@ def repository(folder: Path) -> Path:
 
 
 def edited(file: Path, change: Callable[[str], str]) -> str:
-    """Changes a file; returns what it was."""
     text = file.read_text(encoding="utf-8")
     new = change(text)
     assert new != text
@@ -46,7 +43,6 @@ def edited(file: Path, change: Callable[[str], str]) -> str:
 
 
 def worse(text: str, by: float) -> str:
-    """An MJCF with the coupler's moment of inertia about y larger by a share."""
     value = 1.2 * 0.02 * 1.2
     (written,) = {word for word in text.split() if word.startswith("0.0288")}
     assert abs(float(written) / value - 1.0) < 1e-15

@@ -57,7 +57,6 @@ def unit(rng: np.random.Generator) -> Array:
 
 
 def tree(seed: int, count: int = 8) -> list[Part]:
-    """A random robot of so many parts."""
     rng = np.random.default_rng([seed, 11])
     return [_part(i, rng) for i in range(count)]
 
@@ -96,14 +95,12 @@ def arm() -> list[Part]:
 
 
 def robots(most: int = 8) -> SearchStrategy[list[Part]]:
-    """Strategy of random robots of two parts or more."""
     from hypothesis import strategies as st  # a tenth of a second, which most tests do not need
 
     return st.builds(tree, st.integers(0, 2**32 - 1), st.integers(2, most))
 
 
 def write(folder: Path, parts: Sequence[Part] | None = None) -> tuple[Path, Path]:
-    """Writes a robot, by default the arm, as ``arm.urdf`` and ``arm.xml``, which both name its base."""
     parts = arm() if parts is None else parts
     paths = folder / "arm.urdf", folder / "arm.xml"
     for path, text in zip(paths, (urdf(parts), mjcf(parts, base=True)), strict=True):
@@ -112,7 +109,6 @@ def write(folder: Path, parts: Sequence[Part] | None = None) -> tuple[Path, Path
 
 
 def edited(path: Path, old: str, new: str, name: str) -> Path:
-    """A copy with a text replaced that is there once."""
     text = path.read_text(encoding="utf-8")
     assert text.count(old) == 1, f"{old} is {text.count(old)} times in {path.name}"
     copy = path.with_name(name)

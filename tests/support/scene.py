@@ -17,6 +17,5 @@ from screwgauge.study.reference_values import QUANTITIES, pose_scene
 
 
 def sampled(name: str | Path, rows: slice | list[int]) -> Scene:
-    """A scene at some of its samples."""
     scene = load_scene(name)
     return scene.at(scene.t[rows])

@@ -32,17 +32,14 @@ from screwgauge.study.bench.singular import whole_system, wide_force_matrix
 
 
 def at_home(mechanism: Mechanism) -> tuple[Layout, Array]:
-    """A mechanism laid out, and its joint coordinates at home. Shape (1, n_q)."""
     return layout(mechanism), mechanism.home[None]
 
 
 def posed(lay: Layout, *y: float) -> Array:
-    """Joint coordinates for given independent ones [rad, m]. Shape (1, n_q)."""
     return positions(lay, np.array([y]), np.zeros(1))
 
 
 def chain_screws(lay: Layout, q: Array, chain: Sequence[Edge]) -> Array:
-    """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, n_q) -> (n, 6, n_chain)."""
     S, signs = pose(lay, q).S, [(edge, -1 if edge.reverse else 1) for edge in chain]
     screws = [sign * S[:, i] for edge, sign in signs for i in lay.columns[edge.joint.name][::sign]]
     return np.stack(screws, axis=2)

@@ -34,27 +34,23 @@ class Spoilt:
     changes: Mapping[str, object] = field(default_factory=dict)
 
     def make(self) -> tuple[Scene, Recorded]:
-        """The scene, and the table as it is printed."""
         scene = scene_of(self.scene, **self.changes)
         return scene, printed(self.spoil(scene, lambda some: right(some, self.quantity)), self.quantity)
 
 
 def scene_of(name: str, n: int = 201, **changes: object) -> Scene:
-    """A built-in scene at so many even times, under other forces."""
     scene = load_scene(name)
     scene = scene.at(np.linspace(0.0, scene.t[-1], n))
     return scene.under(**changes) if changes else scene
 
 
 def right(scene: Scene, quantity: str) -> pd.DataFrame:
-    """The right numbers, by Pinocchio: index t [s], a column for each component."""
     answers, _ = solve(replace(scene, models={}), ["pinocchio"], [quantity])
     values = answers["pinocchio"].values[quantity]
     return pd.DataFrame(values.array, index=scene.t, columns=list(values.components))
 
 
 def printed(table: pd.DataFrame, quantity: str) -> Recorded:
-    """A table after it was printed to some significant digits and read again."""
     text = table.map(lambda value: float(f"{value:.{DIGITS}g}"))
     return Recorded(table.index.to_numpy(), {f"{quantity}/{name}": text[name].to_numpy() for name in text})
 
@@ -65,7 +61,6 @@ def times(**factors: float) -> Callable[[Scene, Callable[[Scene], pd.DataFrame]]
 
 
 def late(scene: Scene, right: Callable[[Scene], pd.DataFrame], samples: float) -> pd.DataFrame:
-    """The numbers of some samples before."""
     step = scene.t[1] - scene.t[0]
     return right(scene.at(scene.t - samples * step)).set_index(scene.t)
 

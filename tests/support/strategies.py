@@ -12,5 +12,4 @@ FEW = settings(max_examples=5, derandomize=True, database=None, deadline=None)
 
 
 def scenes(*only: str) -> SearchStrategy[screwgauge.Scene]:
-    """Random mechanisms in motion, of some families or of all."""
     return st.builds(screwgauge.random, st.integers(0, 999), st.sampled_from(only or families()))

@@ -17,7 +17,6 @@ def square(i: int, progress: Any) -> dict[str, Any]:
 
 
 def dies(progress: Any) -> dict[str, Any]:
-    """Its process is killed, as by the kernel where memory is short."""
     os.kill(os.getpid(), signal.SIGKILL)
     return {}
 
@@ -49,7 +48,6 @@ def greedy(progress: Any) -> dict[str, Any]:
 
 
 def limited_run(progress: Any) -> dict[str, Any]:
-    """A run with limits, wherever that is."""
     import screwgauge
 
     scene = screwgauge.load_scene("slider-crank")

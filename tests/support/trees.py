@@ -38,7 +38,6 @@ def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
 
 
 def has_integrator(name: str) -> bool:
-    """Whether this version of MuJoCo has an integrator."""
     return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])
 
 
@@ -67,6 +66,5 @@ class SmallestTree(OpenTree):
 
 
 def smallest_model(files: ModelFiles) -> TreeModel:
-    """MuJoCo's model by such a tree, for given motions."""
     file = read_loops(files.loops)
     return TreeModel(close_tree(SmallestTree(MujocoTree(files.model, file)), file))

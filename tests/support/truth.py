@@ -10,5 +10,4 @@ from screwgauge.truth.samples import Sampler
 
 
 def notes(results: Results) -> str:
-    """What the truth remarks on its answer."""
     return " ".join(results.solutions["truth"].notes)

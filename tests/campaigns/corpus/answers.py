@@ -13,7 +13,6 @@ import screwgauge
 
 
 def diagnosed(a: Path, b: Path) -> tuple[Said, float]:
-    """An answer on two files, or the error that refuses them, and processor time [s]."""
     begin = process_time()
     try:
         said = said_by(screwgauge.diagnose(a, b))
@@ -32,7 +31,6 @@ def clean(text: str, *files: Path) -> str:
 
 
 def site(planted: Planted, a: Parts, done: Scrambled) -> Site:
-    """Return the places of an edit in A, the original, and in B, which is edited and then scrambled."""
     names = set[str]()
     for item in (planted.item, *planted.also):
         kind, _, name = item.partition(" ")

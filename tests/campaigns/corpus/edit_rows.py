@@ -69,7 +69,6 @@ _GEARED = """<mujoco model="geared"><compiler angle="radian"/><worldbody>
 
 
 def own_models(folder: Path) -> dict[str, Path]:
-    """Machines of our own, written into a folder: name -> file."""
     texts = {"geared.xml": _GEARED}
     rng = np.random.default_rng(SEED)
     for machine in (each.moved(rng) for each in (machines.arm(1), machines.arm(2, 4, 1), machines.tree(3))):
@@ -85,7 +84,6 @@ def own_models(folder: Path) -> dict[str, Path]:
 
 
 def public_models(packages: dict[str, list[str]]) -> dict[str, Path]:
-    """Return models of installed packages: name -> file."""
     found = {}
     for package, files in packages.items():
         try:
@@ -100,7 +98,6 @@ def public_models(packages: dict[str, list[str]]) -> dict[str, Path]:
 
 
 def single_edits(numbers: Iterable[int], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """A row for each of these edits, kinds in turn, the second half of each forty scrambled."""
     with TemporaryDirectory(prefix="corpus-") as folder:
         models = own_models(Path(folder)) | public_models(PUBLIC)
         works = [(f"edit {n}", partial(single_edit, n, models, Path(folder))) for n in numbers]
@@ -124,7 +121,6 @@ def single_edit(number: int, models: dict[str, Path], folder: Path) -> dict[str,
 
 
 def _edited(models: dict[str, Path], kind: str, rng: Random) -> Iterator[tuple[str, ET.Element, Planted]]:
-    """Models that have a place for an edit, after it, in an order drawn at random."""
     for name in rng.permutation([*models]):
         parts = Parts.read(models[str(name)])
         try:
@@ -144,7 +140,6 @@ def said_differently(root: ET.Element, rng: Random) -> Scrambled:
 
 
 def plain_copy(file: Path, folder: Path) -> Path:
-    """The file without what a scrambler leaves out."""
     root = ET.parse(file).getroot()
     rng = np.random.default_rng(0)
     done = scramble_urdf(root, rng, frozenset()) if root.tag == "robot" else scramble_mjcf(root, rng, frozenset())
@@ -160,7 +155,6 @@ def _asked(a: Path, root: ET.Element, folder: Path) -> tuple[Said, float]:
 
 
 def judged(said: Said, planted: list[Planted], a: Parts, done: Scrambled) -> dict[str, Any]:
-    """Rate the answer on one or several edits: parts that it names, magnitudes, and other rows."""
     sites = [site(each, a, done) for each in planted]
     right = [measured(of_item(said, each), each) for each in sites]
     more = others(said, sites)
@@ -195,7 +189,6 @@ def _yes(truth: bool) -> str:
 
 
 def multiple_edits(numbers: Iterable[int], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """A row for each of so many edits of two or three parts at once."""
     with TemporaryDirectory(prefix="corpus-") as folder:
         models = own_models(Path(folder)) | public_models(PUBLIC)
         models = {name: file for name, file in models.items() if _turns(Parts.read(file))}
@@ -249,7 +242,6 @@ def multiple_edit(number: int, models: dict[str, Path], folder: Path) -> dict[st
 def _together(
     root: ET.Element, original: ET.Element, kinds: list[str], rng: Random
 ) -> tuple[list[Planted], list[ET.Element]]:
-    """Edits made one after the other in a tree, and each of them alone."""
     planted, alone = [], []
     for kind in kinds:
         seed = int(rng.integers(2**32))

@@ -63,7 +63,6 @@ def com(parts: Parts, rng: Random) -> Planted:
 
 
 def _share_of_mass(parts: Parts, body: ET.Element) -> float:
-    """Return the share of a body in the mass of all that moves as one with it."""
     lump = parts.lump(body)
     return parts.mass(body) / sum(parts.mass(other) for other in parts.bodies() if other.get("name") in lump)
 
@@ -121,7 +120,6 @@ def _placed(parts: Parts, joint: ET.Element) -> tuple[Array, Callable[[Array], N
 
 
 def shift(parts: Parts, rng: Random) -> Planted:
-    """Origin of a joint along an axis of the frame that it is given in."""
     joint = pick(_seen(parts, parts.single()), rng)
     T, put = _placed(parts, joint)
     step = _along(rng, most=5e-2)
@@ -130,7 +128,6 @@ def shift(parts: Parts, rng: Random) -> Planted:
 
 
 def rpy(parts: Parts, rng: Random) -> Planted:
-    """Orientation of a joint by some degrees about an axis of its own frame."""
     joint = pick(_seen(parts, parts.single()), rng)
     T, put = _placed(parts, joint)
     step = radians(1.0) * _along(rng, 1.0, 15.0)
@@ -168,7 +165,6 @@ def _check_own(parts: Parts, joint: ET.Element, step: Array, turns: bool) -> Non
 
 
 def tilt(parts: Parts, rng: Random) -> Planted:
-    """The axis alone by some degrees."""
     joint = pick([j for j in parts.joints() if parts.urdf or j.get("axis")], rng)
     axis = parts.axis(joint)
     across = np.cross(axis, EYE[int(np.argmin(np.abs(axis)))])
@@ -190,7 +186,6 @@ def tilt(parts: Parts, rng: Random) -> Planted:
 
 
 def sign(parts: Parts, rng: Random) -> Planted:
-    """An axis the other way, and nothing else."""
     some = [j for j in parts.joints() if parts.urdf or j.get("axis")]
     joint = pick([j for j in some if j.get("name") not in parts.referred()], rng)
     if parts.urdf:
@@ -232,13 +227,11 @@ def _passive(what: str, urdf: str, mjcf: str, least: float, most: float) -> Edit
 
 
 def _inherited(parts: Parts) -> set[str]:
-    """Properties that defaults give to joints."""
     attributes = {name for joint in parts.root.iterfind("default//joint") for name in joint.attrib}
     return {{"frictionloss": "friction"}.get(name, name) for name in attributes}
 
 
 def limits(parts: Parts, rng: Random) -> Planted:
-    """The upper one by some degrees or millimetres."""
     step = 0.0
     if parts.urdf:
         some = [j for j in parts.joints() if j.get("type") != "continuous" and j.find("limit") is not None]
@@ -290,7 +283,6 @@ def point(parts: Parts, rng: Random) -> Planted:
 
 
 def coupling(parts: Parts, rng: Random) -> Planted:
-    """Factor of a mimic joint or of an equality of two joints."""
     if parts.urdf:
         moving = [j for j in parts.root.iterfind("joint") if j.get("type") in MOVING]
         joint = pick([j for j in moving if j.find("mimic") is not None], rng)
@@ -312,7 +304,6 @@ def coupling(parts: Parts, rng: Random) -> Planted:
 
 
 def degrees(parts: Parts, rng: Random) -> Planted:
-    """Roll, pitch and yaw, or a limit, written in degrees where radians are read."""
     if not parts.urdf:
         raise NoPlaceError
     some = [j for j in _seen(parts, parts.joints()) if np.linalg.norm(origin(j)[:3, :3] - EYE) > 1e-2]

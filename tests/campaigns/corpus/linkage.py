@@ -76,7 +76,6 @@ class Linkage:
     frames: dict[str, Array] = field(default_factory=dict)
 
     def tree(self) -> list[Joint]:
-        """Joints of the tree from the ground outwards, each turned so that its parent is on the ground's side."""
         left = [joint for joint in self.joints if joint.name not in self.cut]
         reached, found = {GROUND}, list[Joint]()
         while left:
@@ -102,7 +101,6 @@ class Linkage:
     # --- the same machine, said differently
 
     def moved(self, rng: Random) -> Linkage:
-        """With other frames of its bodies."""
         return replace(self, frames={b.name: frame(rng, 0.2) for b in self.bodies})
 
     def renamed(self, style: str = "{kind}{number}") -> Linkage:
@@ -125,7 +123,6 @@ class Linkage:
         return replace(self, bodies=tuple(bodies), joints=tuple(joints))  # type: ignore[arg-type]
 
     def flipped(self, names: Iterable[str]) -> Linkage:
-        """With axes of joints that count the other way."""
         some = {*names}
         return replace(self, joints=tuple(_flipped(j) if j.name in some else j for j in self.joints))
 

@@ -14,7 +14,6 @@ def _xz(x: float, z: float, y: float = 0.0) -> Array:
 
 
 def _circles(a: Array, r: float, b: Array, s: float, side: float) -> Array:
-    """Intersect circles about two points in the plane x, z, on one side of the line between them."""
     d = b - a
     l = float(np.linalg.norm(d))
     along = (r * r - s * s + l * l) / (2.0 * l)
@@ -42,7 +41,6 @@ def four_bar(crank: float = 1.2) -> Linkage:
 
 
 def five_bar(left: float = 2.0, right: float = 1.1) -> Linkage:
-    """Two driven cranks whose rods meet."""
     O, C = _xz(-0.15, 0.0), _xz(0.15, 0.0)
     A, B = O + 0.2 * _xz(cos(left), sin(left)), C + 0.2 * _xz(cos(right), sin(right))
     P = _circles(A, 0.3, B, 0.32, -1.0)
@@ -65,7 +63,6 @@ def five_bar(left: float = 2.0, right: float = 1.1) -> Linkage:
 
 
 def three_rrr(x: float = 0.02, y: float = 0.03, turned: float = 0.1) -> Linkage:
-    """A planar platform on three arms; turns about z."""
     bodies, joints = list[Body](), list[Joint]()
     centre, R = np.array([x, y, 0.0]), turn(Z, turned)
     for i in range(3):
@@ -141,7 +138,6 @@ def delta_balls(x: float = 0.02, y: float = -0.03, z: float = -0.5) -> Linkage:
 
 
 def stewart(x: float = 0.02, y: float = -0.01, z: float = 0.5, turned: float = 0.1) -> Linkage:
-    """Six legs, universal at the ground, a slide, and a ball at the platform."""
     place, R = np.array([x, y, z]), turn(unit([1.0, 2.0, 0.5]), turned)
     bodies, joints = list[Body](), list[Joint]()
     for i in range(6):

@@ -197,7 +197,6 @@ def closed_pose(model: Any, data: Any, rng: Random, start: Array | None, size: f
 
 
 def _rows(model: Any, data: Any) -> Array:
-    """Jacobian of all constraints. Shape (constraints, freedoms)."""
     import mujoco
 
     if not mujoco.mj_isSparse(model):

@@ -19,7 +19,6 @@ ALIKE = ("SAME", "CONVENTIONS")
 
 
 def pair_rows(pairs: Sequence[Pair], progress: Callable[[str, float], None]) -> pd.DataFrame:
-    """Make a table of the answers on all pairs, with their rating."""
     return pd.DataFrame(rows_in_turn([(pair.name, partial(pair_row, pair)) for pair in pairs], progress))
 
 

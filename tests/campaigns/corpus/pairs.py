@@ -55,7 +55,6 @@ class Pair:
 
 
 def pairs() -> list[Pair]:
-    """All of them, group by group."""
     return [*own(), *user(), *edits(), *packages(), *parallel(), *scrambled(), *disguised_models(), *common()]
 
 
@@ -127,8 +126,6 @@ def two(
     planted: str = "",
     named: str = "",
 ) -> Pair:
-    """Make a pair of two linkages, in the forms in which they are written."""
-
     def make(folder: Path) -> tuple[Path, Path]:
         return _written(*a, folder, "a"), _written(*b, folder, "b")
 
@@ -136,13 +133,11 @@ def two(
 
 
 def disguised(machine: Linkage, seed: int) -> Linkage:
-    """Renamed, in another order, with other frames."""
     rng = np.random.default_rng([SEED, seed])
     return machine.renamed().moved(rng).reordered(rng)
 
 
 def plain(machine: Linkage) -> Linkage:
-    """Without damping and limits, which a description has not."""
     return replace(machine, joints=tuple(replace(j, damping=0.0, limits=None) for j in machine.joints))
 
 
@@ -235,7 +230,6 @@ def common() -> Iterator[Pair]:
 
 
 def edits(count: int = 49) -> Iterator[Pair]:
-    """Kinds in turn, of files of our own, URDF and MJCF, built-in mechanisms with loops among them."""
     for number in range(count):
         kind = [*EDITS][number % len(EDITS)]
 
@@ -249,7 +243,6 @@ def edits(count: int = 49) -> Iterator[Pair]:
 
 
 def edit_named(number: int, folder: Path) -> tuple[str, str, str]:
-    """Describe an edit: file and item, words that name it, and the item alone."""
     a, _, planted = _edit([*EDITS][number % len(EDITS)], number, folder)
     words = "|".join(WORDS[what] for what in (planted.what, *planted.may))  # type: ignore[attr-defined]
     items = [planted.item, *planted.also]  # type: ignore[attr-defined]

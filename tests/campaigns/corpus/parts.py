@@ -44,7 +44,6 @@ class Parts:
 
     @cached_property
     def above(self) -> dict[str, ET.Element]:
-        """Link of a URDF -> the joint before it."""
         return {end(joint, "child"): joint for joint in self.root.iterfind("joint")}
 
     def bodies(self) -> list[ET.Element]:
@@ -53,14 +52,12 @@ class Parts:
         return [body for body in some if body.get("name") and self.mass(body) > 0.0 and self.carrier(body)]
 
     def joints(self) -> list[ET.Element]:
-        """Hinges and slides with a name, which follow no other."""
         if self.urdf:
             return [j for j in self.root.iterfind("joint") if j.get("type") in MOVING and j.find("mimic") is None]
         some = self.root.iterfind("worldbody//body/joint")
         return [j for j in some if j.get("name") and j.get("type", "hinge") in ("hinge", "slide")]
 
     def single(self) -> list[ET.Element]:
-        """Joints that share their body with no other one."""
         if self.urdf:
             return self.joints()
         return [j for j in self.joints() if len([k for k in self.parents[j] if k.tag in ("joint", "freejoint")]) == 1]
@@ -87,24 +84,20 @@ class Parts:
         return ""
 
     def lump(self, body: ET.Element) -> list[str]:
-        """Names of what has mass and moves as one with a body, itself among them."""
         some = self.root.iterfind("link") if self.urdf else self.root.iterfind("worldbody//body")
         near = self.carrier(body)
         return [other.get("name", "") for other in some if self.carrier(other) == near and self.mass(other) > 0.0]
 
     def owner(self, joint: ET.Element) -> str:
-        """Name of the link or body behind a joint."""
         return end(joint, "child") if self.urdf else self.parents[joint].get("name", "")
 
     def before(self, joint: ET.Element) -> str:
-        """Name of the link or body before a joint; empty for the world."""
         if self.urdf:
             return end(joint, "parent")
         outer = self.parents[self.parents[joint]]
         return outer.get("name", "") if outer.tag == "body" else ""
 
     def placed(self, name: str) -> Array:
-        """Frame of a body in the world at home. Shape (4, 4)."""
         T = np.eye(4)
         if self.urdf:
             while name in self.above:
@@ -118,17 +111,14 @@ class Parts:
         return np.asarray(T)
 
     def world(self, name: str) -> Array:
-        """Axes of a body in the world at home. Shape (3, 3)."""
         return self.placed(name)[:3, :3]
 
     def line(self, joint: ET.Element) -> tuple[Array, Array]:
-        """A point on the axis of a joint, and its direction, in the world at home. Shape (3,) both."""
         T = self.placed(self.owner(joint))
         at = numbers(joint.get("pos", "0 0 0")) if not self.urdf else np.zeros(3)
         return point(T, at), np.asarray(T[:3, :3] @ self.axis(joint))
 
     def previous(self, joint: ET.Element) -> ET.Element | None:
-        """The hinge or slide that carries what is before a joint."""
         some = self.root.iterfind("link") if self.urdf else self.root.iterfind("worldbody//body")
         before = next((body for body in some if body.get("name") == self.before(joint)), None)
         near = self.carrier(before) if before is not None else ""
@@ -168,7 +158,6 @@ class Parts:
         return np.asarray(v / np.linalg.norm(v))
 
     def referred(self) -> set[str]:
-        """Names of joints that others follow, or that tendons and couplings use."""
         names = {m.get("joint", "") for m in self.root.iter("mimic")}
         for tag in ("equality", "tendon"):
             for part in self.root.iterfind(f"{tag}//*"):
@@ -189,6 +178,5 @@ def pick(some: Sequence[T] | Iterator[T], rng: Random) -> T:
 
 
 def child(element: ET.Element, tag: str) -> ET.Element:
-    """The first child of that tag, made where there is none."""
     first = element.find(tag)
     return first if first is not None else ET.SubElement(element, tag)

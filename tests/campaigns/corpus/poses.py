@@ -23,7 +23,6 @@ def direction(rng: Random) -> Array:
 
 
 def skew(v: Array) -> Array:
-    """Matrix of the cross product. Shape (3, 3)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
@@ -47,25 +46,21 @@ def inverse(T: Array) -> Array:
 
 
 def point(T: Array, p: Array) -> Array:
-    """A point given in a frame, in the frame of that frame."""
     return np.asarray(T[:3, :3] @ p + T[:3, 3])
 
 
 def of_rpy(angles: Iterable[float]) -> Array:
-    """About fixed axes x, y, z, as in a URDF. Shape (3, 3)."""
     a, b, c = angles
     return turn(EYE[2], c) @ turn(EYE[1], b) @ turn(EYE[0], a)
 
 
 def to_rpy(R: Array) -> Array:
-    """The angles of `of_rpy`. Shape (3,)."""
     if abs(R[2, 0]) > 1.0 - 1e-12:
         return np.array([0.0, -pi / 2 * np.sign(R[2, 0]), atan2(-R[0, 1], R[1, 1])])
     return np.array([atan2(R[2, 1], R[2, 2]), -asin(R[2, 0]), atan2(R[1, 0], R[0, 0])])
 
 
 def of_quaternion(q: Iterable[float]) -> Array:
-    """Return the rotation of w, x, y, z of any length. Shape (3, 3)."""
     q = np.array([*q], dtype=float)
     w, v = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
     return np.asarray((2.0 * w * w - 1.0) * EYE + 2.0 * np.outer(v, v) + 2.0 * w * skew(v))

@@ -31,11 +31,9 @@ class Scrambled:
     flipped: set[str] = field(default_factory=set)
 
     def axes(self, body: str) -> Array:
-        """Axes of the new frame of a body in its old one. Shape (3, 3)."""
         return self.frames[body][:3, :3] if body in self.frames else EYE
 
     def called(self, kind: str, name: str) -> str:
-        """Return the new name of a ``body``, ``joint``, ``equality`` or ``actuator``."""
         return self.names.get(f"{kind} {name}", name)
 
 

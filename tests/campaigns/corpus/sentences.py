@@ -40,8 +40,6 @@ _OWN = re.compile(rf"({_NUMBER})\s*(mm|m|deg|rad) (?:along|about) (?:its|the joi
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A difference in words, and the parts that it is of."""
-
     items: frozenset[str]
     text: str
     convention: bool = False
@@ -85,12 +83,10 @@ def said_by(diagnosis: Any) -> Said:
 
 
 def is_convention(sentence: str) -> bool:
-    """True if a difference concerns the counting of coordinates alone."""
     return bool(re.search(r"counts the other way|its zero is|counts? .* more than|other order", sentence))
 
 
 def first_place(text: str, names: frozenset[str]) -> float:
-    """Return the first place of any of some names in a text, as a word; infinite without one."""
     found = (re.search(rf"(?<![\w.]){re.escape(name)}(?![\w]|\.\w)", text) for name in names)
     return min((each.start() for each in found if each), default=np.inf)
 
@@ -100,7 +96,6 @@ def mentions(text: str, names: frozenset[str]) -> bool:
 
 
 def named(said: Said, site: Site) -> bool:
-    """True if the first sentence names item and property of the edit."""
     words = "|".join(WORDS[what] for what in (site.planted.what, *site.planted.may))
     first = said.first.split("; explains")[0]
     return (not site.names or mentions(first, site.names)) and bool(re.search(words, first, re.IGNORECASE))
@@ -119,8 +114,6 @@ def mentions_property(row: Row, site: Site) -> bool:
 
 
 def others(said: Said, sites: list[Site]) -> list[str]:
-    """Rows that name another part, or another property, than what was edited."""
-
     def planted(row: Row) -> bool:
         for site in sites:
             words = "|".join(WORDS[what] for what in (site.planted.what, *site.planted.may))
@@ -133,7 +126,6 @@ def others(said: Said, sites: list[Site]) -> list[str]:
 
 
 def measured(text: str, site: Site) -> tuple[bool, bool]:
-    """Return two flags: a text gives the magnitude of an edit, and its sign or direction."""
     planted = site.planted
     if planted.step is None:
         return True, True
@@ -147,7 +139,6 @@ def near(x: float, y: float) -> bool:
 
 
 def _scalars(text: str) -> Iterator[tuple[float, str, str]]:
-    """Value in SI, unit, sign that is printed, of numbers that are no part of a vector."""
     for found in _SCALAR.finditer(_VECTOR.sub(" ", text)):
         number, unit = found.group(1), found.group(2) or ""
         yield float(number) * _SCALES.get(unit, 1.0), unit, number[0] if number[0] in "+-" else ""

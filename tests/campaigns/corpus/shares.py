@@ -41,7 +41,6 @@ def _of_urdf(root: ET.Element, rng: np.random.Generator, speed: float) -> Array:
 
 
 def _by_joint(root: ET.Element, model: object) -> tuple[Array, Array]:
-    """Damping and friction as the file has them. Shape (freedoms,) each."""
     values = np.zeros((2, model.nv))  # type: ignore[attr-defined]
     for joint in root.iterfind("joint"):
         dynamics = joint.find("dynamics")

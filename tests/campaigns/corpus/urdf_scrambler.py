@@ -51,7 +51,6 @@ def _stripped(tree: ET.Element) -> None:
 
 
 def origin(element: ET.Element) -> Array:
-    """Placement of a joint or inertial. Shape (4, 4)."""
     at = element.find("origin")
     if at is None:
         return np.eye(4)
@@ -67,7 +66,6 @@ def put_origin(element: ET.Element, T: Array) -> None:
 
 
 def axis(joint: ET.Element) -> Array:
-    """Unit vector in the frame of the child. Shape (3,)."""
     at = joint.find("axis")
     v = numbers(at.get("xyz", "1 0 0")) if at is not None else np.array([1.0, 0.0, 0.0])
     return np.asarray(v / (np.linalg.norm(v) or 1.0))  # a fixed joint may have none
@@ -81,7 +79,6 @@ def put_axis(joint: ET.Element, v: Array) -> None:
 
 
 def end(joint: ET.Element, tag: str) -> str:
-    """Name of its parent or child link."""
     at = joint.find(tag)
     return at.get("link", "") if at is not None else ""
 

@@ -62,7 +62,6 @@ def _origin(joint: Joint, near: Array) -> Array:
 
 
 def _hinges(joint: Joint) -> list[tuple[str, Array]]:
-    """Single joints that one is made of."""
     if joint.kind == "S":
         return [("continuous", axis) for axis in EYE]
     kind = "prismatic" if joint.kind == "P" else "continuous"
@@ -97,7 +96,6 @@ def _urdf_link(body: Body, T: Array) -> str:
 
 
 def _points(joint: Joint) -> list[Array]:
-    """Points that coincide where a joint closes a loop."""
     if joint.kind == "S":
         return [joint.point]
     if joint.kind == "R":

@@ -38,8 +38,6 @@ def check_place(there: bool) -> None:
 
 
 def of_urdf(edit: Editor) -> Editor:
-    """The edit, which an MJCF has no place for."""
-
     def checked(root: ET.Element, rng: np.random.Generator) -> Edit:
         check_place(is_urdf(root))
         return edit(root, rng)
@@ -48,8 +46,6 @@ def of_urdf(edit: Editor) -> Editor:
 
 
 def of_mjcf(edit: Editor) -> Editor:
-    """The edit, which a URDF has no place for."""
-
     def checked(root: ET.Element, rng: np.random.Generator) -> Edit:
         check_place(not is_urdf(root))
         return edit(root, rng)
@@ -86,7 +82,6 @@ def put(element: ET.Element, name: str, values: np.ndarray | list[float]) -> str
 
 
 def moving_joints(root: ET.Element) -> list[ET.Element]:
-    """Hinges and slides with a name; joints that follow others are left out."""
     if is_urdf(root):
         kinds = ("revolute", "continuous", "prismatic")
         return [j for j in root.iterfind("joint") if j.get("type") in kinds and j.find("mimic") is None]
@@ -104,6 +99,5 @@ def bodies(root: ET.Element) -> list[ET.Element]:
 
 
 def child(element: ET.Element, tag: str) -> ET.Element:
-    """The first child of that tag, made where there is none."""
     first = element.find(tag)
     return first if first is not None else ET.SubElement(element, tag)

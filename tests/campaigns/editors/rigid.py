@@ -99,7 +99,6 @@ def limits(root: ET.Element, rng: np.random.Generator) -> Edit:
 
 
 def leading(root: ET.Element) -> list[ET.Element]:
-    """Moving joints that no other one follows."""
     followed = {mimic.get("joint") for mimic in root.iter("mimic")}
     return [joint for joint in moving_joints(root) if joint.get("name") not in followed]
 
