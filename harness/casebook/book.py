@@ -1,7 +1,7 @@
 """The casebook: named discrepancies, with the versions of the engines that showed them.
 
-``casebook.toml`` contains their texts, ``shown.toml`` the measurements of the reproductions in the project's tests for
-each version. Nothing is run here: the behaviour of the installed versions is inferred from these measurements.
+``casebook.toml`` contains their texts; ``shown.toml`` records, for each version, whether the project's tests reproduced
+them. This module runs no engine: it infers the behaviour of the installed versions from these records.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ class Case:
         id: Name of the case.
         title: The symptom, without numbers.
         engines: Engines involved.
-        symptom, cause, remedy: The three parts of a sentence; `{symptom}`, `{expected}`, `{mended}`, `{said}` stand for
+        symptom, cause, remedy: The three parts of `sentence`; `{symptom}`, `{expected}`, `{mended}`, `{said}` stand for
             measured values.
-        versions: Versions with which users encountered it, as far as known.
+        versions: Versions with which users encountered the discrepancy, as far as known.
         last: Last affected version of the only engine involved; empty if the newest version is affected.
         links: Reports by users.
-        touches: All quantities that it makes wrong on correct model files.
-        shown, not_shown: Versions for which the reproduction was measured, by its result.
-        numbers: Placeholder -> value measured for the newest of these, as text; no `symptom` if it was not shown.
+        touches: All quantities that the discrepancy makes wrong for correct model files.
+        shown, not_shown: Versions whose tests reproduced the discrepancy, or did not.
+        numbers: Placeholder -> string of the value measured for the newest tested versions; lacks `symptom` if these
+            did not show the discrepancy.
     """
 
     id: str
@@ -61,7 +62,7 @@ class Case:
         return f"{symptom[0].upper()}{symptom[1:]}, because {cause}; {remedy}."
 
     def shows(self, versions: Sequence[str]) -> bool:
-        """True if versions show the case, that is, if the newest measured versions up to these did."""
+        """True if the given versions show the case, that is, if the newest measured versions up to them did."""
         if self.last and version_key(versions) > version_key([self.last]):
             return False
         measured = [*self.shown, *self.not_shown]
@@ -69,7 +70,7 @@ class Case:
         return bool(older) and max(older, key=version_key) in self.shown
 
     def named(self, versions: Sequence[str]) -> str:
-        """Name the engines with versions: ``pinocchio 4.1.0 and mujoco 4.0.0``."""
+        """Join the names of the engines and their versions: ``pinocchio 4.1.0 and mujoco 4.0.0``."""
         return " and ".join(map(" ".join, zip(self.engines, versions, strict=True)))
 
 
@@ -83,7 +84,7 @@ def _is_no_newer(tried: Sequence[str], versions: Sequence[str]) -> bool:
     return all(first <= second for first, second in pairs)
 
 
-#: Engine -> distribution.
+#: Engine -> name of its distribution.
 _PACKAGES = {
     "mujoco": "mujoco",
     "pinocchio": "pin",
@@ -114,7 +115,7 @@ def find_case(id: str) -> Case:
     """Return the case with a given name.
 
     Raises:
-        ScrewgaugeError: The casebook has no such case.
+        ScrewgaugeError: No case has this name.
     """
     return CASES[check_choice("discrepancy", [id], CASES, "casebook")[0]]
 
@@ -134,7 +135,7 @@ def is_shown_here(case: Case) -> bool:
 
 
 def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case]:
-    """Yield cases that explain wrong quantities, affect no correct one, and that the installed packages show."""
+    """Yield the cases that explain wrong quantities, affect no correct one, and occur in the installed `packages`."""
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages and is_shown_here(case):

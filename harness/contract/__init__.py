@@ -1,5 +1,6 @@
 """Contract tests for every engine: ``pytest --pyargs screwgauge.contract --engine NAME``.
 
-Name an engine of this package or of any installed one. What it declares that it lacks, and mechanisms that it refuses
-in a sentence, are skipped with its own words; all else has to pass. Needs pytest.
+NAME is an engine of this package or of any installed package. Tests are skipped, with the engine's own reason, if they
+need what the engine declares that it lacks or use a mechanism that it refuses with an error message; all other tests
+must pass. Needs pytest.
 """

@@ -9,6 +9,6 @@ from screwgauge.pytest_plugin import contract_engines
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Parametrise a test by engine."""
+    """Parametrise tests by engine."""
     if "engine_name" in metafunc.fixturenames:
         metafunc.parametrize("engine_name", contract_engines(metafunc.config), scope="session")

@@ -26,7 +26,7 @@ __all__ = ["answered", "entry", "fall", "fallen", "given", "loaded", "pushed"]
 
 #: Errors with which an engine rejects a mechanism or a problem.
 REFUSALS = (DescriptionError, ModelFileError)
-#: Scenes of which the first that an engine takes is what it is asked most questions about, and times of samples [s].
+#: Scenes and sample times [s]; most tests use the first scene that the engine accepts.
 SCENES = {"3ups-upu-s-fast": (0.1, 0.35), "slider-crank": (0.1, 0.35), "arm7": (0.1, 0.35)}
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
@@ -36,7 +36,7 @@ class Loaded:
     """An engine with a mechanism, loaded once for all tests.
 
     Attributes:
-        quantities: Quantities that it gives for this mechanism by default.
+        quantities: Quantities that the engine computes for this mechanism by default.
     """
 
     engine: Engine
@@ -53,14 +53,14 @@ class Loaded:
         return self.model.solve(problem, **more)
 
     def has(self, *quantities: str) -> None:
-        """Skip a test that needs quantities that the engine lacks."""
+        """Skip a test if the engine lacks quantities that the test needs."""
         for name in quantities:
             if name not in self.quantities:
                 why = declared(self.model, self.engine).get(name, "it is none of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
-        """Skip a test of a task that the engine does not accept."""
+        """Skip a test if the engine does not accept its task."""
         if task not in self.engine.tasks:
             pytest.skip(f"{self.engine.name} does not take {task.__name__}")
 
@@ -104,7 +104,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
 
 @pytest.fixture(scope="session")
 def given(loaded: Loaded) -> Problem:
-    """Return a given motion with all quantities of the engine."""
+    """Return the problem of a given motion with all quantities of the engine."""
     loaded.takes(GivenMotion)
     return loaded.scene.problem(loaded.quantities)
 
@@ -133,7 +133,7 @@ def fallen(loaded: Loaded, fall: Problem) -> Solution:
 
 @pytest.fixture(scope="session")
 def pushed(loaded: Loaded) -> Problem:
-    """Return the problem of accelerations at states of the given motion, under its gravity and random forces."""
+    """Return a problem that asks for accelerations at states of the given motion, under gravity and random forces."""
     loaded.takes(States)
     loaded.takes(GivenMotion)
     loaded.has(*MOTION)

@@ -13,9 +13,9 @@ from screwgauge.quantities import FORCE, described, number_type
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 
-#: Fraction of the explainable rounding up to which forces are linear in accelerations.
+#: Fraction of the explainable rounding up to which forces must be linear in accelerations.
 LINEAR = 0.1
-SLOWEST = 1e-3  # share of a motion's largest force that inertia has at least, where its factor is to be seen
+SLOWEST = 1e-3  # smallest inertial share of the largest force with which a test of linearity has meaning
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
@@ -45,7 +45,7 @@ def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: S
     coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
     for name, values in answered.values.items():
         components, units = known[name]
-        if name.startswith("tree_force"):  # of the joints that it has in its tree
+        if name.startswith("tree_force"):  # for the joints in the engine's tree
             components = tuple(c for c in coordinates if c in values.components)
             units = tuple(FORCE[coordinates[c]] for c in components)
         assert values.components == components, f"components of {name} are not those of names(mechanism)"
@@ -62,7 +62,7 @@ def test_nothing_but_what_is_wanted_is_answered(
     alone = loaded.ask(loaded.scene.problem([quantity]))
     assert {*alone.values} == {quantity}, "answer what `problem.wanted` names, nothing else"
     assert {*alone.errors} <= {quantity}
-    if loaded.engine.name != "truth":  # encloses what is asked for, no tighter than that needs
+    if loaded.engine.name != "truth":  # truth encloses only the requested values, as tightly as they need
         same = np.array_equal(alone.values[quantity].array, answered.values[quantity].array)
         assert same, f"{quantity} differs with what else is wanted"
 
@@ -89,7 +89,7 @@ def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
 
 
 def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
-    """Repetitions among other tasks and gravities do not differ in a bit, nor does a reloaded model."""
+    """Repeated tasks, between different tasks and gravities, and a reloaded model give bitwise equal answers."""
     problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
     for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
         if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
@@ -116,7 +116,7 @@ def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
 
 
 def _force_of(loaded: Loaded) -> str:
-    """Return a force that the engine gives; skip the test if there is none."""
+    """Return a force quantity that the engine computes; skip the test if it computes none."""
     for name in ("generalized_force", "actuator_force", "tree_force"):
         if name in loaded.quantities:
             return name
@@ -151,11 +151,11 @@ def _part(given: Problem) -> GivenMotion:
 
 
 def test_what_progress_raises_ends_the_work(loaded: Loaded, given: Problem) -> None:
-    """Progress is called at least once: what it raises stops a run."""
+    """An exception raised in the progress function stops the run, so it must be called at least once."""
 
     def stop(share: float) -> None:
         raise KeyboardInterrupt
 
-    problem = loaded.scene.at([0.217]).problem([loaded.quantities[0]])  # a time of which no answer is kept
+    problem = loaded.scene.at([0.217]).problem([loaded.quantities[0]])  # a time without a cached answer
     with pytest.raises(KeyboardInterrupt):
         loaded.ask(problem, progress=stop)

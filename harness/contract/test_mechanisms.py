@@ -41,19 +41,19 @@ MECHANISMS = {
     "3ups-upu-s-fast": "fast motion, all inertia, redundant actuators, a load",
 }
 SEED = 7
-#: Quantities that need a rule come last: that they are wrong may follow from others.
+#: Quantities that need a rule come last, since errors in other quantities may cause theirs.
 FACTS = "motions first, then forces, then reactions: the first that differs is likely to be the cause"
 _REFUSED = tuple(error.__name__ for error in REFUSALS)
 
 
 def other_than(name: str) -> str:
-    """Return the name of the reference engine for another engine."""
+    """Return the name of the engine that serves as reference for a given engine."""
     return "screw" if name != "screw" else "pinocchio"
 
 
 @cache
 def compared(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
-    """Run the engine beside the solver."""
+    """Run the engine and the solver on a scene."""
     return screwgauge.run(scene, [other_than(name), name], wanted)
 
 
@@ -67,8 +67,8 @@ def built_in(name: str) -> Scene:
 def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
     """Run a scene with the quantities that the engine has.
 
-    Skips what the engine refuses in a sentence, and fails where it fails; if strict, also where `refuses` does not
-    name what it refuses.
+    Skip the test if the engine refuses the scene with an error message, and fail it if the engine fails. If strict,
+    fail also if `refuses` does not name what the engine refuses.
     """
     if GivenMotion not in entry.tasks:
         pytest.skip(f"{entry.name} does not take given motions")
@@ -104,7 +104,7 @@ def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: st
 
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
-    """Equations of motion, closure and power hold among the engine's own numbers."""
+    """Equations of motion, closure and power balance hold among the engine's own numbers."""
     results = of_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
         pytest.skip(f"{entry.name} gives too little of {name} to be judged")
@@ -139,18 +139,18 @@ gravity = [1, -2, -9]
 SPRING = '[[springs]]\ncoordinate = "j"\nstiffness = 40\nrest = 0.2\ndamping = 3\n'
 RESISTING = "rotor = 0.1\ndamping = 0.5\nfriction = 0.2"
 PUSH = '[[loads]]\non = "b"\nby = "environment"\npoint = [0.2, -0.1, 0.3]\n'
-#: Feature -> scene entries that produce it.
+#: Feature -> scene entries that need it.
 ACTING = {
     "springs": SPRING,
     "courses": f"{PUSH}force = [1, {{ polynomial = [2, 3] }}, {{ harmonics = [[4, 1, 2]] }}]\n",
     "axes": f'{PUSH}axes = "body"\nforce = [3, -2, 1]\ntorque = [0.2, 0.5, -0.3]\n',
 }
-#: Quantities of a body on one joint.
+#: Quantities compared for a body on one joint.
 OF_ONE = (*OF_JOINTS, *OF_BODIES, "generalized_force")
 
 
 def on_one_joint(feature: str, folder: Path) -> Scene:
-    """Build a scene of a body on one joint of a given kind, or on a revolute joint with another feature."""
+    """Build a scene of a body on one joint of a given kind, or on a revolute joint with a given feature."""
     if feature == "couplings":
         return built_in("planetary-gear")
     kind = feature if feature in KINDS else "R"
@@ -177,7 +177,7 @@ def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: P
 
 @pytest.mark.parametrize("family", families())
 def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
-    """Any failure can be run again as ``screwgauge.random(7, FAMILY)``."""
+    """The engine agrees for random mechanisms; run ``screwgauge.random(7, FAMILY)`` to repeat a failure."""
     scene = screwgauge.random(SEED, family)
     results = of_engine(entry, scene, scene.quantities)
     if entry.precision != FLOAT64.name and results.outcome == "undecided":

@@ -1,4 +1,4 @@
-"""Engines' declarations are true, and problems outside their models are refused in a sentence."""
+"""Engines' declarations are true, and engines refuse problems outside their models with an error message."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def test_a_task_that_it_does_not_take_is_refused(loaded: Loaded, given: Problem)
         InitialValue: InitialValue(np.zeros(k), np.zeros(k), 0.0, np.array([0.0, 0.1])),
         States: States(loaded.mechanism.coordinates, np.zeros((1, n)), np.zeros((1, n)), a=np.zeros((1, n))),
     }
-    takes = get_engine(loaded.engine.name.partition(AS)[0]).tasks  # in any number type
+    takes = get_engine(loaded.engine.name.partition(AS)[0]).tasks  # in every number type
     for kind in kinds.keys() - takes:
-        if loaded.engine.cut != "full":  # its model could, but it says nothing of joints at rest in its loops
+        if loaded.engine.cut != "full":  # its model could answer, but not about joints at rest in its loops
             try:
                 loaded.ask(replace(given, task=kinds[kind]))
             except ScrewgaugeError:

@@ -27,9 +27,9 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 
 SAMPLES = 5
-AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
-FASTEST = 10.0  # coordinate, where an independent or an actuated one moves by 1
-POSES = 41  # number of samples at which a motion is examined
+AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate with the largest motion
+FASTEST = 10.0  # largest motion of any coordinate per unit motion of the independent or actuated ones
+POSES = 41  # number of samples at which a motion is checked
 
 
 def families() -> list[str]:
@@ -46,18 +46,18 @@ def _folder() -> TemporaryDirectory[str]:
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
     """Draw a random mechanism in a random motion away from singular poses.
 
-    At singular poses the independent coordinates do not determine the motion; actuators may pass poses where they
-    do not. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
-    gravity, the order of all entries and the direction of every joint are random, too.
+    At a singular pose the independent coordinates do not determine the motion; the motion may still pass poses at which
+    the actuators do not determine it. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias,
+    names, loads, the direction of gravity, the order of all entries and the direction of every joint are random, too.
 
     Args:
         seed: Random seed; the same seed gives the same mechanism.
         family: One of `families()`; by default the seed chooses among the families common to all versions.
-        folder: Directory for description and scene as TOML files, which any command reads; by default they are deleted
-            when the process ends.
+        folder: Directory for the TOML files of description and scene, which any command reads; by default they are
+            deleted when the process ends.
 
     Raises:
-        ScrewgaugeError: There is no such family, or the seed is invalid.
+        ScrewgaugeError: The family is unknown, or the seed is invalid.
     """
     check_seed(seed)
     names = families()
@@ -75,7 +75,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 
 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
-    """Draw once; return None unless the mechanism is well conditioned at home and nearby."""
+    """Draw once; return None unless the mechanism is well conditioned at and near its home pose."""
     sketch = Sketch(rng)
     FAMILIES[family](sketch)
     sketch.flip()
@@ -103,7 +103,7 @@ def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Sc
         "time": {"times": np.sort(rng.uniform(0.0, 1.0, SAMPLES)).tolist()},
         "loads": [_load(sketch, mechanism)] if rng.random() < 0.5 else [],
     }
-    if not strong:  # fewer actuators than freedoms
+    if not strong:  # fewer actuators than degrees of freedom
         scene["quantities"] = [name for name in GIVEN if not QUANTITIES[name].ruled]
     path = file.with_name(f"{file.stem}-scene.toml")
     path.write_text(tomli_w.dumps(scene), encoding="utf-8")
@@ -124,12 +124,12 @@ def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
 
 
 def gain(K: Array, rows: list[int]) -> float:
-    """Return the largest rate of any coordinate per rates of the determining ones. Shape (n, k)."""
+    """Return the largest rate of any coordinate per unit rate of the coordinates in `rows`. Shape (n, k)."""
     return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
 
 
 def _drive(sketch: Sketch, K: Array) -> list[int]:
-    """Actuate the family's R and P joints, or as many as there are freedoms, and sometimes one more.
+    """Actuate the family's driven R and P joints, else one random joint per degree of freedom, and sometimes one more.
 
     Returns:
         Rows of the actuated coordinates.
@@ -146,7 +146,7 @@ def _drive(sketch: Sketch, K: Array) -> list[int]:
 
 
 def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> Tables | None:
-    """Draw a few sines about home, as large as good conditioning of all poses permits."""
+    """Draw a few sines about the home pose, as large as good conditioning of all poses permits."""
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
     mode = AssemblyMode(layout(mechanism), strict=True)

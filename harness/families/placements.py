@@ -1,4 +1,4 @@
-"""Joint placements of each family at home, with lengths of about 1 m."""
+"""Joint placements of each family at the home pose, with lengths of about 1 m."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 
-# --- single loops and ladders of them
+# --- single loops, and chains of connected loops
 
 
 def _planar(s: Sketch, n: int) -> None:
@@ -49,7 +49,7 @@ def _planar(s: Sketch, n: int) -> None:
 
 
 def _ladder(s: Sketch) -> None:
-    """Draw a planar four-bar and pairs of links on it, each between existing bodies."""
+    """Draw a planar four-bar, then add pairs of links, each between two existing bodies."""
     loops = int(s.rng.integers(2, 9))
     _planar(s, 4)
     for k in range(1, loops):
@@ -66,7 +66,7 @@ def _loop(s: Sketch, kinds: str) -> None:
 
 
 def _mixed_loop(s: Sketch) -> None:
-    """Draw a loop of any joints with one or two freedoms."""
+    """Draw a loop of any joints with one or two degrees of freedom."""
     kinds = ""
     while _freedoms(kinds) not in (7, 8) or kinds.count("P") + kinds.count("C") > 3:
         kinds = _draw_kinds(s, "RRRPUSC", 3, 8)
@@ -74,7 +74,7 @@ def _mixed_loop(s: Sketch) -> None:
 
 
 def _spatial_ladder(s: Sketch) -> None:
-    """Draw a spatial loop with chains of six freedoms, which do not change its mobility."""
+    """Draw a spatial loop, and add chains with six degrees of freedom, which do not change its mobility."""
     loops = int(s.rng.integers(2, 9))
     _loop(s, str(s.rng.choice(["RSUR", "RCCC", "RRSRR", "RSCR"])))
     for k in range(1, loops):
@@ -107,13 +107,13 @@ def _sarrus(s: Sketch) -> None:
 
 
 def _meeting(s: Sketch, angle: float, tilt: float, near: float) -> tuple[Array, Array]:
-    """Return a random point on an axis through the origin, and the axis."""
+    """Return a random point on an axis through the origin, and the direction of the axis."""
     axis = rotation(_Z, np.array(angle)) @ rotation(_Y, np.array(tilt)) @ _Z
     return axis * s.rng.uniform(near, 1.0), axis
 
 
 def _spherical_loop(s: Sketch) -> None:
-    """Draw R joints whose axes meet in a point."""
+    """Draw R joints whose axes intersect in one point."""
     n = int(s.rng.integers(4, 6))
     angles = (2 * np.pi * (i + s.rng.uniform(-0.25, 0.25)) / n for i in range(n))
     s.place("R" * n, _bars(n), (_meeting(s, angle, s.rng.uniform(0.4, 1.2), 0.3) for angle in angles))
@@ -130,7 +130,7 @@ def _serial(s: Sketch, kinds: str = "") -> None:
 
 
 def _gear_train(s: Sketch) -> None:
-    """Draw an open chain or tree with one or two coordinates that move all others by couplings."""
+    """Draw an open chain or tree in which one or two coordinates determine all others by couplings."""
     free = int(s.rng.integers(1, 3))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -138,7 +138,7 @@ def _gear_train(s: Sketch) -> None:
 
 
 def _geared_loop(s: Sketch) -> None:
-    """Draw a loop of two freedoms with a coupling between two of its R joints, adjacent or not."""
+    """Draw a loop with two degrees of freedom, then couple two of its R joints, adjacent or not."""
     kinds = str(s.rng.choice(["RRRRRRRR", "RUSRR", "RRSCR"]))
     _loop(s, kinds)
     row, of = s.rng.permutation([s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"])[:2].tolist()
@@ -146,7 +146,7 @@ def _geared_loop(s: Sketch) -> None:
 
 
 def _belt_train(s: Sketch) -> None:
-    """Draw an open chain or tree with two or three coordinates that move all others, each by several."""
+    """Draw an open chain or tree in which two or three coordinates determine all others, by couplings of several."""
     free = int(s.rng.integers(2, 4))
     _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _draw_kinds(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
@@ -154,7 +154,7 @@ def _belt_train(s: Sketch) -> None:
 
 
 def _belted_loop(s: Sketch) -> None:
-    """Draw a loop of two or three freedoms with a coupling of three of its R joints, adjacent or not."""
+    """Draw a loop with two or three degrees of freedom, then couple three of its R joints, adjacent or not."""
     kinds = str(s.rng.choice(["RRRRRRRR", "RRRRRRRRR", "RUSRR", "RRSCR"]))
     _loop(s, kinds)
     s.tie(*s.rng.permutation([s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"])[:3].tolist())
@@ -172,7 +172,7 @@ def _ends(s: Sketch, n: int, size: float = 0.6) -> list[tuple[Array, Array]]:
 
 
 def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
-    """Draw n legs of one kind; inner joints of legs without slides are off the straight line."""
+    """Draw n legs of one kind; move the inner joints of legs without an actuated slide off the straight line."""
     for foot, head in _ends(s, n):
         between = [foot + (head - foot) * k / (len(kinds) - 1) for k in range(1, len(kinds) - 1)]
         bent = [point + 0.4 * s.unit() * (kinds[driven] != "P") for point in between]
@@ -188,7 +188,7 @@ def _ups(s: Sketch, n: int, middle: str = "") -> None:
 
 
 def _n_ups(s: Sketch) -> None:
-    """Draw as many UPS legs as the middle leg has freedoms."""
+    """Draw as many UPS legs as the middle leg has degrees of freedom."""
     middle = str(s.rng.choice(["S", "UP", "UPR", "UPU", ""]))
     _ups(s, _freedoms(middle) or 6, middle)
 
@@ -200,7 +200,7 @@ def _six_pus(s: Sketch) -> None:
 
 
 def _three_rrr(s: Sketch) -> None:
-    """Draw a planar platform."""
+    """Draw a planar platform on three RRR legs."""
     base, top = _ring(s, 3, 0.2), _ring(s, 3, 0.2) * np.array([0.4, 0.4, 1.0])
     for foot, head in zip(base, top, strict=True):
         elbow = (foot + head) / 2 + rotation(_Z, np.array(np.pi / 2)) @ (head - foot) * s.rng.uniform(0.4, 0.8)
@@ -208,7 +208,7 @@ def _three_rrr(s: Sketch) -> None:
 
 
 def _three_rrr_spherical(s: Sketch) -> None:
-    """Draw a platform on three legs of R joints whose axes all meet in a point."""
+    """Draw a platform on three legs of R joints whose axes all intersect in one point."""
     for k in range(3):
         places = (
             _meeting(s, 2 * np.pi * k / 3 + angle + s.rng.uniform(-0.2, 0.2), tilt + s.rng.uniform(-0.2, 0.2), 0.4)
@@ -239,7 +239,7 @@ def _delta(s: Sketch) -> None:
             s.chain("US", f"arm{k}", "platform", np.array([elbow, head]) + side * hinge)
 
 
-#: Families that a seed alone does not choose, because its choices must be the same in all versions.
+#: Families that a seed does not choose without a name, because its choices must be the same in all versions.
 NAMED = ("belt-train", "belted-loop")
 #: Family -> function that draws it.
 FAMILIES: dict[str, Callable[[Sketch], None]] = {

@@ -1,4 +1,4 @@
-"""Sketch of a mechanism at home by joint points and axes in the world, and its description."""
+"""Sketch of a mechanism at its home pose by joint points and axes in the world frame, and its description."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ZERO, REGULAR = 1e-9, 5e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """A joint at home between bodies `a` and `b`: point and axes. Shapes (3,), (n_axes, 3)."""
+    """A joint at the home pose between bodies `a` and `b`, with its point and axes. Shapes (3,), (n_axes, 3)."""
 
     kind: str
     a: str
@@ -32,18 +32,18 @@ class Placed:
 
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
-        """Flag for rotation, and axis, of each freedom; C has two along one axis."""
+        """Pairs of a flag, True for rotation, and an axis, one for each degree of freedom; C has two on one axis."""
         turns = KINDS[self.kind]
         return [(turn, self.axes[min(i, len(self.axes) - 1)]) for i, turn in enumerate(turns)]
 
     def tilt(self) -> float:
-        """Return the second angle of an S joint: deviation of its third axis from the normal of the others."""
+        """Return the second angle of an S joint: the deviation of its third axis from the normal of the first two."""
         first, second, third = self.axes
         normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
     def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
-        """Return the axes before the joint moved to its home coordinates, and its rotation and displacement since.
+        """Return the axes before the joint moved to its home coordinates, and its rotation and displacement since then.
 
         Args:
             W: Rotation of the sketch.
@@ -53,7 +53,7 @@ class Placed:
         """
         axes, turn, slide = list[Array](), np.eye(3), np.zeros(3)
         for (turns, axis), value in zip(self.freedoms, home, strict=True):
-            axes.append(turn.T @ W @ axis)  # before the freedoms that carry it turned
+            axes.append(turn.T @ W @ axis)  # undo the rotation by the preceding degrees of freedom
             if turns:
                 turn = turn @ rotation(axes[-1], np.array(value))
             else:
@@ -68,13 +68,13 @@ class Placed:
 
 @dataclass(slots=True)
 class Sketch:
-    """A mechanism under construction at home, to which a family adds joints; lengths of about 1 m.
+    """A mechanism under construction at its home pose, to which a family adds joints; lengths are about 1 m.
 
     Attributes:
         rng: Source of all randomness.
         joints: Joints placed so far.
-        ties: Couplings about home: a coordinate moves by the sum of slope x + bend x^2 where others move by x, row ->
-            {row: (slope, bend)}. Rows count all coordinates, joint by joint.
+        ties: Couplings about the home pose, row -> {row: (slope, bend)}: a coordinate moves by the sum of slope x +
+            bend x^2 over the coordinates that move by x. Rows count all coordinates, joint by joint.
     """
 
     rng: np.random.Generator
@@ -96,14 +96,14 @@ class Sketch:
         return np.stack([first, second, np.cross(first, second)])
 
     def off_axis(self, direction: Array, least: float = 0.6) -> Array:
-        """Draw a unit axis at an angle to a direction with at least a given sine. Shape (3,)."""
+        """Draw a unit axis whose angle to a direction has at least a given sine. Shape (3,)."""
         while True:
             axis = self.unit()
             if np.linalg.norm(np.cross(axis, direction / np.linalg.norm(direction))) >= least:
                 return axis
 
     def axes(self, kind: str, first: Array | None = None) -> Array:
-        """Draw the axes of a joint at home, the first optionally given. Shape (n_axes, 3)."""
+        """Draw the axes of a joint at the home pose, optionally with a given first axis. Shape (n_axes, 3)."""
         n = max(1, sum(KINDS[kind]))
         first = self.unit() if first is None else first
         second = np.cross(first, self.off_axis(first))
@@ -117,18 +117,18 @@ class Sketch:
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
     def between(self, a: str, b: str, n: int) -> list[str]:
-        """Return the bodies connected by n joints in a row: a, new bodies, and b."""
+        """Return the names of the bodies that n joints in series connect: a, new bodies, and b."""
         return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
 
     def place(
         self, kinds: str, names: Sequence[str], places: Iterable[tuple[Array, Array | None]], driven: int | None = None
     ) -> None:
-        """Place joints in a row between bodies, at points and along axes, see `join`."""
+        """Place joints in series between bodies, at points and along axes, see `join`."""
         for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=True)):
             self.join(kind, names[i], names[i + 1], point, axes, driven=i == driven)
 
     def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
-        """Place joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
+        """Place joints in series from a to b at given points, P joints along the chain. Shape (n_joints, 3)."""
         ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
         axes = (
             way / np.linalg.norm(way) if kind == "P" else self.off_axis(way) if way.any() else None
@@ -142,8 +142,9 @@ class Sketch:
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
     def tie(self, row: int, *leads: int) -> None:
-        """Couple a coordinate to others at similar speed: linearly to several, or in half the cases nonlinearly to
-        one."""
+        """Couple a coordinate with similar speed: linearly to all leads, or in half the cases nonlinearly to a single
+        one.
+        """
         self.ties[row] = {}
         for of in leads:
             slope = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1])
@@ -160,7 +161,7 @@ class Sketch:
         """Return a basis of the feasible joint velocities at the home pose; None if the rank is ambiguous.
 
         Returns:
-            Orthonormal columns, in the order of the joints. Shape (n_q, n_freedoms).
+            Orthonormal columns, with rows in the order of the joints. Shape (n_q, n_freedoms).
         """
         S, place = [joint.screws() for joint in self.joints], {name: i for i, name in enumerate(self.bodies)}
         n, ends = sum(map(len, S)), np.zeros((len(S), len(place) + 1))
@@ -180,7 +181,7 @@ class Sketch:
 
 
 def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("", "-", "_", ".", "+", ":")) -> str:
-    """Draw an unused name."""
+    """Draw an unused name, and mark it as used."""
     while True:
         name = "".join(rng.choice(list(ascii_letters), size=rng.integers(1, 6)))
         name += f"{rng.choice(parts)}{rng.integers(0, 100)}" if rng.random() < 0.5 else ""
@@ -190,12 +191,13 @@ def unused(rng: np.random.Generator, used: set[str], parts: Sequence[str] = ("",
 
 
 def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
-    """Write a description with random frames, bodies and names, in random order.
+    """Make a description with random frames, bodies and names, in random order.
 
-    One in four is plain: parallel to the world, zero at home; its text closes redundant loops exactly.
+    One description in four is plain: its frames are parallel to the world frame and its home coordinates zero, so that
+    its numbers close redundant loops exactly.
 
     Returns:
-        The tables without ``independent``, and the names of the coordinates of each joint, in the sketch's order.
+        The tables without ``independent``, and the coordinate names of each joint, in the sketch's order.
     """
     rng, used = sketch.rng, set[str]()
     plain = rng.random() < 0.25
@@ -213,7 +215,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         names_of_joint = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
         coordinates.append(names_of_joint or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
         home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
-        if placed.kind == "S":  # the second angle is the one that its axes include
+        if placed.kind == "S":  # the angle between the third axis and the normal is the second coordinate
             home[1] = placed.tilt()
         homes += home.tolist()
         axes, turn, slide = placed.before(home, W)
@@ -231,7 +233,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         }
     tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
     flat, couplings = [name for names_of_joint in coordinates for name in names_of_joint], {}
-    for row, leads in sketch.ties.items():  # in coordinates that are not zero at home
+    for row, leads in sketch.ties.items():  # coordinates may be nonzero at home
         terms, constant = dict[str, list[float]](), homes[row]
         for of, (slope, bend) in leads.items():
             x = homes[of]
@@ -252,14 +254,14 @@ def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
 
 
 def _frame(body: tuple[Array, Array], R: Array, point: Array) -> Tables:
-    """Express a world frame in a body's axes."""
+    """Express a frame, given in the world frame, in a body frame."""
     turn = body[0].T @ R
     table: Tables = {"position": (body[0].T @ (point - body[1])).tolist()}
     return table if np.array_equal(turn, np.eye(3)) else {**table, "rotation": {"matrix": turn.tolist()}}
 
 
 def _body(rng: np.random.Generator, com: Array) -> Tables:
-    """Draw a body with the mass of a random cloud, whose inertia tensor is therefore possible."""
+    """Draw a body with the mass properties of a random point cloud, so that its inertia tensor is physical."""
     mass = float(np.exp(rng.uniform(-1.5, 1.5)))
     spread = 0.15 * rng.normal(size=(3, 6))
     C = mass * (spread @ spread.T) / 6

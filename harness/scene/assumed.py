@@ -18,14 +18,14 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.idle import Freedom
 from screwgauge.scene.scene import Scene
 
-#: Samples examined; perturbation of coordinates and rates there [rad or lengths of the mechanism, per s].
+#: Number of samples examined; perturbation of coordinates and rates there [rad or lengths of the mechanism, per s].
 MOST, AWAY = 8, 0.1
-#: Largest relative change of forces that counts as none.
+#: Largest relative change of forces that counts as zero.
 NOTHING = 1e-9
 
 
 def assumptions(scene: Scene) -> tuple[str, ...]:
-    """Return a sentence on each coordinate that no actuator drives: start, motion, and effect on the actuators."""
+    """Return a sentence for each coordinate that no actuator drives: its start, motion, and effect on the actuators."""
     if not scene.undriven:
         return ()
     numbers = tuple(one.number for one in scene.undriven)
@@ -51,7 +51,7 @@ def check_rest(scene: Scene) -> None:
     """Reject a force along a coordinate that is assumed to rest because it has no inertia.
 
     Raises:
-        DescriptionError: The coordinate cannot rest.
+        DescriptionError: A force acts along the coordinate, so that it cannot rest.
     """
     resting = [one for one in scene.undriven if one.rests]
     if not resting:
@@ -67,9 +67,9 @@ def check_rest(scene: Scene) -> None:
             raise DescriptionError(what, where, "give its bodies inertia, or take away what acts along it")
 
 
-@lru_cache(maxsize=1)  # of the same immutable objects
+@lru_cache(maxsize=1)  # the arguments are immutable
 def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: tuple[int, ...]) -> frozenset[int]:
-    """Select coordinates along which nothing acts, and whose motion changes no force of an actuator."""
+    """Select coordinates along which no force acts, and whose motion changes no actuator force."""
     rows: Rows = spread(len(motion), MOST)
     some = motion.part(rows)
     at = _at(mechanism, some, applied)
@@ -92,14 +92,14 @@ def _idle(mechanism: Mechanism, motion: GivenMotion, applied: Applied, numbers: 
 
 
 def _at(mechanism: Mechanism, motion: GivenMotion, applied: Applied) -> ClosedMotion:
-    """Return a mechanism in a motion, with the accelerations as given."""
+    """Close the loops along a motion, keeping the given accelerations."""
     mode = AssemblyMode(layout(mechanism))
     q = mode.motion(motion.y, motion.t, (motion.yd, motion.ydd))
     return ClosedMotion(mode.system, q, motion.yd, motion.ydd, applied, motion.t)
 
 
 def _along(at: ClosedMotion, numbers: tuple[int, ...]) -> tuple[Array, float]:
-    """Compute forces along motions that move no actuator, without accelerations along these; and the largest force."""
+    """Return forces along motions that move no actuator, for zero accelerations along these; and the largest force."""
     ydd = at.ydd * ~np.isin(np.arange(at.ydd.shape[1]), numbers)
     still = ClosedMotion(at.loops, at.q, at.yd, ydd, at.applied, at.t)
     unit = at.loops.sizes[at.loops.y_columns]

@@ -1,4 +1,4 @@
-"""Cells of a grid of poses: those reached from home, and an order in which each cell is adjacent to an earlier one."""
+"""Cells of a grid of poses that can be reached from home, in an order in which each is next to an earlier cell."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from screwgauge.reference.rotations import Array
 
 #: Condition number of loops or actuators beyond which a cell is singular: half of the digits are lost there.
 SINGULAR = 1e8
-#: Largest deviation from the tangents at both ends, over the step; rounding; and the longest step [rad or
-#: lengths of the mechanism].
+#: Largest deviation from the tangents at both ends, relative to the step; tolerance for rounding; and the longest step
+#: [rad or lengths of the mechanism].
 BEND, SLACK, LONGEST = 0.25, 1e-9, 0.5
-#: Steps of Newton's method; pieces of the way between two cells, if a single step fails; and the finest subdivision.
+#: Steps of Newton's method; pieces of the path between two cells, if a single step fails; and the finest subdivision.
 NEWTON, PIECES, FINEST = 8, (1, 8), 64
-#: Cells near home that are tried as the first cell.
+#: Number of cells near home that are tried as the first cell.
 FIRST = 20
 NOT_REACHED = "the loops do not close there, or not without passing a singular pose on the way from home"
 
@@ -53,11 +53,11 @@ def examine(
 
     Args:
         y: Independent coordinates of the cells, the last axis running fastest [rad or m]. Shape (n, k).
-        counts: Cells along each axis.
-        undriven: Indices of coordinates that no actuator has to drive.
+        counts: Number of cells along each axis.
+        undriven: Indices of coordinates that actuators need not drive.
 
     Returns:
-        The reason why each cell has no results, empty if it has; pairs of connected cells; the first cell.
+        The reason why each cell has no results, empty if it has results; pairs of connected cells; the first cell.
     """
     lay = check_home(mechanism)
     mode, sides = AssemblyMode(lay, strict=True), edges(counts)
@@ -85,7 +85,7 @@ def examine(
 
 
 def _first(mode: AssemblyMode, y: Array, nearest: Rows) -> tuple[int, Array] | None:
-    """Find a cell that can be reached from home, and its unknowns there. Shape (n_z,)."""
+    """Find a cell that can be reached from home, and its unknowns. Shape (n_z,)."""
     for row in nearest[:FIRST].tolist():
         mode.restart()
         try:
@@ -107,7 +107,7 @@ def _flood(
         sides: Pairs of adjacent cells.
 
     Returns:
-        Mask of the cells reached, their poses, and pairs of cells on the ways there, shape (2, n_way).
+        Mask of the cells reached, their poses, and pairs of successive cells on the paths to them, shape (2, n_way).
     """
     start, n = _close(system, first[1][None], y[first[0]][None])[0], len(y)
     all_cells = tuple(np.full((n, *part.shape[1:]), np.nan) for part in start)
@@ -129,7 +129,7 @@ def _flood(
             known[reached] = True
             passed.append(np.stack([a[some], reached]))
         wave = np.flatnonzero(known & ~before)
-        if last := not len(wave) and not last:  # the remaining cells are next to singular poses
+        if last := not len(wave) and not last:  # retry from all cells: the remaining ones are next to singular poses
             wave = np.flatnonzero(known)
     return known, all_cells, np.concatenate(passed, axis=1)
 
@@ -140,12 +140,12 @@ def _keep(cells: Closed, rows: Rows, found: Closed) -> None:
 
 
 def _rows(cells: Closed, rows: Rows) -> Closed:
-    """Copy the cells of some rows."""
+    """Copy the given rows of the cells."""
     return tuple(part[rows] for part in cells)
 
 
 def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[np.bool_]]:
-    """Close the loops near predicted poses; return the poses, and True where they close. Shapes (n, n_z), (n, k)."""
+    """Close the loops near predicted poses; return the poses, and True for each that closes. (n, n_z), (n, k)."""
     with np.errstate(all="ignore"):
         z, J, error, *more = newton(system.evaluate, z, y, most=NEWTON)
         K = velocity_map(J, y.shape[1])
@@ -155,7 +155,7 @@ def _close(system: LoopEquations, z: Array, y: Array) -> tuple[Closed, NDArray[n
 def _advance(
     system: LoopEquations, at: Closed, way: tuple[Array, Array], pieces: int
 ) -> tuple[Closed, NDArray[np.bool_]]:
-    """Move straight from cells to others, piece by piece; return True where a way succeeds. Shape (n, k) each."""
+    """Move straight from cells to their targets, piece by piece; return True for each success. Shape (n, k) each."""
     step, good = (way[1] - way[0]) / pieces, np.ones(len(way[0]), dtype=bool)
     for i in range(1, pieces + 1):
         rows = np.flatnonzero(good)
@@ -170,7 +170,7 @@ def _advance(
 
 
 def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np.bool_]:
-    """Return True for steps that are short and follow both end tangents. Shapes (n, n_z), (n, n_z, k), (n, k)."""
+    """Return True for steps that are short and follow the tangents at both ends. (n, n_z), (n, n_z, k), (n, k)."""
     size = np.abs(step).max(axis=1, initial=0.0)
     good = size <= LONGEST
     for K in tangents:
@@ -180,10 +180,10 @@ def _is_linked(step: Array, tangents: Sequence[Array], way: Array) -> NDArray[np
 
 
 def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[int]) -> list[str]:
-    """Return the reason why each closed pose has no results; empty if it has.
+    """Return the reason why each closed pose has no results; empty if it has results.
 
     Args:
-        q: Shape (n, n_q).
+        q: Joint coordinates. Shape (n, n_q).
         matrix: System matrix of the loop closure, if any. Shape (n, m, n_z).
     """
     mechanism, found = lay.mechanism, [""] * len(q)
@@ -195,14 +195,14 @@ def _doubts(lay: Layout, q: Array, matrix: Array | None, undriven: Collection[in
     if given and len(mechanism.actuators) >= len(given):
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
         driven = driven[..., given]
-        rates = np.linalg.svd(driven, compute_uv=False)  # a single rate is small compared with 1
+        rates = np.linalg.svd(driven, compute_uv=False)  # compare a single rate with 1
         with np.errstate(divide="ignore"):
             share = np.maximum(rates[:, 0], 1.0) / rates[:, -1]
         conditions.append((share, "its actuators do not determine the motion"))
     for condition, why in conditions:
         for i in np.flatnonzero(~(condition <= SINGULAR)).tolist():
             found[i] = found[i] or f"the pose is singular: {why}"
-    margin = SLACK * sizes  # at a limit, rounding decides
+    margin = SLACK * sizes  # exclude the limits themselves, where rounding would decide
     for i, k in np.argwhere((q < low + margin) | (q > high - margin)).tolist():
         limits = f"[{low[k]:g}, {high[k]:g}]"
         found[i] = found[i] or f"'{mechanism.coordinates[k]}' is not within its limits {limits}"
@@ -215,12 +215,13 @@ def walk(
     """Order the cells so that each is adjacent to an earlier one: along the last axis, then on to the next row.
 
     Args:
-        wanted: Cells that have results; the way may pass through other cells. Shape (n,).
+        wanted: True for cells that have results; the path may pass through other cells. Shape (n,).
         ways: Pairs of connected cells.
-        first: Cell at which the walk begins.
+        first: Cell at which the path begins.
 
     Returns:
-        Cells in order; cells of the whole path, including ways back; and where on the path each cell is first reached.
+        Cells in order; cells of the whole path, including ways back; and the index on the path at which each cell is
+        first reached.
     """
     beside: list[dict[int, int]] = [{} for _ in wanted]  # difference of the indices -> the adjacent cell
     for a, b in zip(*(side.tolist() for side in ways), strict=True):

@@ -1,4 +1,4 @@
-"""Contacts of a scene: joints to ground that hold during the whole scene, in addition to those of its description."""
+"""Contacts of a scene: joints to ground that exist during the whole scene, in addition to those of its description."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from screwgauge.scene.keys import read_keys
 
 #: Kind of a contact -> kind of its joint.
 CONTACTS = {"weld": "fixed", "hinge": "R", "point": "S"}
-#: Distance of a rotation from one by quarter turns that counts as rounding.
+#: Largest difference from a rotation by quarter turns that counts as rounding.
 ROUNDING = 1e-12
-#: Names listed in a sentence.
+#: Number of names listed in a sentence.
 SHOWN = 6
 
 
@@ -36,7 +36,7 @@ class Contact:
 
     Attributes:
         kind: One of `CONTACTS`.
-        point: In the frame of the body [m]. Shape (3,).
+        point: Point of contact in the frame of the body [m]. Shape (3,).
         axis: Axis of a hinge: unit vector in the frame of the body. Shape (3,).
     """
 
@@ -49,11 +49,11 @@ class Contact:
 
     @property
     def held(self) -> Array:
-        """Directions in the frame of the body about which the contact prevents rotation, as columns. Shape (3, n)."""
+        """Directions about which the contact prevents rotation, as columns in the frame of the body. Shape (3, n)."""
         return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
 
     def joint(self, R: Array, p: Array) -> Joint:
-        """Return the joint from ground to the body in a pose, shapes (3, 3), (3,). A weld has the axes of the world."""
+        """Return the joint from ground to the body at a pose, shapes (3, 3), (3,). A weld has the world axes."""
         kind, place = CONTACTS[self.kind], p + R @ self.point
         n, turned = len(KINDS[kind]), (np.eye(3), R.T) if self.kind == "weld" else (R, np.eye(3))
         return Joint(
@@ -71,7 +71,7 @@ class Contact:
         )
 
     def coupling(self, coordinate: str, value: float) -> Coupling:
-        """Return the coupling that holds a coordinate of the free joint that carries the body."""
+        """Return the coupling that locks a coordinate of the free joint between ground and the body."""
         name = f"{self.name}.{coordinate.rpartition('.')[2]}"
         return Coupling(name, coordinate, PolynomialSum(float(value), {}), self.where)
 
@@ -80,7 +80,8 @@ def read_contact(mechanism: Mechanism, table: Any, where: str) -> Contact:
     """Read an entry of ``[[contacts]]``.
 
     Raises:
-        ScrewgaugeError: A name or kind is unknown, a name is taken, an axis is invalid, or a non-hinge has an axis.
+        ScrewgaugeError: A name or kind is unknown, a name is taken, an axis is invalid, or a contact other than a hinge
+            has an axis.
     """
     given = read_keys("contacts", table, where)
     body, kind = check_name("body", given["body"], [body.name for body in mechanism.bodies], where), given["kind"]
@@ -115,7 +116,7 @@ def read_contacts(mechanism: Mechanism, data: dict[str, Any], where: str) -> tup
 def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, where: str) -> Mechanism:
     """Return the mechanism with contacts; its home pose has the given joint coordinates, shape (n_q,).
 
-    A weld of a body that a free joint carries holds the coordinates of that joint: no loop is closed.
+    A weld of a body on a free joint locks the coordinates of that joint instead of closing a loop.
     """
     at, couplings = pose(layout(mechanism), q[None]), list[Coupling]()
     joints = [replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints]
@@ -133,19 +134,19 @@ def touching_at(mechanism: Mechanism, contacts: Sequence[Contact], q: Array, whe
 
 
 def _exact(R: Array) -> Array:
-    """Replace a rotation that differs from quarter turns only by rounding with the exact one. Shape (3, 3)."""
+    """Round a rotation to exact quarter turns if it differs from them only by rounding. Shape (3, 3)."""
     return np.round(R) if np.abs(R - np.round(R)).max() < ROUNDING else np.where(np.abs(R) < EPS, 0.0, R)
 
 
 def independent_of(
     touching: Mechanism, mechanism: Mechanism, named: Sequence[str], where: str
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return label -> coordinate of independent coordinates under contacts, and the named ones that are dependent.
+    """Return label -> independent coordinate under contacts, and the named coordinates that are dependent.
 
     Named coordinates are preferred, then actuated ones, other labels of the description, contacts, and the base pose.
 
     Raises:
-        ScrewgaugeError: Contacts leave no freedom, or begin at a singular pose.
+        ScrewgaugeError: Contacts leave no degree of freedom, or start at a singular pose.
     """
     K, names = motions(touching)[0], touching.coordinates
     if not K.shape[1]:
@@ -166,7 +167,7 @@ def independent_of(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select independent rows, early ones first, each with more than a share of it beyond those before. (n, k) -> k."""
+    """Select independent rows, early ones first, each with more than a given share that is new. (n, k) -> k."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

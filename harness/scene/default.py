@@ -1,7 +1,7 @@
 """Generated scenes: exciting motions, default scenes of descriptions and model files, and their text.
 
-A persistently exciting motion is a sum of sines of every independent coordinate, as large as limits and singular poses
-allow, and so fast that inertial forces are about as large as the others. Module `read` reads scenes from files.
+A persistently exciting motion is a sum of sines for every independent coordinate, as large as limits and singular poses
+allow, and so fast that inertial forces are about as large as gravity and loads. Module `read` reads scenes from files.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
-WORSE = 4.0  # a condition number this many times that of home is acceptable
-STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
-#: Amplitude of the coordinate that moves most [rad or lengths of the mechanism]: the first regular one is taken.
+WORSE = 4.0  # largest acceptable ratio of a condition number to that of the home pose
+STEEPEST = 1.2  # largest second angle of an S joint [rad], well before its lock
+#: Amplitudes of the coordinate that moves most [rad or lengths of the mechanism]; the first suitable one is used.
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
-SINES = 3  # of each coordinate
+SINES = 3  # number for each coordinate
 SAMPLES = 101
-NAMED = 4  # joints named in a sentence
-PART = 12  # samples tracked before screening
-PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
+NAMED = 4  # number of joints named in a sentence
+PART = 12  # number of samples tracked before screening
+PERIODS = 2.0 * SINES  # number of periods of a sine with the usual frequency, which are two of the slowest sine
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     """Describe the obstacle of a motion from home: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
-        mode: Assembly mode that strictly follows the motion, and reuses what it has followed before.
-        part: Number of samples tracked before screening: finding where a way ends takes long.
+        mode: Assembly mode that follows the motion strictly, and reuses poses that it has followed before.
+        part: Number of samples tracked before screening: finding the end of a path takes long.
 
     Raises:
         ScrewgaugeError: The motion cannot be followed.
@@ -83,13 +83,13 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     """Return a scene whose motion from home excites as much inertia as possible, at new times.
 
     Args:
-        seed: Seed of the motion, which name and title contain.
-        samples: Number of samples; `SAMPLES` would show the whole motion.
+        seed: Seed of the motion, which appears in name and title.
+        samples: Number of samples; `SAMPLES` cover the whole motion.
         largest: Amplitude to try first [rad or lengths of the mechanism].
 
     Raises:
         DescriptionError: The motion of the scene is integrated, or the mechanism has no room to move about home.
-        ScrewgaugeError: Its mechanism is refused.
+        ScrewgaugeError: The mechanism is invalid.
     """
     check_scene_type(scene, "exciting")
     check_seed(seed)
@@ -139,12 +139,14 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
 
 
 def _whole(scene: Scene, given: Drive) -> Drive | Followed:
-    """Return the motion of all coordinates: the given one, completed for coordinates that no actuator drives."""
+    """Complete a given motion with the coordinates that no actuator drives."""
     return replace(scene.drive, given=given, since=0.0) if isinstance(scene.drive, Followed) else given
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """Return distances of independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    """Return the distance of each independent coordinate from its limits at home [rad or m], infinite beyond. Shape
+    (k,).
+    """
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -164,10 +166,7 @@ def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive | Foll
 
 
 def _sines(rng: np.random.Generator, heights: Array) -> Array:
-    """Draw sines of each coordinate, rows [omega, cos, sin]: distinct frequencies, random phases, sum zero at t = 0.
-
-    Frequencies are about 1. Shape (k,) -> (k, SINES, 3).
-    """
+    """Draw sines of each coordinate, rows [omega, cos, sin]: distinct frequencies, random phases, zero sum at t = 0."""
     sines = np.empty((len(heights), SINES, 3))
     for rows, height in zip(sines, heights, strict=True):
         cos = np.full(SINES, 2.0)
@@ -192,18 +191,18 @@ def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))
 
 
-#: Ending of the scene file of a description: ``panda.toml`` has ``panda.scene.toml``.
+#: Suffix of the scene file of a description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
 
 
 def scene_file(path: Path) -> Path:
-    """Return the scene file that a path stands for: itself, or the scene of a description or model file.
+    """Return the scene file that a path stands for: the path itself, or the scene of a description or model file.
 
-    If a description has no scene in its folder, it has the default scene, like a model file, in a folder removed
-    at the end of the process.
+    A model file, or a description without a scene in its folder, gets the default scene, in a folder removed at the end
+    of the process.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, or does not make a scene.
+        ScrewgaugeError: The file cannot be read, or no scene can be made from it.
     """
     from screwgauge.models.importing.model import imported_file, scratch_folder
 
@@ -219,7 +218,7 @@ def scene_file(path: Path) -> Path:
             return scene
         description, acting = path.resolve(), dict[str, Any]()
     file = scratch_folder() / f"{path.stem}{SUFFIX}"
-    mechanism = replace(load_mechanism(description), where=str(path))  # errors are in the user's file
+    mechanism = replace(load_mechanism(description), where=str(path))  # errors must name the user's file
     file.write_text(default_scene(mechanism, description, **acting), encoding="utf-8")
     return file
 
@@ -228,7 +227,7 @@ def gravity_of(name: str) -> Array | None:
     """Return the gravity of a model file, or of the scene next to a description.
 
     Returns:
-        World axes [m/s^2], shape (3,); None where neither states it.
+        Vector in world axes [m/s^2], shape (3,); None if the file does not specify gravity.
     """
     from screwgauge.models.importing.model import imported_file
 
@@ -241,7 +240,7 @@ def gravity_of(name: str) -> Array | None:
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:
-    """Return arguments of `default_scene` from a model file, besides its mechanism."""
+    """Return the arguments of `default_scene` that a model file determines in addition to the mechanism."""
     from screwgauge.models.importing.model import notes
 
     return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
@@ -258,12 +257,12 @@ def default_scene(
     """Return the default scene of a mechanism as TOML.
 
     Args:
-        file: The description, by its full path or relative to the scene.
-        gravity: World axes [m/s^2]; standard gravity by default. Shape (3,).
+        file: Path of the description, absolute or relative to the scene.
+        gravity: Vector in world axes [m/s^2]; standard gravity by default. Shape (3,).
         springs: Springs and dampers of joints.
 
     Raises:
-        ScrewgaugeError: The mechanism is refused, or has no room to move.
+        ScrewgaugeError: The mechanism is invalid, or has no room to move.
     """
     scene = exciting(_at_rest(mechanism, file, Applied(gravity=gravity, springs=tuple(springs))))
     out = [f"# {wrap(description, 116)[0]}"] if description else []
@@ -302,10 +301,10 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
 
 
 def write_model(model: Any, constraints: Sequence[Any], q: ArrayLike | None, options: Options) -> Path:
-    """Write the scene of a Pinocchio model to a folder removed with the process; see `screwgauge.import_model`.
+    """Write the scene of a Pinocchio model to a temporary folder of the process; see `screwgauge.import_model`.
 
     Raises:
-        ScrewgaugeError: The model is not a Pinocchio model, or does not make a scene.
+        ScrewgaugeError: `model` is not a Pinocchio model, or no scene can be made from it.
     """
     from screwgauge.models.importing.left_out import left_out_of_model
     from screwgauge.models.importing.model import describe, scratch_folder
@@ -321,14 +320,14 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
     """Write the description and its scene into one folder.
 
     Args:
-        text: Text of the description; made from the mechanism by default.
+        text: Content of the description; made from the mechanism by default.
         force: Replace existing files, whatever their origin.
 
     Returns:
-        Their paths.
+        The paths of the description and the scene.
 
     Raises:
-        OutputError: The files cannot be written, or one exists that was changed or not written here.
+        OutputError: The files cannot be written, or an existing file was changed or written by something else.
         ScrewgaugeError: No scene can be made.
     """
     if file.suffix != ".toml":
@@ -341,7 +340,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
         with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
             made = Path(folder) / file.name, Path(folder) / scene.name
             _write(made[0], text or description(imported.mechanism, notes(imported)))
-            # as it will be read, to the last digit; errors are in the imported file
+            # use the numbers as they will be read, to the last digit; errors must name the imported file
             mechanism = replace(load_mechanism(made[0]), where=imported.mechanism.where)
             _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))
             for path, target in zip(made, (file, scene), strict=True):

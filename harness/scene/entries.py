@@ -1,4 +1,4 @@
-"""Entries of a scene file as objects: loads, springs, motors, tolerances, figures; each checked when it is read."""
+"""Entries of a scene file as objects: loads, springs, motors, tolerances, figures. Each is checked when it is read."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ GRID = "take a longer step or a shorter duration"
 
 def read_times(values: list[Any], where: str) -> Array:
     check_count(len(values), "samples", where, GRID)
-    if all(isinstance(v, float) for v in values):  # including those of numpy
+    if all(isinstance(v, float) for v in values):  # numpy floats are instances of float, too
         t = np.array(values, dtype=float)
     else:
         t = np.array([number(v.item() if isinstance(v, np.generic) else v, where) for v in values])
@@ -75,7 +75,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     if step > duration * (1 + 1e-12):
         what = f"the step of {step:g} s is longer than the duration of {duration:g} s"
         raise DescriptionError(what, where, "check their units, or write times = [...]")
-    # multiples of the step; a duration that is not a whole number of steps ends at the last one before it
+    # a duration that is not a whole number of steps ends at the last step before it
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
@@ -101,10 +101,10 @@ def read_figure(table: Any, where: str) -> Figure:
 
 
 def read_points(mechanism: Mechanism, data: dict[str, Any], where: str) -> tuple[Point, ...]:
-    """Read ``[[points]]``: named points of bodies, whose velocities are wanted.
+    """Read ``[[points]]``: named points of bodies whose velocities are requested.
 
     Raises:
-        ScrewgaugeError: Unknown bodies, or a name that is taken.
+        ScrewgaugeError: A body is unknown, or a name is taken.
     """
     bodies = [body.name for body in mechanism.bodies]
 
@@ -124,10 +124,10 @@ _ENDS = ("first", "first_point", "second", "second_point")
 
 
 def read_load(mechanism: Mechanism, table: Any, where: str, folder: Path = Path()) -> Load:
-    """Read a load: ``by`` exerts it, ``on`` feels it; one is a body, the other the environment.
+    """Read a load that ``by`` exerts on ``on``; one of them is a body, the other the environment.
 
     Args:
-        folder: Where CSV files are looked for.
+        folder: Folder of CSV files.
     """
     given = read_keys("loads", table, where)
     on, by, point = given["on"], given["by"], given["point"]
@@ -194,7 +194,7 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
 
 
 def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
-    """Read a force along a joint coordinate over time, in the terms of a motion."""
+    """Read a force along a joint coordinate as a function of time, in the format of a motion."""
     coordinate = check_name("coordinate", read_keys("motors", table, where)["coordinate"], mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
@@ -216,7 +216,7 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder:
     """Return fields of `Applied` from entries of a scene file; entries that are already objects are kept.
 
     Args:
-        folder: Where CSV files are looked for.
+        folder: Folder of CSV files.
     """
     given: dict[str, Any] = {}
     if "gravity" in data:
@@ -229,7 +229,7 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str, folder:
 
 
 def as_written(value: Any) -> Any:
-    """Convert tuples, arrays and their numbers to the lists and plain numbers of a file."""
+    """Convert tuples, arrays and numpy numbers to the lists and plain numbers of a file."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, dict):

@@ -1,7 +1,7 @@
 """A grid of poses as a motion: all cells reached from home, each at rest, in an order that keeps the assembly mode.
 
-Cells that no engine could solve are found and named when a scene is read: where the loops do not close, or a pose is
-singular, or beyond the limits of a joint.
+When a scene is read, cells that no engine could solve are found and reported: those where the loops do not close, the
+pose is singular, or a joint exceeds its limits.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Missing:
 
     Attributes:
         cell: Index along each axis.
-        pose: Coordinates in words.
+        pose: Description of the coordinates.
         reason: Reason for missing results.
     """
 
@@ -54,14 +54,14 @@ class GridMotion:
     """Walk over the cells of a grid as a function of time; it reaches the i-th cell, at rest, at t = i.
 
     Attributes:
-        labels: Independent coordinates that the grid is over.
+        labels: Independent coordinates that the grid varies.
         units: Units of these coordinates, rad or m.
         axes: Values along each axis.
         cells: Indices of the cells in the order of the walk. Shape (n, n_axis).
         path: Independent coordinates of the cells along the walk, including ways back. Shape (p, k).
         reached: Index on the path at which each cell is first reached. Shape (n,).
         missing: Cells without results.
-        freedoms: Coordinates outside the grid that no actuator drives; they rest, and may accelerate.
+        freedoms: Coordinates that the grid does not vary and no actuator drives; they rest, but may accelerate.
     """
 
     labels: tuple[str, ...]
@@ -105,7 +105,7 @@ class GridMotion:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warning about cells without results, if there are any."""
+        """Warning about cells without results; empty if all have results."""
         if not self.missing:
             return ()
         first, n = self.missing[0], len(self.missing) + len(self.cells)
@@ -119,7 +119,7 @@ def is_grid(table: Any, mechanism: Mechanism) -> bool:
 
 
 def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) -> GridMotion:
-    """Read ``[motion.grid]``; coordinates outside it keep a constant ``offset``, or their value at home.
+    """Read ``[motion.grid]``; other coordinates keep a constant ``offset``, or their value at home.
 
     Raises:
         ScrewgaugeError: The grid cannot be read, or none of its cells can be reached from home.
@@ -157,7 +157,7 @@ def read_grid_motion(table: dict[str, Any], mechanism: Mechanism, where: str) ->
 
 
 def _undriven(mechanism: Mechanism, axes: Collection[str]) -> tuple[Freedom, ...]:
-    """Return coordinates outside the grid that no actuator drives."""
+    """Return the coordinates that the grid does not vary and no actuator drives."""
     undriven = {*undriven_labels(mechanism)} - {*axes}
     if not undriven:
         return ()
@@ -178,7 +178,7 @@ def check_timeless(data: Collection[str], applied: Applied, where: str) -> None:
     """Reject entries that depend on time in the file of a scene with a grid.
 
     Args:
-        data: Keys of the file.
+        data: Keys in the file.
     """
     timed = [key for key in ("time", "idle") if key in data]
     timed += ["motors"] * any(not motor.course.constant for motor in applied.motors)

@@ -1,7 +1,7 @@
-"""Hold a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
+"""Attach a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
-Such a scene runs on a separate description that extends the given one, so that engines, truth and judge know what
-holds, like all other joints.
+Such a scene uses a separate description that extends the given one, so that engines, truth and judge treat the
+attachment like any other joint.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from screwgauge.scene.grid import is_grid
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 from screwgauge.scene.scene import RULES
 
-#: Slide of a contact [lengths of the mechanism or rad]: closure residual, and the largest that encoders explain.
+#: Slip of a contact [lengths of the mechanism or rad]: closure residual, and the largest that encoders explain.
 CLOSED, FARTHEST = 1e-9, 1e-2
-#: Names listed in a sentence.
+#: Number of names listed in a sentence.
 SHOWN = 6
 
-#: Function of a scene's tables, mechanism, times of motion samples, and file that returns its times.
+#: Function of a scene's tables, the mechanism, the times of motion samples, and the scene's file; returns the times.
 Times = Callable[[dict[str, Any], Mechanism, Array | None, Path], Array]
 
 
@@ -47,8 +47,8 @@ class _Named:
 
     Attributes:
         labels: Names in the order of the scene.
-        start: Their values at the first time [rad or m].
-        drive: Their motion, unless it is integrated.
+        start: Values at the first time [rad or m].
+        drive: Motion of the coordinates, unless it is integrated.
         t: Times of the scene, if its motion is given [s]. Shape (n,).
     """
 
@@ -61,7 +61,7 @@ class _Named:
 def hold_to_ground(
     file: Path, mechanism: Mechanism, data: dict[str, Any], path: Path, times: Times
 ) -> tuple[Path, Mechanism, dict[str, Any]]:
-    """Hold a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
+    """Attach a mechanism to the ground in a scene by contacts, or by a prescribed motion of a floating base.
 
     Args:
         file: The description of `mechanism`.
@@ -70,12 +70,12 @@ def hold_to_ground(
         times: Function that reads the times of the scene.
 
     Returns:
-        The extended description; its mechanism, with a remark on each assumption; and the tables with a motion of
-        the coordinates that are then independent.
+        The extended description; its mechanism, with a remark on each assumption; and the tables with a motion of the
+        coordinates that are then independent.
 
     Raises:
-        ScrewgaugeError: A contact cannot be read; contacts leave no freedom, or begin at a singular pose; or the motion
-            would slide one.
+        ScrewgaugeError: A contact cannot be read, contacts leave no degree of freedom or start at a singular pose, or
+            the motion would make a contact slip.
     """
     if "stance" in data and not data.get("contacts"):
         raise DescriptionError("there is a stance and no contact", str(path), "add [[contacts]], or remove it")
@@ -103,7 +103,7 @@ def hold_to_ground(
 def _in_contact(
     mechanism: Mechanism, contacts: Sequence[Contact], named: _Named, data: dict[str, Any], path: Path
 ) -> tuple[Mechanism, list[str], dict[str, Any]]:
-    """Return the mechanism with contacts, its assumptions, and the tables with a motion of independent coordinates."""
+    """Return the mechanism with contacts, its assumptions, and the tables without motions of dependent coordinates."""
     where = f"{path}, contacts"
     stance = _stance(mechanism, named, data.get("stance", {}), f"{path}, stance")
     touching = touching_at(mechanism, contacts, stance, where)
@@ -118,7 +118,7 @@ def _in_contact(
 
 
 def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any]:
-    """Return tables without a motion, or a start, of some labels; a CSV file may still have them."""
+    """Remove the motion or the start of given labels from the tables; a CSV file may keep them."""
     if "forward" in data:
         start = {label: value for label, value in data["forward"].get("start", {}).items() if label not in labels}
         return {**data, "forward": {**data["forward"], "start": start}}
@@ -128,7 +128,7 @@ def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any
 
 
 def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
-    """Return the mechanism with the named coordinates of a base held, if no other joint leads to the base."""
+    """Lock the named coordinates of a floating base, unless other joints also connect the base to the ground."""
     joints = list[Joint]()
     for joint in mechanism.joints:
         free = not joint.constrains and joint.parent == GROUND and not _is_led_to(mechanism, joint)
@@ -138,7 +138,7 @@ def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
 
 
 def _said_of_base(base: Joint) -> str:
-    """Return the sentence on what holds a base."""
+    """Return a sentence on the force that the prescribed motion of a base requires."""
     return (
         f"the motion of {base.child} is given and no actuator drives it: actuator_force has what the ground would have "
         f"to exert along {first_few(base.held, len(base.coordinates))}"
@@ -160,7 +160,7 @@ def _read_names(
     """Read the coordinates that the scene names.
 
     Raises:
-        ScrewgaugeError: Names that are neither labels nor coordinates, or a motion that cannot be read.
+        ScrewgaugeError: A name is neither a label nor a coordinate, or the motion cannot be read.
     """
     known = [*dict.fromkeys([*mechanism.independent, *mechanism.moving, *contacts])]
     if "forward" in data:
@@ -180,9 +180,9 @@ def _read_names(
 
 
 def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Array:
-    """Return all coordinates of the description without contacts, at the pose where these take hold. Shape (n_q,).
+    """Return all coordinates of the description without contacts, at the pose where contacts begin. Shape (n_q,).
 
-    Each coordinate has its value at the start of the motion, else that of ``[stance]``, else that of home.
+    Each coordinate has its value at the start of the motion, or else its value in ``[stance]``, or else at home.
     """
     check_keys(table, mechanism.independent, where)
     if twice := [label for label in table if label in named.labels]:
@@ -195,18 +195,18 @@ def _stance(mechanism: Mechanism, named: _Named, table: Any, where: str) -> Arra
         return mechanism.home
     check_home(mechanism)
     q: Array = positions(layout(mechanism), y[None], np.zeros(1))[0]
-    q[mechanism.independent_columns] = y  # converting to dimensionless unknowns has rounded them
+    q[mechanism.independent_columns] = y  # undo the rounding by dimensionless unknowns
     return q
 
 
 def _assumption(contacts: Sequence[Contact]) -> str:
-    """Return the sentence on what contacts are assumed to be."""
+    """Return a sentence on the assumptions about contacts."""
     held = first_few([f"'{contact.name}' ({contact.kind} of {contact.body})" for contact in contacts], SHOWN)
     return f"contacts hold bodies where they are at the start of the motion, and pull as well as push: {held}"
 
 
 def _rule_note(touching: Mechanism, data: dict[str, Any]) -> Iterator[str]:
-    """Yield a sentence on the rule that distributes actuator forces which counteract each other through contacts."""
+    """Yield a sentence on the rule for actuator forces if actuators can counteract each other through contacts."""
     if len(touching.actuators) > len(touching.independent) and "forward" not in data:
         yield (
             f"with contacts {len(touching.actuators)} actuators drive {len(touching.independent)} freedoms: they can "
@@ -222,10 +222,10 @@ def _follow(
     contacts: Sequence[Contact],
     scene: str,
 ) -> list[str]:
-    """Report given coordinates that follow from others, and how far the given motion makes contacts slide.
+    """Report given coordinates that depend on others, and how far the given motion makes contacts slip.
 
     Raises:
-        DescriptionError: A contact would slide farther than rounding or encoders explain.
+        DescriptionError: A contact would slip farther than rounding or encoders explain.
     """
     if not surplus:
         return []
@@ -261,7 +261,7 @@ def _follow(
 def _slides(
     mechanism: Mechanism, touching: Mechanism, motion: GivenMotion, labels: Sequence[str], contacts: Sequence[Contact]
 ) -> Array:
-    """Compute how far the given coordinates slide the point of each contact [m] and turn its body [rad]. (n, c, 2)."""
+    """Return how far given coordinates shift the point of each contact [m] and turn its body [rad]. Shape (n, c, 2)."""
     chosen = [labels.index(label) for label in touching.independent]
     y, yd, ydd = (x[:, chosen] for x in (motion.y, motion.yd, motion.ydd))
     q = positions(layout(touching), y, motion.t, (yd, ydd))[:, : len(mechanism.coordinates)]

@@ -26,9 +26,9 @@ from screwgauge.reference.tables import check_keys, required
 from screwgauge.scene.keys import read_keys
 from screwgauge.scene.motion import Analytic, Sampled, moved_labels, read_drive
 
-#: Inertia below this share of that of the whole machine is rounding.
+#: Inertia below this share of the whole machine's inertia is rounding.
 NO_INERTIA = 1e-13
-#: Distance from home of the poses at which inertia is evaluated [rad or lengths of the mechanism].
+#: Distance from home at which inertia is evaluated at further poses [rad or lengths of the mechanism].
 ASIDE = 0.05
 #: Admitted interpolation error between samples, relative to the travel of a coordinate.
 COARSE = 1e-3
@@ -45,8 +45,8 @@ class Freedom:
     Attributes:
         label, number: Name and index of the independent coordinate.
         start, rate: Value and rate at the first time [rad or m, per s].
-        chosen: True if the scene gives the rate.
-        rests: True if the coordinate has no inertia: it rests.
+        chosen: True if the scene specifies the rate.
+        rests: True if the coordinate has no inertia and therefore rests.
     """
 
     label: str
@@ -68,7 +68,7 @@ def read_given(
     every = [*mechanism.independent]
     labels = moved_labels(table, every, folder, where)
     if not labels:
-        labels = every  # an empty motion omits nothing
+        labels = every  # treat an empty motion as a motion of all coordinates
     if labels != every:
         left_to_forces(mechanism, labels, where)
     return *read_drive(table, labels, folder, where), tuple(labels)
@@ -84,7 +84,7 @@ def read_undriven(table: Any, motion: Collection[str], mechanism: Mechanism, whe
 
 
 def left_to_forces(mechanism: Mechanism, labels: Sequence[str], where: str) -> None:
-    """Reject a motion of some independent coordinates unless these are exactly the ones that actuators drive.
+    """Reject a motion unless its coordinates are exactly the independent coordinates that actuators drive.
 
     Raises:
         DescriptionError: A driven coordinate has no motion, or a coordinate with a motion is not driven.
@@ -110,13 +110,13 @@ def undriven_labels(mechanism: Mechanism) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Prescribed motion of some coordinates as a function of time; the motion of all others follows from the forces.
+    """Prescribed motion of coordinates as a function of time; all remaining coordinates move under the forces.
 
     Attributes:
         given: Prescribed motion.
         labels: Coordinates with a prescribed motion.
-        stated: Label -> entry of the scene for a coordinate that no actuator drives.
-        since: Time at which those coordinates start [s].
+        stated: Label of a coordinate that no actuator drives -> its entry in the scene.
+        since: Time at which the coordinates without actuator start [s].
     """
 
     given: Analytic | Sampled
@@ -130,7 +130,7 @@ class Followed:
         """Return the motion at times [s]. Shape (n,).
 
         Raises:
-            ScrewgaugeError: The motion breaks off earlier, or its file has no sample at a time.
+            ScrewgaugeError: The motion ends before a time, or its file has no sample at a time.
         """
         motion = self.between(t)
         if not isinstance(self.given, Sampled):
@@ -142,7 +142,7 @@ class Followed:
         return replace(motion, y=y, yd=yd, ydd=self._motion.accelerations(t, y, yd, ydd))
 
     def between(self, t: Array) -> GivenMotion:
-        """Return the motion at times [s], interpolated between samples of a file."""
+        """Return the motion at times [s], interpolated between the samples of its file."""
         if (early := np.flatnonzero(t < self.since)).size:
             what = f"starts at t = {self.since:g} s, with what no actuator drives"
             raise DescriptionError(what, "motion", f"ask for no times before, such as {t[early[0]]:g} s")
@@ -154,7 +154,7 @@ class Followed:
         return [labels.index(label) for label in self.labels]
 
     def _given_motion(self, t: Array) -> State:
-        """Return the prescribed motion, with all other coordinates at their start. Shape (n, k) each."""
+        """Return the prescribed motion, in which all other coordinates keep their start values. Shape (n, k) each."""
         some = self.given.between(t) if isinstance(self.given, Sampled) else self.given(t)
         home = self.mechanism.home[self.mechanism.independent_columns]
         y, yd, ydd = np.tile(home, (len(t), 1)), *np.zeros((2, len(t), len(home)))
@@ -202,7 +202,7 @@ class Followed:
         )
 
     def _inert(self, undriven: list[int]) -> list[int]:
-        """Select coordinates with inertia that is independent of those selected before: the others rest."""
+        """Select coordinates with inertia independent of that of coordinates selected before; the others rest."""
         lay = layout(self.mechanism)
         unit = home_equations(lay).sizes[self.mechanism.independent_columns]
         total: Array | float = 0.0
@@ -219,7 +219,7 @@ class Followed:
         return sorted(undriven[j] for j in kept)
 
     def _rates_without_momentum(self, y: Array, yd: Array, idle: list[int], free: list[int]) -> Array:
-        """Solve for rates at the start such that there is no momentum along the `free` coordinates. Shape (k,)."""
+        """Return initial rates such that the momentum along the `free` coordinates is zero. Shape (k,)."""
         if not free:
             return np.asarray(yd[0])
         q = AssemblyMode(layout(self.mechanism)).motion(y, np.array([self.since]))
@@ -234,7 +234,7 @@ class Followed:
 
 
 def _about_home(lay: Layout) -> list[Array]:
-    """Return the closed poses at and near home that exist. Shape (n_q,) each."""
+    """Return the home pose and those poses near it at which the loops close. Shape (n_q,) each."""
     branch, columns = BranchPose(lay, lay.mechanism.home), lay.mechanism.independent_columns
     unit, poses = branch.system.sizes[columns], [lay.mechanism.home]
     for i in range(2):

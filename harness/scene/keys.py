@@ -1,4 +1,4 @@
-"""Keys of a scene file. The table ``keys.toml`` defines them: readers of scenes and a page of the guide use it."""
+"""Keys of a scene file, defined in the table ``keys.toml``, which readers of scenes and a page of the guide use."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _count(value: Any, key: str, where: str) -> int:
     return value
 
 
-#: Shape -> function that reads a value, its key and the place of its table. Other shapes have separate readers.
+#: Shape -> function that reads a value, given its key and the place of its table. Other shapes have separate readers.
 SHAPES: dict[str, Callable[[Any, str, str], Any]] = {
     "text": lambda value, key, where: read_text({key: value}, key, where),
     "flag": lambda value, key, where: read_flag({key: value}, key, where),
@@ -51,7 +51,8 @@ def read_keys(name: str, table: Any, where: str) -> dict[str, Any]:
         name: Name of the table in ``keys.toml``.
 
     Raises:
-        ScrewgaugeError: Not a table, a key is unknown or missing, or a value has the wrong shape or is out of bounds.
+        ScrewgaugeError: The entry is not a table, a key is unknown or missing, or a value has the wrong shape or is out
+            of bounds.
     """
     keys = TABLES[name]["keys"]
     check_keys(table, keys, where)
@@ -75,5 +76,5 @@ def _read(key: str, one: dict[str, Any], table: dict[str, Any], where: str) -> A
 
 
 def among(table: str, key: str) -> tuple[str, ...]:
-    """Return the names that a key accepts, its default first."""
+    """Return the names that a key accepts, the default first."""
     return tuple(TABLES[table]["keys"][key]["among"])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> dict[str, Array]:
-    """Return columns of a CSV or Parquet file, read to the last bit and finite. Shape (n,) each.
+    """Read columns of a CSV or Parquet file without rounding; reject non-finite values. Shape (n,) each.
 
     Args:
         wanted: Names of the columns; all by default.
@@ -40,14 +40,14 @@ def read_columns(path: Path, wanted: list[str] | None = None, why: str = "") -> 
         if column not in data.columns:
             names = f"give all of {', '.join(wanted or ())} ({why})"
             raise DescriptionError(f"column '{column}' is missing", str(path), names)
-        if f"{column}.1" in data.columns:  # name that pandas gives to a second column
+        if f"{column}.1" in data.columns:  # pandas renames a second column of that name
             raise DescriptionError(f"column '{column}' is there twice", str(path), "remove one")
         columns[column] = numbers(data[column], f"column '{column}'", str(path))
     return columns
 
 
 def numbers(values: Any, what: str, where: str) -> Array:
-    """Convert values, also texts, to finite numbers. Shape (n,)."""
+    """Convert values, including strings, to finite numbers. Shape (n,)."""
     result = np.array([_number(value) for value in values], dtype=float)
     bad = np.flatnonzero(~(np.abs(result) <= LARGEST))
     if bad.size:
@@ -84,7 +84,7 @@ def _csv(path: Path) -> DataFrame:
 
 
 def _check_fields(text: str, where: str) -> None:
-    """Reject rows with more fields than the admitted number of columns: pandas takes a minute for a million fields."""
+    """Reject rows with more fields than columns are admitted: pandas takes a minute for a million fields."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
     check_count(max((line.count(",") + 1 for line in lines), default=0), "CSV columns", where)
     if any(line.count('"') % 2 for line in lines):
@@ -95,7 +95,7 @@ def read_parquet(path: Path) -> DataFrame:
     """Read the table of a Parquet file.
 
     Raises:
-        DescriptionError: The file cannot be read, or is larger than `LIMITS` allow.
+        DescriptionError: The file cannot be read, or exceeds the `LIMITS`.
     """
     content = read_bytes(path, "MB of CSV")
     if find_spec("pyarrow") is None:
@@ -105,14 +105,14 @@ def read_parquet(path: Path) -> DataFrame:
     try:
         file = ParquetFile(BytesIO(content))
         columns, rows = file.metadata.num_columns, file.metadata.num_rows
-    except Exception as error:  # whatever a library raises for bytes that are not in its format
+    except Exception as error:  # the library may raise anything if the bytes are not in its format
         raise _no_parquet(path, error) from None
     check_count(columns, "CSV columns", str(path))
-    # a few bytes can stand for many equal numbers
+    # a few bytes can encode many equal numbers
     check_count(8e-6 * columns * rows, "MB of CSV", str(path))
     try:
         table = file.read(use_threads=False)
-        table.validate(full=True)  # otherwise texts are checked only when they are used
+        table.validate(full=True)  # pyarrow would otherwise check strings only when they are used
         data: DataFrame = table.to_pandas(ignore_metadata=True)
     except Exception as error:
         raise _no_parquet(path, error) from None
@@ -128,11 +128,11 @@ _STILL = 1e-9  # smallest travel that counts as motion [rad, m, or per s]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Analytic:
-    """Motion of polynomials and harmonics.
+    """Motion by polynomials and harmonics.
 
     Attributes:
         terms: Polynomial and harmonics of each coordinate.
-        where: Place for error messages.
+        where: Name of the source for error messages.
     """
 
     terms: tuple[Course, ...]
@@ -171,13 +171,13 @@ def _polynomial(coefficients: Array, t: Array) -> Array | float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Motion of a CSV file, at the times of the file only."""
+    """Motion from a CSV or Parquet file, at the times of the file only."""
 
     file: Path
     samples: GivenMotion
 
     def __call__(self, t: Array) -> GivenMotion:
-        """Return the motion at times [s] that must be sample times of the file. Shape (n,)."""
+        """Return the motion at times [s], which must be sample times of the file. Shape (n,)."""
         rows = np.searchsorted(self.samples.t, t).clip(max=len(self.samples) - 1)
         wrong = np.flatnonzero(self.samples.t[rows] != t)
         if wrong.size:
@@ -189,7 +189,7 @@ class Sampled:
         return self.samples.part(rows)
 
     def between(self, t: Array) -> GivenMotion:
-        """Interpolate the motion between samples, by cubic splines through values and rates. Shape (n,)."""
+        """Interpolate the motion between samples by cubic splines through values and rates. Shape (n,)."""
         from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
         one = self.samples
@@ -199,10 +199,10 @@ class Sampled:
         return GivenMotion(t, y(t), yd(t), CubicSpline(one.t, one.ydd)(t))
 
     def doubts(self, labels: Sequence[str]) -> tuple[str, ...]:
-        """Warn about columns that are not the derivative of another one, such as in other units or with another sign.
+        """Warn about columns that are not the derivative of their counterpart, e.g. because units or signs differ.
 
-        A column is reported if its integral (trapezoidal rule) misses the other column by more than half of the larger
-        travel: units or sign are wrong, or the sampling is too coarse to tell.
+        A column is reported if its integral (trapezoidal rule) deviates from the other column by more than half of the
+        larger travel: either units or signs are wrong, or the sampling is too coarse.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
         sentences, h = [], np.diff(self.samples.t)
@@ -227,13 +227,13 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 
     Args:
         labels: Labels of the independent coordinates, in order.
-        folder: Folder of a CSV file.
+        folder: Folder of the CSV file, if any.
 
     Returns:
-        The motion as a function of time, and the times of its CSV file, if any.
+        The motion as a function of time, and the times of its file, if it has one.
 
     Raises:
-        DescriptionError: It cannot be read.
+        DescriptionError: The motion cannot be read.
     """
     if isinstance(table, dict) and "csv" in table:
         return _read_samples(named_file(folder, read_keys("samples", table, where)["csv"]), labels)
@@ -243,7 +243,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 
 
 def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> list[str]:
-    """Select the independent coordinates for which ``[motion]``, or its file, gives a motion."""
+    """Select the independent coordinates to which ``[motion]``, or its file, gives a motion."""
     if not isinstance(table, dict) or "csv" not in table:
         check_keys(table, labels, where)
         return [label for label in labels if label in table]
@@ -254,13 +254,13 @@ def moved_labels(table: Any, labels: list[str], folder: Path, where: str) -> lis
 
 
 def _head(path: Path) -> list[str]:
-    """Return the names of the columns of a CSV file."""
+    """Return the column names of a CSV file."""
     head = re.search(r"^[^#\r\n].*", read_file(path, "MB of CSV"), re.MULTILINE)
     return [name.strip(' "') for name in head[0].split(",")] if head else []
 
 
 def read_course(table: Any, where: str) -> Course:
-    """Read ``offset``, ``polynomial`` and ``harmonics``."""
+    """Read ``offset``, ``polynomial`` and ``harmonics`` of a coordinate."""
     given = read_keys("motion", table, where)
     polynomial = read_coefficients(given["polynomial"], f"{where}.polynomial")
     polynomial[0] += given["offset"]
@@ -273,14 +273,14 @@ def read_course(table: Any, where: str) -> Course:
 
 
 def read_column(path: Path, column: str) -> Samples:
-    """Read a column of a CSV file with times ``t``, known at these times only."""
+    """Read a column of a CSV file as samples at the times of its column ``t``."""
     columns = read_columns(path, ["t", column], "of a load")
     check_times(columns["t"], str(path))
     return Samples(columns["t"], columns[column], str(path))
 
 
 def _read_samples(path: Path, labels: list[str]) -> tuple[Drive, Array]:
-    """Read a CSV file with the column t, and for each coordinate a its value a, rate ad and second derivative add."""
+    """Read a file with the column t, and for each coordinate a its value a, rate ad and second derivative add."""
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"

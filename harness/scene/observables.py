@@ -1,4 +1,4 @@
-"""Additional quantities from the user: observables computed from the motion, and recorded values from files."""
+"""Quantities that the user adds: observables computed from the motion, and recorded values from files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Observable:
     Attributes:
         unit: ``rad`` or ``m``.
         coordinate: Joint coordinate; empty for a point.
-        body, point, axis: Body of a point, the point in its frame [m], shape (3,), and world axis 0, 1 or 2.
+        body, point, axis: Body of the point, point in the body frame [m], shape (3,), and world axis 0, 1 or 2.
     """
 
     name: str
@@ -45,13 +45,7 @@ class Observable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Known:
-    """Values of the observables from another source.
-
-    Attributes:
-        source: Origin of the values.
-        t: Times [s]. Shape (n,).
-        values: Shape (n, n_observable).
-    """
+    """Values of the observables from an independent source."""
 
     source: str
     t: Array
@@ -60,13 +54,13 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """Result published by others.
+    """A published result.
 
     Attributes:
         who: Method or program, with its setting.
         remark: Qualification of the numbers.
-        accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not stated.
-        cpu_s: Processor time on the machine used there [s]; NaN if not stated.
+        accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not published.
+        cpu_s: Processor time on the machine of the publication [s]; NaN if not published.
     """
 
     who: str
@@ -100,7 +94,7 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
 
 
 def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Known:
-    """Read ``[reference]``: a CSV file with t and the observables; further columns are ignored."""
+    """Read ``[reference]``: a CSV file with t and the observables; additional columns are ignored."""
     given = read_keys("reference", table, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
@@ -130,10 +124,10 @@ def observe(lay: Layout, observables: Sequence[Observable], q: Array) -> Values:
 
 
 def known_values(known: Known, observables: Sequence[Observable], t: Array, where: str) -> tuple[Values, Rows]:
-    """Return the reference values at the times of a scene, NaN where missing, and the rows that have values.
+    """Return the reference values at the times of a scene, NaN where missing, and the indices of the rows with values.
 
     Raises:
-        DescriptionError: The reference has none of the scene's times.
+        DescriptionError: The reference contains none of the scene's times.
     """
     array = np.full((len(t), len(observables)), np.nan)
     rows, same = same_times(t, known.t)
@@ -151,9 +145,9 @@ def _values(observables: Sequence[Observable], array: Array) -> Values:
 
 
 _NAME = re.compile(r"[\w.-]+")
-#: Ending of the header of a component that redundant constraints leave undetermined.
+#: Suffix of a component's header if redundant constraints leave the component undetermined.
 NOT_UNIQUE = " not unique"
-#: Name of a converted unit -> SI unit and factor.
+#: Unit to convert -> SI unit and factor.
 CONVERTED = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), ("rad", np.pi / 180.0)),
     "mm": ("m", 1e-3),
@@ -167,7 +161,7 @@ _UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
 
 
 def _converted(unit: str) -> tuple[str, float]:
-    """Return the SI unit of a unit such as ``N mm``, and the factor that converts to it: ``N m``, 1e-3."""
+    """Return the SI unit that corresponds to a unit, and the conversion factor: ``N mm`` gives ``N m``, 1e-3."""
     text, factor = unit.replace("·", " ").replace("²", "^2"), 1.0
     for one in _UNIT.finditer(text):
         power = int(one[2] or 1) * (-1 if text[: one.start()].endswith("/") else 1)
@@ -177,7 +171,7 @@ def _converted(unit: str) -> tuple[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Name of a column: ``component`` or ``quantity/component``, optionally with a unit: ``leg1 [N]``."""
+    """Column header: ``component`` or ``quantity/component``, optionally with a unit: ``leg1 [N]``."""
 
     text: str
     quantity: str
@@ -194,7 +188,7 @@ class Header:
         return _converted(self.unit)[1]
 
     def check_unit(self, unit: str, where: str) -> None:
-        """Reject a stated unit that is neither that of the component nor convertible to it."""
+        """Reject a unit that is neither the component's unit nor convertible to it."""
         if not self.of(self.quantity, unit):
             remedy = f"give it in {unit}; `review` tells the unit of numbers under a header without one"
             raise DescriptionError(f"column '{self.text}' is in {unit} here", where, remedy)
@@ -204,7 +198,7 @@ def read_header(text: str) -> Header:
     """Parse the name of a column."""
     name, _, unit = text.removesuffix(NOT_UNIQUE).partition("[")
     quantity, _, component = name.strip().partition("/")
-    if quantity not in QUANTITIES:  # names of components may have slashes
+    if quantity not in QUANTITIES:  # the component may contain a slash
         quantity, _, component = name.strip().rpartition("/")
     return Header(text, quantity, component, unit.rstrip("] "))
 
@@ -215,10 +209,11 @@ class Recorded:
 
     Attributes:
         t: Times [s], increasing. Shape (n,).
-        columns: Name, as in a file (see ``harness/scenes/README.md``) -> values. Shape (n,) each.
-        error: Quantity -> admitted error of its values [its units], on top of the tolerances of the scene.
-        file: File that the numbers were read from.
-        header: Name of the time column of that file.
+        columns: Column header, as in a file (see ``harness/scenes/README.md``) -> values. Shape (n,) each.
+        error: Quantity -> error that its values may have in addition to the tolerances of the scene [unit of the
+            quantity].
+        file: File from which the numbers were read.
+        header: Header of the time column in that file.
 
     Raises:
         DescriptionError: A number is missing, or the times do not increase.
@@ -246,12 +241,12 @@ class Recorded:
 
     @property
     def where(self) -> str:
-        """Place for error messages."""
+        """Name of the source for error messages."""
         return str(self.file or "arrays")
 
     @property
     def converted(self) -> list[str]:
-        """Names of columns whose values were converted to SI units."""
+        """Headers of the columns whose values were converted to SI units."""
         return [name for name in (self.header, *self.columns) if read_header(name).factor != 1.0]
 
     def _column(self, name: str) -> Array:
@@ -284,10 +279,10 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
     """Read a table of recorded numbers from CSV or Parquet.
 
     Args:
-        error: Quantity -> admitted error of its values [its units].
+        error: Quantity -> error that its values may have [unit of the quantity].
 
     Raises:
-        DescriptionError: The file is not a table.
+        DescriptionError: The file is not a table with times.
     """
     columns = read_columns(path)
     headers = [read_header(text) for text in columns]
@@ -304,10 +299,10 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
 
 
 def merge_times(t: Array, tables: Iterable[Recorded]) -> Array:
-    """Merge the times of a scene with further times of its tables, in order. Shape (n,).
+    """Merge the times of a scene with additional times of its tables, in order. Shape (n,).
 
     Raises:
-        DescriptionError: A table has times before or after those of the scene.
+        DescriptionError: A table has times before the first or after the last time of the scene.
     """
     first, last = t.min(), t.max()
     for table in tables:

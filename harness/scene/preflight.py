@@ -1,4 +1,4 @@
-"""Checks of a scene before any engine runs: home pose, limits, singular poses, and warnings of implausible values."""
+"""Checks of a scene before any engine runs: home pose, limits, singular poses, implausible values."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from screwgauge.scene.idle import undriven_labels
 from screwgauge.scene.scene import Scene
 
 PART = 2048
-FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: causes a warning
-FARTHEST = 1000.0  # [rad or m]: takes thousands of steps, seconds
-NEAR = 1e-9  # a sample this close to a singular pose at which a way ends is singular [rad or lengths]
+FAR = 0.25  # distance of the start from home that causes a warning [rad or lengths of the mechanism]
+FARTHEST = 1000.0  # largest distance between samples [rad or m]: following it takes thousands of steps, seconds
+NEAR = 1e-9  # distance from the singular pose at the end of a path within which a sample is singular [rad or lengths]
 
 
 def check_scene(scene: Scene) -> Mobility:
-    """Follow the whole motion on the description alone.
+    """Follow the whole motion, using only the description.
 
     Returns:
-        Counts of the mechanism; a force counts as unique only if it is unique at every pose examined.
+        Counts of the degrees of freedom; a force counts as unique only if it is unique at every pose examined.
 
     Raises:
-        ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
+        ScrewgaugeError: The motion leaves the limits, the loops do not close, or a pose is singular.
     """
     check_rest(scene)
     try:
@@ -49,7 +49,7 @@ def check_scene(scene: Scene) -> Mobility:
 
 
 def far_from_home(scene: Scene) -> tuple[str, ...]:
-    """Warn if the motion starts far from home, as it does if its values were meant relative to home."""
+    """Warn if the motion starts far from home, e.g. because its values were meant relative to home."""
     mechanism, start = scene.mechanism, scene.motion.y[0]
     home = mechanism.home[mechanism.independent_columns]
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
@@ -59,7 +59,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates do not count from home)",)
 
 
-@lru_cache(maxsize=1)  # of the same two immutable objects: a smoke test runs a scene several times
+@lru_cache(maxsize=1)  # both arguments are immutable, and a smoke test runs a scene several times
 def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
     lay = check_home(mechanism)
     _check_jumps(mechanism, whole)
@@ -82,7 +82,7 @@ def _walk(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
 def check_actuation(
     scene: Scene, freedoms: Mobility, quantities: Collection[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the quantities that the actuators determine, and a sentence on the others, where the user chose none.
+    """Return the quantities that the actuators determine, and a sentence on those left out if the user chose none.
 
     Raises:
         DescriptionError: No forces, or none that follow the rule, satisfy the equations of motion.
@@ -111,7 +111,7 @@ def check_actuation(
 
 
 def _left_to_forces(mechanism: Mechanism, driven: int) -> str:
-    """Return a remedy for scenes in which actuators do not drive all freedoms."""
+    """Return a remedy for scenes in which actuators do not drive all degrees of freedom."""
     if not driven:
         return "actuate more joints"
     names = first_few((f"'{label}'" for label in undriven_labels(mechanism)), 4)
@@ -125,7 +125,7 @@ def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...
 
 
 def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
-    """Reject samples that are too far apart: poses are found by following the motion from sample to sample."""
+    """Reject samples that are too far apart for following the motion from sample to sample."""
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
@@ -151,7 +151,7 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
 
 
 def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
-    """List coordinates that exceed their limits in some sample, with the limits. `q`: shape (n, n_q)."""
+    """List the coordinates that exceed their limits in any sample, with the limits. `q`: shape (n, n_q)."""
     low, high = mechanism.limits.T
     beyond = ((q < low) | (q > high)).any(axis=0)
     rows = zip(mechanism.coordinates, low, high, mechanism.units, beyond, strict=True)
@@ -159,10 +159,10 @@ def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
 
 
 class SampleWalk:
-    """Walk along a motion from home, part by part, with errors in terms of the description.
+    """Path along a motion from home, followed part by part; errors are stated in terms of the description.
 
     A pose at which coordinates that are constant on the home branch may begin to move is also singular. Charts of cut
-    joints are not among the unknowns; where such a chart locks, only rates of that joint are lost.
+    joints are not among the unknowns; where such a chart locks, only the rates of that joint are lost.
     """
 
     def __init__(self, lay: Layout) -> None:
@@ -175,7 +175,7 @@ class SampleWalk:
 
         Raises:
             ClosureError: The loops cannot close.
-            SingularPoseError: A pose is singular, or passed on the way.
+            SingularPoseError: A pose is singular, or the path passes a singular pose.
         """
         mechanism = self.lay.mechanism
         try:
@@ -196,7 +196,7 @@ class SampleWalk:
         return q
 
     def _passage(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
-        """Build the error about a motion that passes a singular pose."""
+        """Make the error about a motion that passes a singular pose."""
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
         meets, described = self.lay.mechanism.described(end.y), self.lay.mechanism.described
@@ -263,7 +263,7 @@ def doubts(scene: Scene) -> tuple[str, ...]:
 
 
 def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
-    """Yield independent coordinates that are angles of hinges: index, label and column."""
+    """Yield the independent coordinates that are hinge angles: index, label and column."""
     mechanism, free = scene.mechanism, {hinge.name for hinge in hinges(scene.mechanism)}
     for k, label in enumerate(mechanism.independent):
         column = int(mechanism.independent_columns[k])
@@ -280,7 +280,7 @@ def _start_doubts(scene: Scene) -> Iterator[str]:
 
 
 def _motion_doubts(scene: Scene) -> Iterator[str]:
-    """Warn about angles that start over one revolution from home, or turn repeatedly and back, or from rest to rest.
+    """Warn about angles that start over one revolution from home, turn repeatedly and back, or turn from rest to rest.
 
     Angles that turn in one direction, like that of a crank, may make any number of revolutions.
     """

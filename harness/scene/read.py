@@ -1,4 +1,4 @@
-"""Reading of scenes from TOML, see ``harness/scenes/README.md``. Names of engines are not checked here."""
+"""Reader of scenes from TOML, see ``harness/scenes/README.md``. It does not check names of engines."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def load_scene(name: str | Path) -> Scene:
     """Read a scene by built-in name or path of a TOML file; a description or model file gets the default scene.
 
     Raises:
-        ScrewgaugeError: The file does not exist or is not a scene.
+        ScrewgaugeError: The name is unknown, the file does not exist, or the file is not a scene.
     """
     if str(name) in scene_names():
         return _built_in(FOLDER / f"{name}.toml")
@@ -55,7 +55,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def is_scene(name: str) -> bool:
-    """Return True if a name can only be a scene: built in, or a TOML file that names a mechanism."""
+    """Return True if a name can only mean a scene: built in, or a TOML file that names a mechanism."""
     path = named_file(Path(), name)
     if is_path(name) and path.suffix == ".toml" and is_file(path):
         return "mechanism" in read_toml(path)
@@ -95,7 +95,7 @@ def _read(path: Path) -> Scene:
 
 
 def _check_kind(data: dict[str, Any], where: str) -> None:
-    """Reject keys of the other kind of scene."""
+    """Reject keys that belong to simulated scenes in a scene with a given motion, and vice versa."""
     kind = "simulated" if "forward" in data else "given"
     for key in data:
         one = TABLES["scene"]["keys"][key]
@@ -116,7 +116,7 @@ def _read_forces(data: dict[str, Any], mechanism: Mechanism, where: str) -> Appl
 def _grid(
     data: dict[str, Any], sampled: Array | None, tables: Mapping[str, Recorded], applied: Applied, where: str
 ) -> Array:
-    """Return times of a scene with a given motion: its own, else those of samples, tables or loads. Shape (n,)."""
+    """Return times of a scene with a given motion: its own, or else those of samples, tables or loads. Shape (n,)."""
     files = [course.t for load in applied.loads for course in load.courses if isinstance(course, Samples)]
     if sampled is None and (known := [table.t for table in tables.values()] or files[:1]):
         sampled = np.unique(np.concatenate(known))
@@ -124,7 +124,7 @@ def _grid(
 
 
 def _times(data: dict[str, Any], mechanism: Mechanism, sampled: Array | None, path: Path) -> Array:
-    """Return `_grid` for tables that have not been read yet."""
+    """Return the result of `_grid` before tables and loads have been read."""
     if "time" in data or sampled is not None:
         return read_grid(data.get("time"), sampled, f"{path}, time")
     tables = read_tables(data.get("tables", {}), path.parent, f"{path}, tables")
@@ -152,7 +152,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         remedy = f"add [spherical_axial] to {mechanism.where}"
         raise DescriptionError(f"rule '{rule}' needs a spherical joint", where, remedy)
     t = _grid(data, sampled, tables, applied, where)
-    applied.at(t)  # rejects times that a file of loads lacks
+    applied.at(t)  # reject times that the file of a load lacks
     stated = read_undriven(data.get("idle", {}), labels, mechanism, f"{where}, idle")
     drive: Analytic | Sampled | GridMotion | Followed = given
     if not isinstance(given, GridMotion) and len(labels) < len(mechanism.independent):
@@ -198,7 +198,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
 
 
 def _acts(applied: Applied) -> bool:
-    """Return True if any force acts; entries that are zero do not count."""
+    """Return True if any force acts; zero entries do not count."""
     return (
         bool(applied.g.any())
         or not all(load.nothing for load in applied.loads)
@@ -208,7 +208,7 @@ def _acts(applied: Applied) -> bool:
 
 
 def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> InitialValue:
-    """Read ``[forward]``."""
+    """Read the initial state and the integration from ``[forward]``."""
     given, home = read_keys("forward", table, where), mechanism.home[mechanism.independent_columns]
     return InitialValue(
         start=_state(given["start"], mechanism, home, f"{where}.start"),
@@ -220,7 +220,7 @@ def _read_start(table: Any, mechanism: Mechanism, t: Array, where: str) -> Initi
 
 
 def _state(table: Any, mechanism: Mechanism, usual: Array, where: str) -> Array:
-    """Read label -> value, with the default value for labels that are not named. Shape (k,)."""
+    """Read label -> value; labels that are not named get their default value. Shape (k,)."""
     values = dict(zip(mechanism.independent, usual.tolist(), strict=True))
     check_keys(table, values, where)
     values |= {label: number(value, f"{where}.{label}") for label, value in table.items()}

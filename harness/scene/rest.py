@@ -17,16 +17,16 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.resistance import DRY, REST, Resistance, resistances
 from screwgauge.scene.scene import Scene
 
-#: Joints named in a sentence.
+#: Number of joints named in a sentence.
 SHOWN = 4
 
 
 def at_rest(scene: Scene) -> dict[Resistance, NDArray[np.bool_]]:
-    """Return dry friction -> the samples of a given motion at which its direction is undefined, if any. Shape (n,)."""
+    """Return dry friction -> mask of the samples of a given motion at which its direction is undefined. Shape (n,)."""
     return {} if scene.simulated else _at_rest(scene.mechanism, scene.motion)
 
 
-@lru_cache(maxsize=1)  # of the same two immutable objects: called once for a run and once for each table
+@lru_cache(maxsize=1)  # both arguments are immutable; called once for a run and once for each table
 def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDArray[np.bool_]]:
     friction = resistances(mechanism.joints, DRY)
     if not friction:
@@ -38,13 +38,13 @@ def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDAr
 
 
 def unique_samples(scene: Scene) -> NDArray[np.bool_]:
-    """Return samples at which dry friction leaves no force undetermined; all samples if there are none. Shape (n,)."""
+    """Return True for samples at which dry friction leaves no force undetermined, or for all samples. Shape (n,)."""
     rests = np.any([np.zeros(len(scene.t), dtype=bool), *at_rest(scene).values()], axis=0)
     return np.asarray(~rests | rests.all())
 
 
 def rest_warning(scene: Scene) -> Iterator[str]:
-    """Warn if the direction of dry friction is undefined at some samples, with its possible size there."""
+    """Warn if the direction of dry friction is undefined at some samples, stating its possible size there."""
     if not (rests := at_rest(scene)):
         return
     rows = np.flatnonzero(np.any([*rests.values()], axis=0))

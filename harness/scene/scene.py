@@ -1,4 +1,4 @@
-"""A scene: mechanism, motion, acting forces and wanted quantities. Data only; it pickles."""
+"""A scene: mechanism, motion, acting forces and wanted quantities. Plain data that can be pickled."""
 
 from __future__ import annotations
 
@@ -37,26 +37,26 @@ DEFAULT_ENGINES: tuple[str, ...] = tuple(TABLES["scene"]["keys"]["engines"]["def
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Mechanism in motion.
+    """A mechanism with its motion, the acting forces and the quantities to compute.
 
     Attributes:
-        mechanism_file: The description that the mechanism was read from; engines ``screw`` and ``truth`` read it, too,
-            unless the mechanism was changed since.
+        mechanism_file: The description from which the mechanism was read; engines ``screw`` and ``truth`` also read it,
+            unless the mechanism was changed since then.
         applied: Gravity, loads, springs and motors.
         task: A given motion, or a start from which the motion is integrated.
-        rule: Rule that resolves redundant actuation.
-        tolerances: Scaled tolerance by quantity, if the scene changes the default.
+        rule: Rule for redundant actuators.
+        tolerances: Quantity -> scaled tolerance, for quantities whose default the scene changes.
         models: Engine -> model file that replaces the generated one.
         figures: Figures of the report.
-        allow: Admitted differences of model files from the description, ``coupler.inertia``, unread files,
-            ``models.mujoco.unread``, and inertia tensors that no body can have, ``wrist.triangle``.
-        file: File that the scene was read from.
+        allow: Admitted differences between model files and the description (``coupler.inertia``), unread files
+            (``models.mujoco.unread``), and unphysical inertia tensors (``wrist.triangle``).
+        file: File from which the scene was read.
         drive: The given motion as a function of time.
-        text: The tables ``motion``, ``gravity`` and ``loads`` as read, with numbers as text.
+        text: The tables ``motion``, ``gravity`` and ``loads`` as read, with numbers as strings.
         observables: Observables of a simulation.
-        known: Values of the observables from another source, if any.
-        published: Results published by others.
-        tables: Name -> the user's values, which are compared like those of an engine.
+        known: Values of the observables from an independent source, if any.
+        published: Published results for the scene.
+        tables: Name -> the user's values, which are compared like the values of an engine.
         points: Named points of bodies.
     """
 
@@ -84,7 +84,7 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
-        """Recompute a motion that follows from forces, for the forces that act and the mechanism as it is."""
+        """Recompute a motion that follows from forces if the mechanism or the forces were replaced."""
         drive = self.drive
         if isinstance(drive, Followed) and (drive.mechanism, drive.applied) != (self.mechanism, self.applied):
             object.__setattr__(self, "drive", replace(drive, mechanism=self.mechanism, applied=self.applied))
@@ -100,7 +100,7 @@ class Scene:
 
     @property
     def _facts(self) -> dict[str, str]:
-        """Facts for the text and HTML shown on a screen."""
+        """Properties of the scene for display as text and HTML."""
         mechanism, t = self.mechanism, self.t
         freedoms = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
         acting = {name: getattr(self.applied, name) for name in ("loads", "springs", "motors")}
@@ -148,12 +148,12 @@ class Scene:
 
     @property
     def undriven(self) -> tuple[Freedom, ...]:
-        """Independent coordinates that no actuator drives and that the motion leaves to the forces."""
+        """Independent coordinates that no actuator drives, so that forces determine their motion."""
         return self.drive.freedoms if isinstance(self.drive, Followed | GridMotion) else ()
 
     @property
     def grid(self) -> GridMotion | None:
-        """The grid of poses, if the motion is a grid; else None."""
+        """The grid of poses; None if the motion is not a grid."""
         return self.drive if isinstance(self.drive, GridMotion) else None
 
     @property
@@ -166,14 +166,14 @@ class Scene:
         """True if the description has changed since the mechanism was read."""
         try:
             return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
-        except ScrewgaugeError:  # the file is missing, or cannot be read
+        except ScrewgaugeError:  # the file is missing or invalid
             return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
-        """Return a copy of the scene at other times [s].
+        """Return a copy of the scene at given times [s].
 
         Raises:
-            DescriptionError: A time is not a finite number, or a sampled motion has no sample there.
+            DescriptionError: A time is not a finite number, or a sampled motion has no sample at a time.
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
             raise DescriptionError(f"{shown(times)} is not a list of times", "times", "give a list of times in s")
@@ -184,9 +184,9 @@ class Scene:
         return replace(self, task=self.moved(t))
 
     def beside(self, **tables: Recorded) -> Scene:
-        """Return a copy of the scene with tables of numbers, which are compared and judged like those of engines.
+        """Return a copy of the scene with tables of numbers, which are compared and judged like the values of engines.
 
-        Their times are added to those of the scene.
+        The times of the tables are added to those of the scene.
 
         Raises:
             DescriptionError: A sampled motion lacks one of these times, a time lies outside the scene, or the motion is
@@ -200,18 +200,18 @@ class Scene:
         """Return the given motion at times [s]. Shape (n,)."""
         if self.drive is None:
             raise DescriptionError("its motion is no function of time", self.name, "give it a motion")
-        self.applied.at(t)  # rejects times that a file of loads lacks
+        self.applied.at(t)  # reject times that the file of a load lacks
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
         """Return a copy of the scene with different gravity, loads, springs or motors.
 
         Args:
-            changes: `gravity`, `loads`, `springs`, `motors` as a scene file has them: `loads=[{"on": "coupler",
+            changes: `gravity`, `loads`, `springs`, `motors` in the format of a scene file: `loads=[{"on": "coupler",
                 "by": "environment", "force": [0, 0, -20]}]`. Vectors may be arrays.
 
         Raises:
-            ScrewgaugeError: A field is unknown, or an entry is rejected, as in a file.
+            ScrewgaugeError: A field is unknown, or an entry is invalid.
         """
         for name in changes:
             check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
@@ -222,15 +222,16 @@ class Scene:
     def with_(self, changes: Mapping[str, Any]) -> Scene:
         """Return a copy of the scene with changed numbers of its mechanism and of the forces acting on it.
 
-        Names are paths in a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``, short forms
-        that are unique, ``coupler.mass``, or patterns, ``*.mass``. If placements change, home keeps its assembly mode,
-        and independent coordinates keep their values there.
+        Names are paths in a description, such as ``bodies.coupler.mass`` or ``joints.left.parent.x``; unique short
+        forms, such as ``coupler.mass``; or patterns, such as ``*.mass``. If placements change, the home pose keeps its
+        assembly mode and the values of its independent coordinates.
 
         Args:
-            changes: Name or pattern -> number, or text in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
+            changes: Name or pattern -> number, or string in which x is the present value: ``"1.01 x"``, ``"x +
+                0.002"``.
 
         Raises:
-            ScrewgaugeError: There is no such number, or no body, spring or closed loop can have the new value.
+            ScrewgaugeError: A name is unknown, or a body, spring or closed loop cannot have the new value.
         """
         from screwgauge.models.home import near_home  # a solver of many parts, which few scenes need
 
@@ -254,28 +255,28 @@ class Scene:
 
         Args:
             wanted: Names of quantities.
-            engine: Engine that solves it, see `acting_on`; none in particular by default.
+            engine: Name of the engine that solves the problem, see `acting_on`; by default no particular one.
         """
         applied = self.acting_on(engine)
         return Problem(applied, self.task, frozenset(wanted), self.rule, self.wording(), self.points)
 
     def acting_on(self, engine: str) -> Applied:
-        """Return the forces on the model of an engine: a user's MJCF keeps its gravity.
+        """Return the forces that act on the model of an engine; a user's MJCF keeps its own gravity.
 
-        The judge checks that gravity, too. URDFs and descriptions state none.
+        The judge checks that gravity, too. URDFs and descriptions do not specify gravity.
         """
         file = self.models.get(engine)
         return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
-        """Return the text of motion, gravity and loads; None for those replaced by other doubles since then."""
+        """Return the strings of motion, gravity and loads; None for any that were replaced by different doubles."""
         if not self.text:
             return Wording()
         motion, gravity, loads = (self.text[key] for key in ("motion", "gravity", "loads"))
         same_gravity = self.applied.gravity is not None and np.array_equal(
             vector(gravity, "gravity"), self.applied.gravity
         )
-        same_loads = not any(load.sampled for load in self.applied.loads)  # whose doubles are what is meant
+        same_loads = not any(load.sampled for load in self.applied.loads)  # sampled loads are defined by their doubles
         if same_loads:
             folder = Path() if self.file is None else self.file.parent
             stated = [read_load(self.mechanism, table, "loads", folder) for table in loads]
@@ -287,9 +288,9 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """Return True if the scene moves as in the table.
+        """Return True if the scene still moves as the table describes.
 
-        False for samples, and for motion that follows from forces: their doubles are authoritative.
+        False for samples, and for motion that follows from forces: doubles define these motions.
         """
         if "csv" in table or {*table} != {*self.mechanism.independent}:
             return False

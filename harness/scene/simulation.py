@@ -17,9 +17,9 @@ from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_regular
 from screwgauge.scene.scene import Scene
 
 EXPLICIT = ("DOP853",)
-#: A step h of DOP853 is stable for eigenvalues down to -6.3/h on the real axis and +-5.9i/h on the imaginary one.
+#: DOP853 with step h is stable for eigenvalues down to -6.3/h on the real axis and +-5.9i/h on the imaginary axis.
 REACH = 6.0
-#: Number of steps needed for stability alone from which another method is worthwhile.
+#: Number of steps needed for stability alone above which a different method is worthwhile.
 MANY = 1000
 #: Relative step of central differences: the cube root of the rounding error.
 DIFFERENCE = 2.0**-17
@@ -32,7 +32,8 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         The layout of the mechanism, and warnings to show.
 
     Raises:
-        ScrewgaugeError: Home or start do not close or exceed a limit, or no force can move a coordinate.
+        ScrewgaugeError: The loops do not close at home or at the start, the start exceeds a limit, or no force can move
+            a coordinate.
     """
     lay, task, mechanism = check_home(scene.mechanism), scene.start, scene.mechanism
     if len(task.grid) < 2:
@@ -59,7 +60,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
     Args:
         start, yd: Independent coordinates and their rates. Shape (k,).
-        t: Time, on which motor forces depend [s].
+        t: Time at which motor forces are evaluated [s].
     """
     k, state = len(start), np.concatenate([start, yd])
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
@@ -72,9 +73,9 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
 
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
-    """Return the fastest eigenvalue at the start [1/s]; 0 if poses next to the start do not exist.
+    """Return the fastest eigenvalue at the start [1/s]; 0 if the loops do not close next to the start.
 
-    Dry friction, which jumps at rest, contributes none.
+    Dry friction is omitted, because it jumps at rest.
     """
     smooth = without_resistance(lay.mechanism, "friction")
     lay = lay if smooth is lay.mechanism else layout(smooth)
@@ -86,7 +87,7 @@ def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
 
 
 def stiff_warning(fastest: complex, task: InitialValue) -> str:
-    """Warn if an explicit method needs very many steps for stability alone; else return an empty text.
+    """Warn if an explicit method needs very many steps for stability alone; else return an empty string.
 
     Args:
         fastest: The fastest eigenvalue at the start [1/s].
