@@ -1,9 +1,10 @@
 """MuJoCo's dynamics of a closed tree: accelerations at best accuracy, and its own stepper.
 
-`MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` is `mj_step`, raw
-or from refined accelerations. Springs are MuJoCo's own, which its implicit integrators see: one along a joint of the
-tree is that joint's stiffness and damping, one between points a spatial tendon between two sites. Constant motors
-and loads at centres of mass are set once; all other forces are set at the start of every step and held over it.
+`MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` calls `mj_step`, or
+steps from refined accelerations. Springs become elements of the MuJoCo model, so that its implicit integrators include
+them: a spring along a tree joint becomes the joint's stiffness and damping, and a spring between points becomes a
+spatial tendon between two sites. Constant motors, and constant loads at centres of mass in world axes, are set once.
+All other forces are set at the start of every step and kept constant over the step.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ INTEGRATORS = {
 #: Integrators that can step from refined accelerations; the others solve for accelerations internally.
 REFINABLE = ("Euler", "implicit", "implicitfast")
 _AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-#: Accelerations are unsafe if the last pass changed them by more.
+#: Change in the last pass, relative to the largest acceleration, above which accelerations are unreliable.
 UNSAFE = 1e-6
 
 
@@ -56,7 +57,7 @@ class MujocoMover:
 
     def __init__(self, tree: MujocoTree) -> None:
         self.tree = tree
-        self.model = copy.deepcopy(tree.model)  # the tree switches its equality constraints off
+        self.model = copy.deepcopy(tree.model)  # the tree disables the equality constraints of its own model
         harden(self.model)
         self.data = mujoco.MjData(self.model)
         self.passes = PASSES if self.model.neq else 0
@@ -81,7 +82,7 @@ class MujocoMover:
         return self.data.xmat[i].reshape(3, 3), self.data.xpos[i], J
 
     def closure(self) -> tuple[Array, Array]:
-        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a user's own file close no loop
+        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a user's file do not close loops
         return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * n_v].reshape(rows, n_v).copy()
 
     def accelerate(self, tau: Array) -> Array:
@@ -112,17 +113,17 @@ class MujocoMover:
 class MujocoSettings:
     """Settings of accelerations and steps; None keeps the value of the file or MuJoCo's default.
 
-    Scipy's methods ignore them: they integrate refined accelerations with constraints as hard as possible.
+    Scipy's methods ignore these settings: they integrate refined accelerations with constraints as hard as possible.
 
     Attributes:
-        solimp: Impedance d of the equality constraints, the same at any closure residual; at most 0.9999.
+        solimp: Impedance d of the equality constraints, independent of the closure residual; at most 0.9999.
         solref: Time constant [s] of the constraint springs, optionally with the damping ratio.
         passes: Number of proximal refinements on given states; upper limit in a step.
         naive: Use the forces of `mj_inverse` along actuated joints, with equality constraints on, as actuator forces.
         weld: Close loops with welds of the frames of cut joints, aligned at each given state.
         examine: Examine the conditioning of given states.
         integrator, dt: An entry of `INTEGRATORS` with its step [s]; None for scipy's methods.
-        work: Examine steps one by one for the input work, which takes longer than the steps.
+        work: Examine every step to compute the input work, which takes longer than the steps.
     """
 
     solimp: float | None = None
@@ -150,7 +151,7 @@ class MujocoSettings:
             )
 
     def soften(self, model: mujoco.MjModel) -> None:
-        """Apply the settings of equality constraints, switched on."""
+        """Enable equality constraints and apply their settings."""
         model.opt.disableflags &= ~DISABLED
         if self.solimp is not None:
             model.eq_solimp[:, :2] = self.solimp
@@ -161,7 +162,7 @@ class MujocoSettings:
         """Apply the settings of constraints and integrator for steps.
 
         Raises:
-            UnknownNameError: This version of MuJoCo has no such integrator.
+            UnknownNameError: This version of MuJoCo lacks the integrator.
         """
         kind = getattr(mujoco.mjtIntegrator, INTEGRATORS[self.integrator], None)
         if kind is None:
@@ -243,7 +244,7 @@ def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -
 
 
 def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names of the constraint forces in world axes, if all constraints connect points."""
+    """Return the names of the constraint forces in world axes; empty unless all constraints connect points."""
     if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
         return ()
     return tuple(f"{model.equality(e).name}.f{axis}" for e in range(model.neq) for axis in "xyz")

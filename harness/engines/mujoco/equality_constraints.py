@@ -1,8 +1,8 @@
-"""MuJoCo's equality constraints: hardened, softness removed, and joint equalities completed.
+"""Corrections of MuJoCo's equality constraints: hardening, removal of softness, and completion of joint equalities.
 
-Proximal refinement removes softness. In the second derivative of a coupling ``q_i - p(q_j)`` the term
-``-p'' v_j^2`` is added: MuJoCo has its counterpart for connects and welds (since 3.7), but in 4.0.0 joint equalities
-are linearised.
+Proximal refinement removes softness. The second derivative of a coupling ``q_i - p(q_j)`` is completed by the term
+``-p'' v_j^2``. MuJoCo has included the corresponding term of connects and welds since 3.7, but even 4.0.0 linearises
+joint equalities.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ def select_curved(couplings: Sequence[Coupling]) -> list[Coupling]:
 
 
 def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Callable[[mujoco.MjData], None] | None:
-    """Return a function that adds curved couplings to MuJoCo's reference accelerations; None without any.
+    """Return a function that adds the curvature of couplings to MuJoCo's reference accelerations.
 
-    Call the function after MuJoCo's velocity stage.
+    Call the function after MuJoCo's velocity stage. The result is None if all couplings are linear.
     """
     if not (some := select_curved(couplings)):
         return None
@@ -42,7 +42,7 @@ def curvature(model: mujoco.MjModel, couplings: Sequence[Coupling]) -> Callable[
 
 
 def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_steps: bool) -> tuple[str, ...]:
-    """Note couplings that MuJoCo linearises, if an answer depends on their curvature.
+    """Return a note on couplings that MuJoCo linearises, if the solution depends on their curvature.
 
     Args:
         own_steps: Whether simulations use MuJoCo's own stepper, without corrections.
@@ -57,22 +57,23 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
 
 #: Largest impedance d that MuJoCo accepts: every pass divides the error by about d / (1 - d) = 1e4.
 STIFFEST = 0.9999
-#: Factor by which rows are harder than at the largest impedance: their regularisation is (1 - d) / d times the mean
-#: inverse mass of the bodies (body_invweight0), which is divided by it. Next to singular poses the passes converge
-#: slowly: A02 stops there with 1 (N = 2) or 10 (N = 40) and 20 passes, with 1000 no more than 8 are needed.
+#: Factor by which rows are harder than at the largest impedance. Their regularisation is (1 - d) / d times the mean
+#: inverse mass of the bodies (body_invweight0), which is divided by this factor. Near singular poses the passes
+#: converge slowly: with 20 passes, A02 fails there for a factor of 1 (N = 2) or 10 (N = 40); with a factor of 1000, at
+#: most 8 passes are needed.
 HARDER = 1000.0
-#: Passes end when no acceleration changed by more than this fraction of the largest, or after this number.
+#: Change, relative to the largest acceleration, below which passes end; and largest number of passes.
 SAME, PASSES = 1e-13, 20
-#: Keeps the solver's own error below the examined softness.
+#: Solver tolerance that keeps the solver's own error below the examined softness.
 EXACT = 1e-15
 DISABLED = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
 VELOCITY_STAGE = int(mujoco.mjtStage.mjSTAGE_VEL)
 
 
 def harden(model: mujoco.MjModel) -> None:
-    """Harden equality constraints to the limit, without springs against closing errors.
+    """Make equality constraints as hard as possible, and remove their springs and dampers.
 
-    With solref (0, 0) the reference acceleration is that of the closed loop, -Jdot v: its own springs and dampers
+    With solref (0, 0) the reference acceleration is that of the closed loop, -Jdot v. MuJoCo's springs and dampers
     (100 per second by default) would make every motion stiff.
     """
     model.opt.disableflags &= ~DISABLED
@@ -94,8 +95,8 @@ def refine(
     Args:
         a: Accelerations, refined in place. Shape (n_v,).
         passes: Largest number of passes.
-        same: Fraction of the largest acceleration below which a change ends the passes; with 0 all are made.
-        total: Constraint forces, to which those of the passes are added. Shape (n_row,).
+        same: Fraction of the largest acceleration below which a change ends the passes; with 0, `passes` are made.
+        total: Constraint forces, to which the constraint forces of the passes are added. Shape (n_row,).
 
     Returns:
         The number of passes, and the largest change in the last one.
@@ -114,9 +115,9 @@ def refine(
 
 
 def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    """Return the forces of the equality constraints along the coordinates; their rows come first.
+    """Return the forces of the equality constraints along the coordinates; equality rows precede all others.
 
-    Friction, limits and contacts of a user's own file close no loop and stay as soft as MuJoCo makes them.
+    Friction, limits and contacts of a user's file do not close loops and stay as soft as MuJoCo makes them.
     """
     if data.ne == data.nefc:
         return np.asarray(data.qfrc_constraint)

@@ -1,4 +1,4 @@
-"""Fixed joints of a description, nested in an MJCF and represented by hinges held by equalities."""
+"""Fixed joints of a description, which are nested bodies in an MJCF, represented by hinges locked by equalities."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from screwgauge.reference.mechanism import Joint
 
 
 def editable(mjcf: Path, joints: Sequence[Joint]) -> mujoco.MjSpec:
-    """Build the uncompiled model with a hinge about z for each fixed joint, and the equality that holds it.
+    """Build the uncompiled model with a hinge about z for each fixed joint, and an equality that locks the hinge.
 
-    Keyframes, which lack its coordinate, are removed.
+    If there are fixed joints, keyframes are removed, because they lack the coordinates of the hinges.
 
     Raises:
-        ModelFileError: Neither body of a fixed joint carries the other.
+        ModelFileError: Neither of the two bodies of a fixed joint is the other's parent in the MJCF.
     """
     spec, fixed = mujoco.MjSpec.from_file(str(mjcf)), [joint for joint in joints if joint.fixed]
     held = {each.name for each in spec.joints}

@@ -40,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree model that collects MuJoCo's warnings; its file has small moments of inertia in place of zeros."""
+    """A tree model that collects MuJoCo's warnings, and notes small moments of inertia that stand in for zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)
@@ -63,7 +63,7 @@ class MujocoDynamics(TreeDynamics):
         self.mjcf, self.tree, self.settings = mjcf, tree, settings
         self.integrator, self.dt, self.naive = settings.integrator, settings.dt, settings.naive
         self.setting = settings.states
-        settings.soften(tree.model)  # the tree's own calls switch its constraints on and off
+        settings.soften(tree.model)  # the tree enables and disables its constraints in each call
         self.model = _weld(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
         settings.soften(self.model)
         if settings.solimp is not None:
@@ -82,7 +82,7 @@ class MujocoDynamics(TreeDynamics):
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         model, data = self.model, self.data
-        if springs:  # as for the joints' own constraints
+        if springs:  # springs become stiffness of the model's joints where possible
             model = copy.deepcopy(model)
             left = [spring for spring in springs if not joint_spring(model, spring, self.tree)]
             tau = sum((spring_pull(spring, self.tree, q, v) for spring in left), tau)

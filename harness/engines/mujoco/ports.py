@@ -1,7 +1,7 @@
-"""MuJoCo's array ports MJX (in JAX) and MuJoCo Warp, on the MJCF of the minimal cut.
+"""The engines `mjx` and `mjwarp`: MuJoCo's array ports MJX (in JAX) and MuJoCo Warp on the MJCF of the minimal cut.
 
-The file is read as by the engine ``mujoco``. The port computes all values, `BLOCK` samples at a time: code to be
-compiled is compiled once. Equality constraints, which are soft, are omitted.
+The engine ``mujoco``'s code reads the file. The port computes all values for `BLOCK` samples at a time, so that code is
+compiled only once. Equality constraints are omitted, because the ports support only soft ones.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.plugins import BodyPoses, ModelFiles, MujocoTree, TreeModel, close_tree, loops_file, shifted
 
 BLOCK = 64
-#: Results of the ports for poses, and for motions; depending on the version, some belong to back-end data.
+#: Fields that the ports compute for poses and for motions; depending on the version, some belong to back-end data.
 POSES = ("xmat", "xpos", "xaxis", "xanchor")
 MOTION = ("qfrc_inverse", "cvel", "cdof_dot", "subtree_com", "xipos", "cacc", "cfrc_int")
 #: Port: (model, number type) -> (poses(q), motion(gravity, q, v, a, push)) for `BLOCK` samples.
@@ -71,7 +71,7 @@ def _fields(data: Any, names: Sequence[str]) -> list[Any]:
 
 
 def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Callable[..., Sequence[Any]]]:
-    """Build the functions of MuJoCo Warp, with a world for each sample of a block."""
+    """Build the functions of MuJoCo Warp, with one of its parallel worlds for each sample of a block."""
     import warp
 
     warp.config.quiet = True
@@ -102,7 +102,7 @@ def mjwarp(model: Any, precision: str) -> tuple[Callable[..., Sequence[Any]], Ca
 
 
 class PortTree(MujocoTree):
-    """An MJCF loaded in a port, see `OpenTree`."""
+    """An MJCF loaded into a port, see `OpenTree`."""
 
     def __init__(self, files: ModelFiles, file: Any, source: tuple[str, str, Port], precision: str) -> None:
         super().__init__(files.model, file)

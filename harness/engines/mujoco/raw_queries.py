@@ -16,7 +16,7 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-#: Arrays of passive forces and inertia that readings omit and note.
+#: Arrays of passive forces and inertia that readings omit with a note.
 _IN_NO_READING = (
     *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature"),
     *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "jnt_actgravcomp"),
@@ -38,11 +38,11 @@ def ask(
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
-    """Return the equality rows along the reading's velocities, with all other constraints off.
+    """Return the equality rows in the reading's velocities, with all other constraints disabled.
 
     Returns:
-        Rows, shape (n, m, n_freedom), and their rate at zero accelerations, Jdot v, where the velocities keep the loops
-        closed. Shape (n, m).
+        Rows J, shape (n, m, n_freedom), and ``Jdot v``, shape (n, m), which is valid if the velocities keep the loops
+        closed.
     """
     with collect_phrases():
         model, data, states = _load(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
@@ -55,7 +55,7 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
 def _load(
     path: Path, joints: Mapping[str, JointStates], floating: bool, off: Iterable[str], *, whole: bool = False
 ) -> tuple[Any, Any, Iterator[tuple[Array, ...]]]:
-    """Load model and data with some constraints off, and iterate over states, see `_state`."""
+    """Load model and data with the constraints in `off` disabled, and iterate over states, see `_state`."""
     model = load_mujoco(prepare(path, floating=floating))
     for name in off:
         model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
@@ -92,7 +92,10 @@ def _carry(model: Any, data: Any, name: str, states: JointStates) -> tuple[Array
 def _state(
     model: Any, joints: Mapping[str, JointStates], motions: Mapping[str, tuple[Array, Array]], k: int
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Return coordinates, velocities, accelerations, and the map of the reading's velocities to MuJoCo's."""
+    """Return MuJoCo's coordinates, velocities and accelerations, the velocity map, and the reading's accelerations.
+
+    The map converts the reading's velocities to MuJoCo's.
+    """
     q, a, column = model.qpos0.copy(), np.zeros(model.nv), 0
     B = np.zeros((model.nv, sum(each.qd.shape[1] for each in joints.values())))
     qd, qdd = (np.concatenate([getattr(each, rate)[k] for each in joints.values()]) for rate in ("qd", "qdd"))
@@ -134,7 +137,7 @@ def _sample(model: Any, data: Any, bodies: list[int], state: tuple[Array, ...]) 
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, velocity[k], 0)
         mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_XBODY, i, acceleration[k], 0)
     if not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
-        acceleration[:, 3:] += model.opt.gravity  # falling bodies count as at rest
+        acceleration[:, 3:] += model.opt.gravity  # MuJoCo's acceleration of a falling body is zero
     return tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration
 
 

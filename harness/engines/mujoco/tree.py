@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array, cross, times
 
 
 class DataBlock:
-    """Arrays adjacent in one buffer, including the gaps between them.
+    """Copies of arrays that lie in one buffer, including any memory between them.
 
     Attributes:
         block: Memory from the first array to the end of the last. Shape (size,).
@@ -66,11 +66,11 @@ _FRICTION = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 
 
 def prepare(model: mujoco.MjModel) -> None:
-    """Undo the compiler's changes to every model: minimal masses, and merged frames.
+    """Undo the compiler's minimal masses and merged frames, and disable features that need separate handling.
 
-    Features that MuJoCo includes in only some of its forces are off in a user's model: dry friction, which inverse
-    dynamics take from the acceleration, not the rate; gravcomp and drag, which forces between bodies lack; damping,
-    which `applied_forces` supplies to all tree engines.
+    MuJoCo includes some features of a user's model in only some of its forces. Inverse dynamics derive dry friction
+    from the acceleration rather than the rate, and forces between bodies lack gravcomp and drag. Damping is disabled
+    because `applied_forces` supplies it to all tree engines.
     """
     model.opt.disableflags |= _FRICTION
     model.dof_damping[:] = 0.0
@@ -82,7 +82,7 @@ def prepare(model: mujoco.MjModel) -> None:
 
 
 class MujocoTree(OpenTree):
-    """A loaded MJCF; `screwgauge.engines.tree.protocol.OpenTree` has the shapes."""
+    """A loaded MJCF; `screwgauge.engines.tree.protocol.OpenTree` documents the shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
         self.fixed = tuple(joint for joint in file.joints if joint.fixed)
@@ -95,7 +95,7 @@ class MujocoTree(OpenTree):
             remedy = more if small else "correct the MJCF"
             raise ModelFileError(f"MuJoCo cannot load it ({error})", str(mjcf), remedy) from None
         thin = (self.model.body_mass > LEAST) & (self.model.body_inertia.min(axis=1) <= LEAST)
-        self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # zero moments, but for MuJoCo
+        self.thin = tuple(self.model.body(b).name for b in np.flatnonzero(thin))  # their moments stand in for zero
         prepare(self.model)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has free or ball joints", str(mjcf), "use hinges and slides")
@@ -146,7 +146,7 @@ class MujocoTree(OpenTree):
                 )
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
-        """Return the closures from the equality constraints of the file and its sites."""
+        """Build the closures from the file's equality constraints and sites."""
         pairs_of: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
         disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
@@ -172,8 +172,10 @@ class MujocoTree(OpenTree):
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
-        """Read couplings from the equalities of the file; each is replaced with the loops file's coupling of the same
-        coordinate if both agree.
+        """Read couplings from the equalities of the file, each solved for its coordinate in the loops file.
+
+        Raises:
+            ModelFileError: A coupling of the loops file cannot be expressed as an equality, and the file lacks it.
         """
         where = f"MJCF of {file.mechanism}"
         readings = {self.model.equality(i).name: coupling_reading(self.model, i) for i in range(self.model.neq)}
@@ -203,8 +205,9 @@ class MujocoTree(OpenTree):
         return [body, *self._ancestors(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
-        """Run `mj_inverse` on each sample, without equality constraints unless `soft`; where MuJoCo linearises a
-        coupling, the constraints are completed.
+        """Run `mj_inverse` on each sample and yield its index; equality constraints are disabled unless `soft`.
+
+        With `soft`, the curvature of couplings, which MuJoCo omits, is added.
         """
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
@@ -280,8 +283,10 @@ class MujocoTree(OpenTree):
         return out
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Run mj_inverse with soft equality constraints; also the force that their stiffness makes of closure
-        residuals.
+        """Run `mj_inverse` with soft equality constraints.
+
+        Returns:
+            Joint forces, and the largest joint force that the constraints' stiffness produces from closure residuals.
         """
         out, rows, data, force = np.empty_like(q), list[tuple[Array, ...]](), self.data, self.data.qfrc_inverse
         for i in self._inverse(q, v, a, soft=True):
@@ -292,7 +297,9 @@ class MujocoTree(OpenTree):
         return out, self._soft_tolerance(rows, residuals)
 
     def _soft_tolerance(self, rows: list[tuple[Array, ...]], residuals: Array) -> float:
-        """Return the largest joint force ``f = D (k r + b rdot + rddot)`` for residuals r of the measured size.
+        """Return the largest joint force due to constraint forces ``D (k r + b rdot + rddot)``.
+
+        Residuals r and their derivatives have the measured size.
 
         Args:
             rows: K, B, impedance and power of each sample's constraints, with D and their Jacobian.

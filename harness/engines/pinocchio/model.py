@@ -21,13 +21,15 @@ from screwgauge.reference.errors import DescriptionError, SingularPoseError, che
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Stopwatch
 
-#: Proximal regularisation [1/kg, like the inverse mass that it is added to], and iterations.
-#: Measured on states of A02 (2 and 40), A03, A04 against the null space of the rows: 5 iterations leave 3e-14 of the
-#: largest acceleration for any mu from 1e-6 to 1e-12, 2 leave 4e-7 at 1e-6, and 1e-14 gives NaN (A03). Close to a
-#: singular pose a larger mu is slower, and a smaller one turns rounding into noise that the step size follows: over
-#: nine tolerances of A02, 1e-6 kept the smallest errors and never stopped.
+#: Proximal regularisation mu [1/kg, like the inverse mass to which it is added], and iterations.
+#: Measurements on states of A02 (2 and 40), A03, A04, compared with the null space of the rows: 5 iterations leave
+#: errors of 3e-14 of the largest acceleration for any mu from 1e-6 to 1e-12, 2 iterations leave 4e-7 for mu = 1e-6, and
+#: mu = 1e-14 yields NaN (A03). Close to a singular pose, a larger mu converges more slowly, and a smaller mu amplifies
+#: rounding to noise that shortens the steps. In tests with nine tolerances on A02, mu = 1e-6 had the smallest errors,
+#: and no integration stopped early.
 MU, ITERATIONS = 1e-6, 10
-#: More are made if they leave a closing error of this fraction of the largest acceleration, near a singular pose.
+#: Closing error, as a fraction of the largest acceleration, above which `MORE` iterations are made, as happens near a
+#: singular pose.
 ENOUGH, MORE = 1e-10, 200
 #: Allowed error of closing accelerations as a fraction of the largest acceleration.
 UNSAFE = 1e-6
@@ -41,7 +43,7 @@ class PinocchioMover:
     def __init__(self, tree: PinocchioTree) -> None:
         self.tree, self.model = tree, tree.model
         self.kinematics, self.constraints = self.model.createData(), Constraints(tree)
-        # accuracies 0: all iterations are made. What is called the absolute residual contains Jdot v
+        # zero accuracies force all iterations; Pinocchio's absolute residual includes Jdot v
         self.settings = pin.ProximalSettings(0.0, 0.0, MU, ITERATIONS)
         self.more = pin.ProximalSettings(0.0, 0.0, MU, MORE)
         setting = f"constraintDynamics, mu {MU:g}, {ITERATIONS} iterations" if len(self.constraints) else "aba"
@@ -93,8 +95,9 @@ class PinocchioMover:
         return a
 
     def _solve(self, tau: Array, settings: Any) -> tuple[Array, float, float]:
-        """Return accelerations, their residual on loops (last change of the multipliers times mu) or couplings, and the
-        largest acceleration, 1 at least.
+        """Return accelerations, the larger residual of loops and couplings, and the largest acceleration, at least 1.
+
+        The residual of loops is mu times the last change of the multipliers.
         """
         a = self.constraints.accelerate(self.q, self.v, tau, settings)
         left = settings.mu * settings.relative_residual if len(self.constraints) else 0.0
@@ -111,9 +114,9 @@ class PinocchioSettings:
         mu, iterations: Parameters of `constraintDynamics` on given states; None for Pinocchio's defaults.
         gains: Baumgarte gains of position and velocity, on given states.
         frames: Close loops with whole frames, on given states.
-        examine: Examine the conditioning of given states, and the error that Pinocchio states.
-        integrator, dt: One of `INTEGRATORS` with its step [s], projected onto the loops after every step; None for
-            scipy's methods.
+        examine: Examine the conditioning of given states, and the error that Pinocchio reports.
+        integrator, dt: One of `INTEGRATORS` with its step [s]; the state is projected onto the loops after every step.
+            `dt` is None for scipy's methods.
     """
 
     mu: float | None = MU
@@ -176,8 +179,11 @@ class PinocchioDynamics(TreeDynamics):
         return Accelerations(a, cost, condition, tolerances, (f"rank leaves {q.shape[1] - rank} freedoms",))
 
     def _examine(self, q: Array, v: Array, tau: Array, mu: float) -> tuple[Array, float, int]:
-        """Condition of ``D + mu``, ``D = J M^-1 J^T``, shape (n,); largest norm of ``M^-1 J^T D^+``, which maps row
-        residuals to accelerations; and rank of J at the last state.
+        """Examine the closing system at given states.
+
+        Returns:
+            Condition number of ``D + mu``, where ``D = J M^-1 J^T``, (n,); largest norm of ``M^-1 J^T D^+``, which maps
+            row residuals to accelerations; and rank of J at the last state.
         """
         model, data, safe = self.tree.model, self.tree.model.createData(), pin.ProximalSettings(0.0, 0.0, 1e-10, 2)
         condition, lift, rank = np.empty(len(q)), 0.0, 0

@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Query Pinocchio, see `raw_queries.Ask`. RNEA includes armature, but no damping, friction or springs."""
+    """Query Pinocchio, see `raw_queries.Ask`. RNEA includes armature, but not damping, friction or springs."""
     source = prepare(path, floating=floating)
     model = load_pinocchio(source)
     data = model.createData()
@@ -34,10 +34,10 @@ def ask(
 
 
 def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
-    """Return the velocity map at each sample, and the acceleration part of its rate. Shapes (n, n_v, m), (n, n_v).
+    """Return the velocity map at each sample, and the accelerations due to its rate. Shapes (n, n_v, m), (n, n_v).
 
-    Pinocchio expresses the linear velocity of a planar joint in the axes of the body that it carries, while its parts,
-    two slides and then a hinge, use the axes of the preceding body.
+    Pinocchio expresses the linear velocity of a planar joint in the axes of the body that the joint carries. The
+    reading's parts of this joint, two slides and then a hinge, use the axes of the preceding body.
     """
     maps, turning = np.tile(B, (len(q), 1, 1)), np.zeros((len(q), model.nv))
     for joint in model.joints:
@@ -53,8 +53,10 @@ def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
 
 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
-    """Return coordinates, velocities and accelerations of the reading, and the map of its velocities to Pinocchio's at
-    home."""
+    """Return Pinocchio's coordinates, the reading's velocities and accelerations, and the velocity map at home.
+
+    The map converts the reading's velocities to Pinocchio's.
+    """
     n = len(next(iter(joints.values())).q)
     q = np.tile(start(model), (n, 1))
     data = model.createData()

@@ -1,4 +1,4 @@
-"""The open tree of a URDF, computed by Pinocchio (see `engines.tree.protocol`), with closures as its constraints.
+"""The open tree of a URDF, computed by Pinocchio (see `engines.tree.protocol`), with closures as constraints.
 
 Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.
@@ -26,7 +26,7 @@ from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this fraction of the largest belong to couplings that the loops already enforce.
 REDUNDANT = 1e-9
-#: A joint moves no inertia if it is below this fraction of the largest in the tree.
+#: Fraction of the largest inertia in the tree below which a joint's inertia counts as zero.
 WEIGHTLESS = 1e-15
 #: Whether constraint data must also be initialised and placed (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
@@ -37,7 +37,7 @@ ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
     """Load a URDF with the description's fixed joints as hinges.
 
-    Pinocchio's parser reports errors only on stderr, and continues with half of the file.
+    Pinocchio's parser reports some errors only on stderr, and continues with part of the file.
     """
     text, reason = tree_urdf(urdf, joints), ""
     with capture_errors() as messages:
@@ -52,7 +52,7 @@ def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
 
 
 class PinocchioTree(OpenTree):
-    """A loaded URDF; `screwgauge.engines.tree.protocol.OpenTree` has the shapes."""
+    """A loaded URDF; `screwgauge.engines.tree.protocol.OpenTree` documents the shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile) -> None:
         self.model = _load(urdf, file.joints)
@@ -140,7 +140,7 @@ class PinocchioTree(OpenTree):
         return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """See `screwgauge.engines.tree.protocol.OpenTree`; Pinocchio gives joint forces in the joints' frames."""
+        """See `screwgauge.engines.tree.protocol.OpenTree`; Pinocchio returns joint forces in the joints' frames."""
         n, out, origin = len(q), np.zeros_like(wrench), self.origins
         # orientation of the joint that carries each body
         R = at.R[:, 1:] @ self.turned.swapaxes(1, 2)
@@ -165,7 +165,7 @@ class _Views:
     Attributes:
         joints: Rotation by columns, then translation, of each joint. Shape (n_joint, 12).
         velocities, accelerations, forces: Joint quantities in the joints' own frames. Shape (n_joint, 6).
-        pushed, external: Forces on the joints for Pinocchio, and an array view of them. Shape (n_joint, 6).
+        pushed, external: External forces on the joints as Pinocchio's vector, and an array view of it, (n_joint, 6).
         twists, turning: Jacobian at the world origin, and its time derivative. Shape (6, n_v).
     """
 
@@ -176,11 +176,11 @@ class _Views:
         self.velocities, self.accelerations, self.forces, self.external = (
             _rows([one.vector for one in of], 6) for of in kept
         )
-        self.twists, self.turning = (J.reshape(6, -1) for J in (data.J, data.dJ))  # one column comes without its axis
+        self.twists, self.turning = (J.reshape(6, -1) for J in (data.J, data.dJ))  # a single column is returned as 1D
 
 
 def _rows(parts: list[Array], size: int) -> Array:
-    """View items of a C++ vector as rows of `size` numbers; `parts` are their first elements."""
+    """View the items of a C++ vector as rows of `size` numbers; `parts` are the first arrays in these items."""
     begin = np.array([part.__array_interface__["data"][0] for part in parts])
     step = int(begin[-1] - begin[0]) // max(1, len(parts) - 1)
     if (np.diff(begin) != step).any() or 0 < step < 8 * size:
@@ -190,10 +190,10 @@ def _rows(parts: list[Array], size: int) -> Array:
 
 
 class Constraints:
-    """Closures of a tree as Pinocchio's constraints, and its couplings, which Pinocchio lacks.
+    """Closures of a tree as Pinocchio's constraints, and the tree's couplings, which Pinocchio does not support.
 
     Attributes:
-        models, datas: A 3D contact for each pair of points, a 6D one for each weld.
+        models, datas: A 3D contact for each pair of points, and a 6D contact for each weld.
         couplings: Couplings in the coordinates of the tree.
     """
 
@@ -220,8 +220,8 @@ class Constraints:
     def accelerate(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
         """Return accelerations of the tree, using `aba` if there are no closures. Shape (n_v,) each.
 
-        Accelerations are linear in the forces, so Pinocchio's answers to unit forces along couplings give the ones that
-        keep the couplings; a second pass removes the rounding residual.
+        Accelerations are linear in the forces. The responses to unit forces along the couplings therefore determine the
+        forces that enforce the couplings; a second pass removes the rounding residual.
         """
         a = self._accelerate_closed(q, v, tau, settings)
         if not np.isfinite(a).all():
@@ -237,14 +237,14 @@ class Constraints:
         return a
 
     def _check_inertia(self, q: Array) -> None:
-        """Reject a joint that moves no inertia in the open tree, whose mass matrix would be singular.
+        """Reject a joint that moves no inertia in the open tree, which makes the mass matrix singular.
 
         Raises:
-            SingularPoseError: There is one.
+            SingularPoseError: A joint moves no inertia.
         """
         M = self.tree.mass_matrix(q[None])[0]
         nothing = WEIGHTLESS * M.diagonal().max()
-        for k in reversed(range(len(M))):  # joints behind it are eliminated: their bodies are free to stay behind
+        for k in reversed(range(len(M))):  # joints beyond it are eliminated: their bodies need not move with it
             if M[k, k] <= nothing:
                 joint, body = self.tree.coordinates[k], self.tree.bodies[int(self.tree.moves[1:, k].argmax())]
                 what = f"'{body}' has no inertia for joint '{joint}' to move in the open tree"
@@ -265,9 +265,9 @@ class Constraints:
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))
 
     def jacobian(self, data: Any, q: Array) -> Array:
-        """Return the gaps' derivative for placed `data`: velocity of the second side minus the first, then couplings.
+        """Return the gaps' derivative at the pose of `data`: second minus first side's velocity, then couplings.
 
-        Also places `datas`.
+        Updates `datas` to this pose.
         """
         couplings: Array = self.couplings.matrix(q[None])[0]
         if not len(self.models):
@@ -288,7 +288,7 @@ def _contacts(tree: PinocchioTree, frames: bool) -> Any:
         if frames or closure.type == "weld":
             kind = pin.ContactType.CONTACT_6D
             here, there = closure.parent_frame, closure.child_frame
-            turned = closure.type == "weld"  # frames of a cut hinge are laid along their bodies
+            turned = closure.type == "weld"  # frames of a cut hinge are aligned with their bodies
             pairs = [tuple(pin.SE3(f.R if turned else np.eye(3), f.p) for f in (here, there))]
         else:
             kind = pin.ContactType.CONTACT_3D
@@ -301,7 +301,7 @@ def _contacts(tree: PinocchioTree, frames: bool) -> Any:
 
 
 def _place(tree: PinocchioTree, body: str, at: Any) -> tuple[int, Any]:
-    """Return the joint that carries a body, and a placement in the body relative to the joint."""
+    """Return the joint that carries a body, and convert a placement in the body to that joint's frame."""
     if body == GROUND:
         return 0, at
     frame = tree.model.frames[tree.frames[tree.bodies.index(body)]]

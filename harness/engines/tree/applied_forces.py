@@ -1,7 +1,7 @@
-"""Springs, dampers, motors and loads on an engine's open tree, from its own body poses and rates.
+"""Springs, dampers, motors and loads on an engine's open tree, computed from the engine's body poses and rates.
 
-`exerted` states them once, for the samples of a given motion and for a single state of a simulation. The forces
-become wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree (`TreeForces`).
+`exerted` computes them for the samples of a given motion or for a single state of a simulation. The forces are
+converted to wrenches on bodies (`applied_wrenches`) or to forces along the coordinates of the tree (`TreeForces`).
 """
 
 from __future__ import annotations
@@ -51,14 +51,15 @@ def exerted(
 def applied_wrenches(
     closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array]:
-    """Return force and moment on each body about its origin, and the part that acts along joint coordinates.
+    """Return the applied force and moment on each body, and the part that acts along joint coordinates.
 
     Args:
         motion: Times, shape (n,), velocities of the bodies, shape (n, n_body + 1, 6), coordinates of all joints and
             their rates in the order of the description, shape (n, n_q) each.
 
     Returns:
-        Shape (n, n_body + 1, 6), and along the coordinates shape (n, n_q), which the wrenches contain.
+        Force and moment about each body's origin, shape (n, n_body + 1, 6); and the forces along the coordinates,
+        shape (n, n_q), which the wrenches already contain.
     """
     t, V, q, v = motion
     column = {name: i for i, name in enumerate(closed.names)}
@@ -84,7 +85,7 @@ def applied_wrenches(
 
 
 def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:
-    """Add wrenches of forces along a joint's coordinates on its two bodies; they have no power on other motions."""
+    """Add the wrenches on a joint's two bodies of forces along its coordinates; they do no work on other motions."""
     parent, child = closed.loops.sides(joint)
     frames = closed.joint_pose(joint, at)
     values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
@@ -113,11 +114,11 @@ class TreeForces:
         """Bind applied forces to the bodies and coordinates of a tree.
 
         Args:
-            start: Independent coordinates at the start, from which to follow angles of cut joints. Shape (k,).
+            start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
             resist: Resistances, by default all of `resisting_joints`.
 
         Raises:
-            UnknownNameError: There is no such body or coordinate.
+            UnknownNameError: The tree lacks a body or coordinate on which a force acts.
         """
         self.closed, self.applied, springs = closed, applied, applied.springs
         self.resist = resisting_joints(closed) if resist is None else resist
@@ -158,7 +159,7 @@ class TreeForces:
 
 
 def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
-    """Build the reader of a joint coordinate, of the tree or of a cut joint."""
+    """Build the reader of a joint coordinate, which may belong to the tree or to a cut joint."""
     tree, loops = closed.tree, closed.loops
     if coordinate in tree.coordinates:
         column = tree.coordinates.index(coordinate)
@@ -174,7 +175,7 @@ def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
 def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reader:
     """Build the reader of a cut joint's coordinate.
 
-    Each reading follows the last one: within half a turn, and through gimbal lock.
+    Each reading is the angle nearest to the previous reading, which tracks full turns and passes gimbal lock.
     """
     last = closed.loops.begin(joint, start)
     parent, child = closed.loops.index[joint.parent], closed.loops.index[joint.child]
@@ -191,7 +192,7 @@ def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reade
 
 
 def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:
-    """Return the force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
+    """Return the forces along all coordinates due to a spring along a tree coordinate. Shape (n, n_v) each."""
     tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
     tau[:, k] = -spring.pull(q[:, k], v[:, k])
     return tau

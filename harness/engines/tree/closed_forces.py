@@ -34,14 +34,15 @@ def closed_forces(
 
     Args:
         given: The problem, and indices of the independent coordinates that no actuator drives.
-        system: Inverse of the dimensionless closing system, shape (n, n_v, m + k), and velocities of the tree per
+        system: Inverse of the dimensionless closing system, shape (n, n_v, m + k), and tree velocities per unit
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
         exerted: Wrenches of loads, springs and motors, see `applied_wrenches`.
 
     Returns:
-        Quantity -> values, (n, m); quantity -> condition number of its own equations, if any, (n,); and the largest
-        force along a coordinate with and without loads, moments over the mechanism's length [N], (n,).
+        Quantity -> values, (n, m); quantity -> condition number of the equations solved for it, if any, (n,); and the
+        largest force along a coordinate, with or without loads, where moments are divided by the mechanism's length
+        [N], (n,).
     """
     (problem, idle), (inverse, K), (acting, along) = given, system, exerted
     tau, wanted, sizes = motion[3], problem.wanted, closed.sizes
@@ -60,14 +61,14 @@ def closed_forces(
         conditions = dict.fromkeys(RULED, condition)
     values["actuator_force"], values["axis_moment"] = f, along.copy()
     values["axis_moment"][:, [closed.names.index(closed.tree.coordinates[k]) for k in driven]] += f
-    for one in resistances(closed.file.joints, ROTORS):  # which stand in the tree
+    for one in resistances(closed.file.joints, ROTORS):  # rotors belong to tree coordinates
         place = closed.tree.coordinates.index(one.coordinate)
         values["axis_moment"][:, one.column] -= one.amount * motion[2][:, place]
     if "reaction" not in wanted:
         return values, conditions, largest
     rest = need.copy()
     rest[:, driven] -= f
-    # the force that actuators leave over moves no y, so the rows of y take none of it
+    # the force that actuators do not supply does no work on motions of y, so the rows of y get none of it
     m = inverse.shape[2] - K.shape[2]
     multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], acting + closed.loops.wrenches(at, multipliers))
@@ -84,10 +85,10 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
         alone: Wrench on each body from its tree parent without closures. Shape (n, n_body + 1, 6).
 
     Returns:
-        Forces, shape (n, n_actuator), and the condition of the equations, (n,).
+        Forces, shape (n, n_actuator), and the condition number of the equations, (n,).
 
     Raises:
-        ModelFileError: The loops file names no joint for this rule.
+        ModelFileError: The loops file lacks the table ``[spherical_axial]``, which names the joint.
     """
     loops, driven = closed.loops, closed.driven
     if closed.file.axial is None:
@@ -104,7 +105,7 @@ def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone
 
 
 def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array]:
-    """Return the force of a joint on one of its bodies [N]: without closures, (n, 3), and per force of each anchor,
+    """Return a joint's force on one of its bodies: without closures [N], (n, 3), and per unit force of each anchor,
     (n_anchor,)."""
     loops = closed.loops
     if joint in loops.cut:
@@ -116,7 +117,7 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
 
 
 def _outer(joint: Joint, closed: ClosedTree) -> int:
-    """Return the body of a tree joint that is farther from ground."""
+    """Return the outer body of a tree joint."""
     parent, child = closed.loops.sides(joint)
     return child if child and closed.inwards(child)[1] == parent else parent
 
@@ -126,7 +127,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
 
     Args:
         transmitted: Wrench on each body from its tree parent, about its origin. Shape (n, n_body + 1, 6).
-        multipliers: Forces of the anchors on their child side, then those along coupled coordinates.
+        multipliers: Forces of the anchors on their child side, then forces along coupled coordinates.
             Shape (n, 3 n_anchor + n_coupling).
 
     Returns:
@@ -145,7 +146,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
 
 
 def components(at: JointPose, wrench: Array, about: Array) -> Array:
-    """Project a wrench on a joint's child onto its constrained directions. (n, 6), (n, 3) -> (n, m)."""
+    """Project a wrench on a joint's child onto the joint's constrained directions. (n, 6), (n, 3) -> (n, m)."""
     force = wrench[:, :3]
     moment = wrench[:, 3:] - cross(at.p_child - about, force)
     return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)

@@ -1,4 +1,4 @@
-"""States of a tree on the closed loops: projected onto them, and read as joint coordinates."""
+"""States of a tree with closed loops: projection onto the loops, and conversion to joint coordinates."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ MOST = 4  # two corrections suffice for a state that drifted by 1e-6
 
 
 def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float, float, float]]:
-    """Project a state onto the closed loops and leave the engine there.
+    """Project a state onto the closed loops and set the engine to the projected state.
 
-    Newton's method with one factorisation: the first correction reduces a drift of 1e-6 to 1e-12.
+    Uses Newton's method with a single factorisation; the first correction reduces a drift of 1e-6 to 1e-12.
 
     Returns:
-        Tree coordinates and rates, shape (n_v,) each, and the largest closing errors: removed in position [m or rad]
-        and rate [per s], and left in position.
+        Tree coordinates and rates, shape (n_v,) each, and three largest closing errors: position error [m or rad] and
+        rate error [per s] before projection, and position error after projection.
 
     Raises:
-        SingularPoseError: The state has grown until it is no pose any more.
+        SingularPoseError: The state has grown so large that its closing errors are not finite.
     """
     mover.place(q, v)
     gaps, G = mover.closure()
@@ -67,7 +67,10 @@ def project(mover: Mover, q: Array, v: Array) -> tuple[Array, Array, tuple[float
 
 
 def _pseudo_inverse(G: Array) -> Array:
-    """Compute the pseudo-inverse from eigenvectors of G^T G, small for any redundancy of rows. (m, n) -> (n, m)."""
+    """Compute the pseudo-inverse from eigenvectors of G^T G, whose size redundant rows do not increase.
+
+    Shape (m, n) -> (n, m).
+    """
     w, V = np.linalg.eigh(G.T @ G)
     kept = w > SMALLEST**2 * max(float(w[-1]), np.finfo(float).tiny)
     V = V[:, kept]
@@ -79,12 +82,12 @@ _MEMORY = 2e7  # bytes of the Jacobians of all bodies held at a time
 
 @dataclass(slots=True, eq=False)
 class Path:
-    """States in order of time, with marks on the wanted ones.
+    """States in order of time, some of which are requested.
 
     Attributes:
-        t, q, v: Times [s], tree coordinates and rates, one entry a state.
+        t, q, v: Times [s], tree coordinates and rates, one entry for each state.
         wanted: Indices of the requested states.
-        a: Tree accelerations of the requested states, one entry each.
+        a: Tree accelerations, one entry for each requested state.
     """
 
     t: list[float] = field(default_factory=list)
@@ -94,7 +97,7 @@ class Path:
     a: list[Array] = field(default_factory=list)
 
     def add(self, t: float, q: Array, v: Array, a: Array | None = None) -> None:
-        """Append a state; a state with accelerations is a requested one."""
+        """Append a state; a state with accelerations counts as requested."""
         if a is not None:
             self.wanted.append(len(self.t))
             self.a.append(a)
@@ -114,7 +117,7 @@ def read_path(closed: ClosedTree, path: Path, start: Array) -> JointMotion:
     """Read the requested states of a path, following the angles of cut joints through all states.
 
     Args:
-        start: Independent coordinates at its first state. Shape (k,).
+        start: Independent coordinates at the first state of the path. Shape (k,).
     """
     q, v = np.array(path.q), np.array(path.v)
     rows, a = np.array(path.wanted, dtype=np.intp), np.array(path.a)

@@ -25,18 +25,18 @@ from screwgauge.reference.rotations import Array, cross, times, vee, widest
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnchorPair:
-    """A constraint of a closure: two coincident points, or (`angular`) two frames of equal orientation."""
+    """Constraint of a closure: two coincident points, or (`angular`) two frames of equal orientation."""
 
     joint: str
     angular: bool
     parent: int
     child: int
-    at_parent: Array  # point (3,) or attitude (3, 3) in the body
+    at_parent: Array  # point (3,) or orientation (3, 3) in the body
     at_child: Array
 
     @property
     def sides(self) -> tuple[tuple[int, Array], tuple[int, Array]]:
-        """Body and point or orientation in it, of the child and of the parent."""
+        """The child's index and the point or orientation in the child, then the same for the parent."""
         return (self.child, self.at_child), (self.parent, self.at_parent)
 
 
@@ -52,7 +52,7 @@ class TreeLoops:
 
     @cached_property
     def _points(self) -> tuple[list[int], Array]:
-        """Bodies and body points of all anchors, child sides first; 0 for angular ones."""
+        """Bodies and body points of all anchors, child sides first; points of angular anchors are zero."""
         sides = [(*anchor.sides[side], anchor.angular) for side in (0, 1) for anchor in self.anchors]
         places = [np.zeros(3) if angular else where for _, where, angular in sides]
         return [body for body, *_ in sides], np.array(places).reshape(-1, 3)
@@ -62,7 +62,7 @@ class TreeLoops:
         return at.points(*self._points)
 
     def gaps(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Return child side minus parent side of each anchor [m or rad], at its `ends`. Shape (n, 3 n_anchor)."""
+        """Return child side minus parent side of each anchor [m or rad], given all `ends`. Shape (n, 3 n_anchor)."""
         m, ends = len(self.anchors), self.ends(at) if ends is None else ends
         out = ends[:, :m] - ends[:, m:]
         for k, anchor in enumerate(self.anchors):
@@ -72,10 +72,10 @@ class TreeLoops:
         return out.reshape(len(out), 3 * m)
 
     def jacobian(self, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Return the derivative of the gaps, with each side at its own end. Shape (n, 3 n_anchor, n_v).
+        """Return the derivative of the gaps, with each side evaluated at its own end. Shape (n, 3 n_anchor, n_v).
 
-        Taken at a common point, it would be wrong by the gap: at gimbal lock, where rates grow without bound, even a
-        gap of rounding size then costs the accelerations all their digits.
+        If both sides were evaluated at one point, the error would be proportional to the gap. At gimbal lock, where
+        rates grow without bound, even a gap of rounding size would then destroy all digits of the accelerations.
         """
         (n, _, n_v), m, moves = at.screws.shape, len(self.anchors), at.moves[self._points[0]]
         out, ends = np.empty((n, m, 3, n_v)), self.ends(at) if ends is None else ends
@@ -88,7 +88,7 @@ class TreeLoops:
         return out.reshape(n, 3 * m, n_v)
 
     def turning(self, at: BodyPoses, parent: int, child: int) -> Array:
-        """Return the angular velocity of child minus parent per coordinate. Shape (n, 3, n_v)."""
+        """Return the child's angular velocity relative to the parent, per unit coordinate rate. Shape (n, 3, n_v)."""
         return np.asarray(at.screws[:, :3] * (at.moves[child] - at.moves[parent]))
 
     def bias(self, at: BodyPoses, V: Array, A: Array) -> Array:
@@ -111,12 +111,12 @@ class TreeLoops:
         }
 
     def sides(self, joint: Joint) -> tuple[int, int]:
-        """Return parent and child of a joint in the tree, where the joint's own copy may replace a body."""
+        """Return parent and child of a joint in the tree, where a copy made for the joint may replace a body."""
         parent, child = (self.index.get(f"{x}@{joint.name}", self.index[x]) for x in (joint.parent, joint.child))
         return parent, child
 
     def begin(self, joint: Joint, y: Array) -> Array:
-        """Return initial angles of a cut joint: home, with independent angles at their values. Shape (k,) -> (m,)."""
+        """Return initial angles of a cut joint: the home angles, with independent angles set from y. (k,) -> (m,)."""
         angles = joint.home.copy()
         for value, (_, name, i) in zip(y, self.independent, strict=True):
             if name == joint.name:
@@ -124,14 +124,14 @@ class TreeLoops:
         return angles
 
     def relative(self, joint: Joint, values: Array) -> Array:
-        """Angular part of the child's minus the parent's `values`. Shape (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
+        """Return the angular part of child minus parent of body values. (n, n_body + 1, 6, ...) -> (n, 3, ...)."""
         return np.asarray(values[:, self.index[joint.child], :3] - values[:, self.index[joint.parent], :3])
 
     def wrenches(self, at: BodyPoses, forces: Array) -> Array:
         """Return the external wrench on each body, about its origin, given the multipliers of all anchors.
 
         Args:
-            forces: Multipliers on the child side [N or N m]; those of couplings, which follow, are ignored.
+            forces: Multipliers on the child side [N or N m]; the multipliers of couplings, which follow, are ignored.
                 Shape (n, 3 n_anchor or more).
 
         Returns:
@@ -148,7 +148,7 @@ class TreeLoops:
 
 
 def check_names(tree: OpenTree, file: LoopsFile) -> None:
-    """Reject a model that lacks names of its loops file, or has joints unknown to it."""
+    """Reject a model that lacks names of its loops file, or has joints unknown to that file."""
     closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
     differences = (
         ("has no body", {*file.bodies, *closed} - {GROUND, *tree.bodies}),
@@ -169,7 +169,7 @@ def make_loops(tree: OpenTree, file: LoopsFile) -> TreeLoops:
     """Bind closures and independent coordinates to the bodies and coordinates of a tree.
 
     Raises:
-        ModelFileError: The model lacks one of them, or a joint that must be in the tree.
+        ModelFileError: The model lacks a coordinate, or its tree lacks a joint that cannot be cut.
     """
     index = {name: i for i, name in enumerate([GROUND, *tree.bodies])}
     anchors = [anchor for closure in tree.closures for anchor in _anchors(closure, index)]
@@ -208,9 +208,9 @@ class Sizes:
 
     Attributes:
         length: Largest distance between joint points and centres of mass at home [m].
-        q: Unit of each tree coordinate, 1 rad or that length. Shape (n_v,).
+        q: Unit of each tree coordinate, 1 rad or `length`. Shape (n_v,).
         y: Unit of each independent coordinate. Shape (k,).
-        rows: Unit of each closing row, those of y last. Shape (m + k,).
+        rows: Unit of each closing row, with the rows of y last. Shape (m + k,).
     """
 
     length: float
@@ -247,7 +247,7 @@ class ClosedTree:
 
     @cached_property
     def angles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Flags of tree coordinates, and of independent ones, that are angles. Shapes (n_v,), (k,)."""
+        """Flags of angles among the tree coordinates and among the independent coordinates. Shapes (n_v,), (k,)."""
         turns = {name: turn for j in self.file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
         names = self.tree.coordinates, self.file.independent.values()
         tree, independent = (np.array([turns[name] for name in some], dtype=bool) for some in names)
@@ -303,7 +303,7 @@ class ClosedTree:
 
     @cached_property
     def given(self) -> frozenset[str]:
-        """Cut joints with independent coordinates."""
+        """Names of the cut joints with independent coordinates."""
         return frozenset(name for column, name, _ in self.loops.independent if column is None)
 
     def joints(self, tree_values: Array, cut_values: dict[str, Array]) -> Array:
@@ -322,7 +322,7 @@ class ClosedTree:
         return np.stack([columns[name] for name in self.names], axis=1)
 
     def cut_velocities(self, charts: Charts, V: Array) -> dict[str, Array]:
-        """Compute coordinate velocities of cut joints, (n, m), from those of bodies, (n, n_body + 1, 6)."""
+        """Compute coordinate velocities of cut joints, (n, m), from body velocities, (n, n_body + 1, 6)."""
         turns = {name: self.loops.relative(self.cut_joint(name), V)[..., None] for name in charts}
         return {name: chart.rates(turns[name])[..., 0] for name, chart in charts.items()}
 
@@ -343,7 +343,7 @@ class ClosedTree:
         return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
-        """Return residuals of closures, then couplings, at q, poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
+        """Return residuals of closures, then couplings, for q, poses and `ends`, see `TreeLoops.ends`. Shape (n, m)."""
         gaps, couplings = self.loops.gaps(at, ends), self.loops.couplings
         return np.concatenate([gaps, couplings.residuals(q)], axis=1) if len(couplings) else gaps
 
@@ -366,7 +366,7 @@ class ClosedTree:
         return np.concatenate([bias, along], axis=1)
 
     def closing_rows(self, q: Array, at: BodyPoses, charts: Charts, ends: Array | None = None) -> Array:
-        """Stack the derivative of the gaps on one row per independent coordinate. (n, m + k, n_v)."""
+        """Return the derivative of the gaps, followed by one row per independent coordinate. Shape (n, m + k, n_v)."""
         loops, rows, own = self.loops, [self.jacobian(q, at, ends)], np.eye(q.shape[1])
         sides = {joint.name: (loops.index[joint.parent], loops.index[joint.child]) for joint in loops.cut}
         cut = {name: charts[name].rates(loops.turning(at, *sides[name])) for name in self.given}

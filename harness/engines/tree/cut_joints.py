@@ -1,7 +1,7 @@
 """Coordinates of cut joints, read from the two frames that an engine supplies.
 
-A cut joint is not in the engine's tree, so its angles follow from the relative rotation of its sides. This reading is
-shared by all tree engines; the frames, their rates and accelerations are each engine's own.
+A cut joint is not in the engine's tree, so its angles follow from the relative rotation of its two bodies. All tree
+engines share this code; each engine computes the frames, rates and accelerations itself.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ class Chart:
     """Coordinates of a cut joint at n poses.
 
     Attributes:
-        q: Angles [rad], within a turn and the middle one of three within +-pi/2 unless a chart `near` others. (n, m).
-        R: Orientation in the world of a frame on its parent side: its first two axes at zero, and their cross product.
-            Shape (n, 3, 3).
-        last: Current direction of its third axis in that frame. Shape (n, 3).
+        q: Angles [rad], wrapped to one turn; the second of three angles is within +-pi/2. `near` returns equivalent
+            angles outside these ranges. Shape (n, m).
+        R: World orientation of a parent-side frame built from the joint's first two axes at q = 0 and their cross
+            product. Shape (n, 3, 3).
+        last: Current direction of the joint's third axis in that frame. Shape (n, 3).
     """
 
     q: Array
@@ -41,30 +42,30 @@ class Chart:
 
     @property
     def condition(self) -> Array:
-        """Condition of its rates, 1 at best: the condition number of its axes divided by 3. Shape (n,)."""
+        """Condition number of the coordinate rates: that of the joint's axes, divided by 3; 1 at best. Shape (n,)."""
         return angle_condition(self.q)
 
     @property
     def duals(self) -> Array:
-        """Products of its axes in that frame: second x third, third x first, first x second. Shape (n, 3, 3)."""
+        """Cross products of the axes in the frame `R`: second x third, third x first, first x second. (n, 3, 3)."""
         c, s, (x, y, z) = np.cos(self.q[:, 0]), np.sin(self.q[:, 0]), self.last.T
         zero = np.zeros_like(c)
         return np.stack([c * z - s * y, s * x, -c * x, zero, z, -y, zero, -s, c], axis=1).reshape(-1, 3, 3)
 
     def rates(self, omega: Array) -> Array:
-        """Return coordinate rates at a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
+        """Return coordinate rates for a relative angular velocity in world axes. Shape (n, 3, ...) -> (n, m, ...)."""
         duals = self.duals
         volume = duals[:, :1, :1]
         inverse = duals[:, : self.q.shape[1]] / np.where(volume == 0.0, np.nan, volume)
         return np.asarray((inverse @ self.R.swapaxes(1, 2)) @ omega)
 
     def bias(self, rates: Array, omega_parent: Array, omega: Array, beta: Array) -> Array:
-        """Return second derivatives at a relative angular acceleration in world axes.
+        """Return second derivatives of the coordinates for a relative angular acceleration in world axes.
 
         Args:
             rates: Coordinate rates. Shape (n, m).
             omega_parent: Angular velocity of the parent. Shape (n, 3).
-            omega, beta: Angular velocity and acceleration of the child less those of the parent. Shape (n, 3).
+            omega, beta: The child's angular velocity and acceleration minus the parent's. Shape (n, 3).
 
         Returns:
             Shape (n, m).
@@ -76,7 +77,7 @@ class Chart:
         return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
-        """Return a chart of the same rotations with the triples and full turns nearest to given angles.
+        """Return a chart of the same rotations whose triples and full turns are nearest to given angles.
 
         Args:
             angles: Shape (n, m).
@@ -84,7 +85,7 @@ class Chart:
         return replace(self, q=nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
-        """Return a chart of the same rotations with the triples whose angle `i` is nearest to `angle`. Shape (n,)."""
+        """Return a chart of the same rotations with triples whose angle `i` is nearest to `angle`, of shape (n,)."""
         if self.q.shape[1] < 3:
             return self
         two = other_triple(self.q)

@@ -1,7 +1,7 @@
 """Inverse dynamics of a closed mechanism using an engine's open tree: positions, velocities, accelerations, forces.
 
-The engine supplies values (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches); the
-linear algebra that closes loops and projects forces is in this module and shared by all tree engines.
+The engine supplies values (poses, Jacobians, accelerations, inverse dynamics, transmitted wrenches). All tree engines
+share this module's linear algebra, which closes loops and projects forces.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class _Work:
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
 
     def _evaluate(self, q: Array, y: Array, at: BodyPoses) -> tuple[Array, Array]:
-        """Return closure residuals followed by those of y, and their derivative."""
+        """Return the residuals of closures and then of y, and their derivative."""
         closed, loops = self.closed, self.closed.loops
         charts, ends = loops.charts(at, closed.given), loops.ends(at)
         for value, (_, name, i) in zip(y.T, loops.independent, strict=True):
@@ -268,7 +268,7 @@ class _Pass:
         self.a = self.a + (self.K[..., idle] @ x[..., None])[..., 0]
 
     def _measure(self, A: Array) -> None:
-        """Measure the closure residuals of position, velocity and acceleration, which stiff constraints turn into
+        """Measure the closure residuals of position, velocity and acceleration, which soft constraints convert to
         forces.
         """
         q, at, closed, V = self.poses.q, self.poses.at, self.closed, self.V
@@ -294,7 +294,7 @@ class _Pass:
                 self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
-        """Return the largest inertial and weight force along a coordinate without cancellation [N]. Shape (n,)."""
+        """Return the largest inertial plus weight force along a coordinate, assuming no cancellation [N]. (n,)."""
         tree, at, sizes = self.closed.tree, self.poses.at, self.sizes
         most = np.abs(self.work.problem.applied.g) + np.expand_dims(self.rush, 1) * sizes.length
         bodies, columns = np.nonzero(at.moves[1:])  # most coordinates move few bodies

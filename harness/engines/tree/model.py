@@ -1,6 +1,6 @@
-"""A loaded model of an open-tree engine, for every kind of task.
+"""A loaded model of an open-tree engine, which solves every kind of task.
 
-States of the tree are used unmodified: forces for a motion, or accelerations for forces.
+For the task `States`, forces or accelerations are computed without first closing the loops.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class TreeModel:
         """Solve a problem.
 
         Raises:
-            ScrewgaugeError: The problem does not fit the model, or cannot be solved.
+            ScrewgaugeError: The problem does not match the model, or cannot be solved.
         """
         closed, dynamics, task = self.closed, self.dynamics, problem.task
         self._check(problem)
@@ -83,7 +83,7 @@ class TreeModel:
         return f"model of {self.closed.tree.engine}"
 
     def _check(self, problem: Problem) -> None:
-        """Reject a problem of another mechanism."""
+        """Reject a problem that belongs to a different mechanism."""
         loops, task = self.closed.loops, problem.task
         for load in problem.applied.loads:
             if load.body not in loops.index and load.body != GROUND:
@@ -97,7 +97,7 @@ class TreeModel:
             )
 
     def _check_mass(self) -> None:
-        """Reject accelerations of a tree with massless branches, whose mass matrix is singular."""
+        """Reject a tree with massless branches, whose mass matrix is singular."""
         tree, heavy = self.closed.tree, {GROUND}
         above = dict(zip(tree.bodies, tree.parents, strict=True))
         for body, mass in zip(tree.bodies, tree.masses, strict=True):
@@ -110,15 +110,16 @@ class TreeModel:
 
 
 def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, task: States) -> Solution:
-    """Solve for accelerations in states of the tree.
+    """Solve for accelerations or forces in given states of the tree.
 
     Args:
-        task: With `tau`, accelerations are given; else ``tree_force`` for its accelerations and, if wanted,
-            ``tree_force_soft`` and the smallest ``actuator_force`` on the closed loops.
+        task: States with forces `tau` or accelerations `a`. Forces yield accelerations. Accelerations yield those of
+            ``tree_force``, ``tree_force_soft`` and minimum-norm ``actuator_force`` that are requested.
 
     Raises:
-        ModelFileError: The states are not those of the tree.
-        DescriptionError: Other forces act than the given ones, gravity, and springs along tree coordinates.
+        ModelFileError: The coordinates differ from the tree's, or the task lacks exactly one of `a` and `tau`.
+        DescriptionError: Forces are given and the problem also has loads, motors, or springs not along tree
+            coordinates; or a joint outside the tree has damping or friction.
     """
     tree = closed.tree
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
@@ -191,7 +192,7 @@ def _actuator_forces(
     """Return minimum-norm actuator forces that, with the loads, produce the open tree's joint forces `tau`.
 
     Returns:
-        Shape (n, n_actuator), and the condition number of the closing rows, (n,).
+        Actuator forces, shape (n, n_actuator), and the condition number of the closing rows, (n,).
     """
     at = closed.tree.poses(q)
     still, joints = np.zeros((*at.p.shape[:2], 6)), np.zeros((len(q), len(closed.names)))

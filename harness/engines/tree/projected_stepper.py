@@ -1,4 +1,4 @@
-"""Simple integration steps on an open-tree engine's accelerations, each projected onto the closed loops."""
+"""Simple integration steps with an open-tree engine's accelerations, each projected onto the closed loops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from screwgauge.reference.rotations import Array
 
 
 class ProjectedStepper:
-    """Semi-implicit Euler or RK4 on an engine's accelerations, with projection onto the closed loops after each step.
+    """Stepper by semi-implicit Euler or RK4 with an engine's accelerations, projected onto the loops after each step.
 
     See `screwgauge.engines.tree.protocol.Stepper`.
     """
@@ -40,7 +40,7 @@ class ProjectedStepper:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Return accelerations on the closed loops; off them redundant rows contradict each other."""
+        """Return accelerations at the projected state; with open loops, redundant rows contradict each other."""
         q, v, _ = project(self.mover, q, v)
         self.forces.act(t, q, v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)

@@ -1,10 +1,11 @@
-"""The protocol of open-tree engines (Pinocchio, MuJoCo, further ones).
+"""The protocol of open-tree engines such as Pinocchio and MuJoCo.
 
-Given motions need the five methods of `OpenTree` without default; simulations and states also need the four of `Mover`
-and the two of `TreeDynamics` without default; a `Stepper` is needed only if the engine has its own.
+Given motions need the five methods of `OpenTree` that have no default. Simulations and states also need the four
+methods of `Mover` and the two methods of `TreeDynamics` that have no default. A `Stepper` is needed only if the engine
+has its own integrator.
 
 Arrays are in the engine's own coordinate order, in world axes; ground is body 0. For n states, q, v, a and tau have
-shape (n, n_v), and for the one state of a mover or stepper (n_v,).
+shape (n, n_v); for the single state of a mover or stepper, (n_v,).
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ class BodyPoses:
 
     Attributes:
         R, p: Orientation and origin in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        screws: Twist about the world's origin, angular first, that each coordinate adds per unit of its velocity to
-            all the bodies that it moves. Shape (n, 6, n_v).
+        screws: Twist about the world's origin, angular first, that a unit velocity of each coordinate adds to all
+            bodies moved by that coordinate. Shape (n, 6, n_v).
         moves: Matrix with 1 where a coordinate moves a body, else 0. Shape (n_body + 1, n_v).
     """
 
@@ -46,11 +47,11 @@ class BodyPoses:
     moves: Array
 
     def points(self, bodies: Sequence[int] | NDArray[np.intp], places: Array) -> Array:
-        """Return world points of body-fixed places, shape (m, 3) -> (n, m, 3)."""
+        """Return the world positions of body-fixed points, shape (m, 3) -> (n, m, 3)."""
         return np.asarray(self.p[:, bodies] + times(self.R[:, bodies], places))
 
     def jacobian(self, moves: Array, at: Array, rows: slice) -> Array:
-        """Return the derivative of points by the coordinates at some poses, shape (n_row, m, 3, n_v).
+        """Return the derivative of points by the coordinates at the selected poses, shape (n_row, m, 3, n_v).
 
         Args:
             moves: Share of each coordinate's screw that moves each point. Shape (m, n_v).
@@ -64,7 +65,7 @@ class BodyPoses:
         return out
 
     def velocities(self, v: Array) -> Array:
-        """Return angular velocities, then those of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
+        """Return angular velocities, then velocities of the origins. Shape (n, n_v) -> (n, n_body + 1, 6)."""
         return self._sum_over_movers(self.screws, v, self.p)
 
     def bias(self, rates: Array, v: Array, V: Array, about: Array | float = 0.0) -> Array:
@@ -90,7 +91,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _sum_over_movers(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Sum over the coordinates that move each body, about its origin at `arms`."""
+        """Sum the screws of the coordinates that move each body, and shift each sum to the point `arms`."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # as one matrix product
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
@@ -132,8 +133,8 @@ class OpenTree(Protocol):
         """Return the acceleration of each body, angular, then of its origin, at constant coordinate velocities.
 
         Args:
-            at, V: Poses at q, and velocities of the bodies there. Shape (n, n_body + 1, 6), also of the
-                result.
+            at, V: Poses at q, and velocities of the bodies at these poses. V and the result have shape
+                (n, n_body + 1, 6).
         """
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
@@ -154,7 +155,7 @@ class OpenTree(Protocol):
         return np.stack([self.tree_force(q, still, still + unit) - rest for unit in np.eye(q.shape[1])], axis=1)
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Compute inverse dynamics with soft constraints and the resulting absolute tolerance; unsupported by default.
+        """Return inverse dynamics with soft constraints and the resulting tolerance; by default `tree_force` and 0.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
@@ -163,18 +164,18 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """Return the wrench of its tree parent on each body: force, then moment about the body's origin.
+        """Return the wrench on each body from its tree parent: force, then moment about the body's origin.
 
-        If a library gives only accelerations, `required_wrenches` and `summed_inwards` compute the wrenches from them.
+        If a library supplies only accelerations, `required_wrenches` and `summed_inwards` compute the wrenches.
 
         Args:
             at: Poses at q.
-            wrench: External force and moment about the origin of each body. Shape (n, n_body + 1, 6), as that of what
-                is returned, where ground's is zero.
+            wrench: External force and moment about the origin of each body. The argument and the result have shape
+                (n, n_body + 1, 6); the result is zero for ground.
         """
 
 
-#: Methods at a fixed step on an engine's accelerations, see `projected_stepper.ProjectedStepper`.
+#: Fixed-step methods that use an engine's accelerations, see `projected_stepper.ProjectedStepper`.
 INTEGRATORS = ("Euler", "RK4")
 
 BodyAt = Callable[[int], tuple[Array, Array, Array]]
@@ -185,7 +186,7 @@ class Mover(Protocol):
     """An engine that computes accelerations of its closed tree, one state at a time.
 
     Attributes:
-        setting: In words.
+        setting: Description of the method and its settings.
         tree: The open tree of its model.
         notes: Remarks after a motion.
     """
@@ -202,7 +203,7 @@ class Mover(Protocol):
         """Set the state."""
 
     def closure(self) -> tuple[Array, Array]:
-        """Return closure residuals with couplings [m or rad], shape (m,), and their derivative G, (m, n_v)."""
+        """Return residuals of closures and couplings [m or rad], shape (m,), and their derivative G, (m, n_v)."""
 
     def body(self, index: int) -> tuple[Array, Array, Array]:
         """Return R, p and Jacobian of a body, see `BodyAt`."""
@@ -216,12 +217,12 @@ class Mover(Protocol):
 
 
 class Stepper(Protocol):
-    """An engine's own fixed-step integrator; later calls leave its arrays unchanged.
+    """An engine's own fixed-step integrator; later calls leave returned arrays unchanged.
 
     Attributes:
-        setting: In words.
+        setting: Description of the method and its settings.
         order: Order of the method.
-        work: Whether the input work is requested; examining every step for it may cost more than the steps.
+        work: Whether the input work is requested; examining every step for it may take longer than the steps.
         closing: Names of the loop-closing forces that it can return.
         notes: Remarks after a motion.
     """
@@ -258,7 +259,7 @@ class Accelerations:
         a: Accelerations of the tree's coordinates. Shape (n, n_v).
         cost: Cost of the engine's own calls.
         condition: Condition number of the solved system, if examined. Shape (n,).
-        tolerances: Quantity -> absolute error stated by the engine itself.
+        tolerances: Quantity -> absolute error that the engine itself reports.
     """
 
     a: Array
@@ -272,8 +273,9 @@ class TreeDynamics(Protocol):
     """Dynamics of an engine's tree, with its loaded settings.
 
     Attributes:
-        setting: In words.
-        integrator, dt: Method at a fixed step and that step [s]; None for scipy's methods on its accelerations.
+        setting: Description of how accelerations are computed.
+        integrator, dt: Fixed-step method and its step [s]; `dt` is None for scipy's methods, which use the engine's
+            accelerations.
         naive: Whether the engine's forces along actuated joints are used as actuator forces.
     """
 
@@ -283,14 +285,14 @@ class TreeDynamics(Protocol):
     naive: bool = False
 
     def mover(self) -> Mover:
-        """Create the engine's most accurate accelerations."""
+        """Create the mover with the engine's most accurate settings."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
         """Create the engine's integrator for a problem; None by default, see `projected_stepper.ProjectedStepper`."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
-        """Compute accelerations of states for forces along the coordinates.
+        """Compute accelerations of states under given forces along the coordinates.
 
         Args:
             springs: Further springs and dampers along tree coordinates.

@@ -1,9 +1,9 @@
 """Simulation of a closed mechanism in all coordinates of an open tree, with scipy's methods or a fixed step.
 
-`simulate` integrates (q, v, work) on the accelerations. A pose that is singular for the independent coordinates
-is regular here: `Method.near` is ignored. After every step, remaining drift is removed with the
-smallest correction onto the closed loops. `step_through` runs an engine's own integrator, or simple methods on its
-accelerations.
+`simulate` integrates (q, v, work) with an engine's accelerations. A pose that is singular for the independent
+coordinates is regular for tree coordinates, so `Method.near` is ignored. After every step, the smallest correction onto
+the closed loops removes the remaining drift. `step_through` runs an engine's own integrator, or simple methods with the
+engine's accelerations.
 """
 
 from __future__ import annotations
@@ -41,9 +41,10 @@ from screwgauge.reference.errors import ClosureError, DescriptionError, Screwgau
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch, empty
 
-#: The largest of this number of last steps passes a pose of unreliable accelerations: steps may have shrunk before it.
+#: Number of recent steps whose largest size is used to pass a pose with unreliable accelerations, because steps may
+#: have shrunk in front of it.
 RECENT = 10
-#: A step is of usual size if it is at least this fraction of the longest.
+#: Fraction of the longest step from which a step counts as having the usual size.
 USUAL = 0.1
 #: Finite-difference step for the slope's derivative in implicit methods [rad, m and per s].
 DIFFERENCE = 1e-8
@@ -84,8 +85,8 @@ class _TreeRun:
     def slope(self, t: float, state: Array) -> Array:
         """Return the derivative of a state, with accelerations on the closed loops. Shape (2 n_v + 1,).
 
-        Off the closed loops redundant rows contradict each other, and near a singular pose errors are divided by
-        the distance to it: the step size would follow that noise down to nothing.
+        With open loops, redundant rows contradict each other, and near a singular pose errors are divided by the
+        distance to that pose. The step size would shrink to zero in response to this noise.
         """
         self.evaluations += 1
         n, out = self.n, np.empty_like(state)
@@ -100,10 +101,10 @@ class _TreeRun:
         return out
 
     def jacobian(self, t: float, state: Array) -> Array:
-        """Return the derivative of the slope by forward differences, for state-dependent parts only.
+        """Return the derivative of the slope by forward differences, except for parts that are constant.
 
-        scipy's own method enlarges the step of a coordinate without effect, such as the angle of a shaft, until it
-        overflows.
+        scipy's own method keeps enlarging the difference step of a coordinate without effect, such as the angle of a
+        shaft, until it overflows.
         """
         n, out = self.n, np.zeros((len(state), len(state)))
         out[:n, n:-1] = np.eye(n)
@@ -173,7 +174,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
 
 
 class _Steps:
-    """Stepping through all times.
+    """Integration through all times, with retries.
 
     Attributes:
         over: Number of retried steps.
@@ -187,7 +188,7 @@ class _Steps:
         self.options: dict[str, Any] = {"rtol": task.integration.rtol, "atol": task.integration.atol}
         if self.name != "DOP853":
             self.options["jac"] = run.jacobian
-        # a multistep method remembers states that no correction reaches
+        # a multistep method stores earlier states that a correction would not change
         self.back = run.closed and self.name != "BDF"
 
     def _pace(self) -> Pace:
@@ -200,7 +201,7 @@ class _Steps:
         recent: deque[float] = deque(maxlen=RECENT)
         clock, message = Stopwatch(), ""
         longest, back = 0.0, 0
-        far: tuple[float, Array] | None = None  # the last state that a step of usual size has reached
+        far: tuple[float, Array] | None = None  # the last state reached by a step of usual size
         pace = self._pace()
         solver, size = self.method(run.slope, times[0], state, times[-1], **self.options), None
         safe = solver.t, solver.y
@@ -256,10 +257,10 @@ class _Steps:
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
-    """Return closed pose and velocities at the start, reached from home with the engine's poses. Shape (n_v,) each.
+    """Return pose and velocities of the start, followed from the home pose with the engine's poses. (n_v,) each.
 
     Raises:
-        ScrewgaugeError: Shapes are wrong, or the loops cannot close at the start.
+        ScrewgaugeError: Shapes are wrong, the loops cannot close at the start, or the start is singular.
     """
     k = len(closed.file.independent)
     for what, values in (("start", task.start), ("rates", task.rates)):
@@ -287,7 +288,7 @@ def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
     return q.copy(), v.copy()
 
 
-#: Angles of cut joints are followed at least this often [s].
+#: Longest interval between states at which angles of cut joints are followed [s].
 OFTEN = 0.01
 #: From this order on, the trapezoidal rule gives the work less accurately than the steps give the motion.
 KNOWN = 4
@@ -302,12 +303,12 @@ def step_through(
         dt: Step [s], shortened so that steps end at the requested times.
 
     Returns:
-        The stepper's unmodified states: open loops stay open. Work follows from the trapezoidal rule over steps, NaN
-        if the steps are more accurate than that rule, or if work is not requested.
+        The stepper's unmodified states; loops that it leaves open are not closed. The trapezoidal rule over the steps
+        yields the work, which is NaN if the steps are more accurate than this rule or if work is not requested.
     """
     times, forces = task.grid, TreeForces(closed, problem.applied, task.start)
     run = _TreeRun(stepper.mover, forces)
-    # every step is examined if something does work that is not stored
+    # every step is examined unless only springs without dampers act
     known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
     often = 0.0 if known and not forces.stores_only else OFTEN
     q, v = start_state(closed, task)
