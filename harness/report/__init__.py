@@ -1,1 +1,1 @@
-"""Reports of results: files for people and programs, formatted without any computation."""
+"""Reports of results: files for people and programs. This package formats results and computes nothing."""

@@ -1,4 +1,4 @@
-"""Blocks of a report, which three renderers turn into files. Text is literal unless `Marked`."""
+"""Blocks of a report, which three renderers turn into files. Strings are shown literally unless they are `Marked`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from screwgauge.study.formatting import FORMS, missing, number, words
 
 T = TypeVar("T")
 Status = Literal["agree", "differ", "failed", "note"]
-LONG = 12  # rows of a table that are shown; the others may be folded
+LONG = 12  # number of table rows that are shown; the rest may be folded
 _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
 _MARKUP = re.compile("|".join((r"`([^`]+)`", _STARS.format(r"\*\*"), _STARS.format(r"\*"))))
 _VALUE = r"-?(\d+(\.\d+)?(e-?\d+)?|NaN|inf)"
@@ -24,7 +24,7 @@ _NUMBER = re.compile(rf"-|({_VALUE}( to {_VALUE})?( [^\d ]+){{0,2}})?|refused|no
 
 
 class Marked(str):
-    """Text of this package with **bold**, *emphasis* and `code`; never text from files, engines or users."""
+    """A string written in this package with **bold**, *emphasis* and `code`; never from files, engines or users."""
 
     __slots__ = ()
 
@@ -46,7 +46,7 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Banner:
-    """A sentence set apart, a result or a warning; `status` sets its colour, `word` repeats that in text."""
+    """A highlighted sentence, a result or a warning; `status` sets its colour, and `word` repeats it in words."""
 
     text: str
     word: str = ""
@@ -67,7 +67,7 @@ class Items:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Cells as text, row by row; a table without a head holds names and values."""
+    """Table of strings, row by row; a table without a head contains names and values."""
 
     head: tuple[str, ...]
     body: tuple[tuple[str, ...], ...]
@@ -84,11 +84,11 @@ class Picture:
     """Finished picture, with an interactive version for pages with scripts.
 
     Attributes:
-        name: File name without ending.
-        chart: Interactive chart, as JSON of Vega-Lite; empty if there is none.
-        stage: Interactive drawing in space, as JSON for ``stage.js``; empty if there is none.
-        lost: Reason why it could not be drawn; empty if it was.
-        of: Quantity that the picture shows; empty if it shows something else.
+        name: File name without extension.
+        chart: Interactive chart, as Vega-Lite JSON; empty without a chart.
+        stage: Interactive 3D drawing, as JSON for ``stage.js``; empty without a drawing.
+        lost: Reason why the picture could not be drawn; empty if it was drawn.
+        of: Quantity that the picture shows; empty if it does not show a quantity.
     """
 
     name: str
@@ -116,21 +116,21 @@ class Folded:
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """First screen: blocks beside a picture, or below two pictures."""
+    """First screen of a page: blocks next to one picture, or below two pictures."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Appendix:
-    """Details at the end: sections folded on a screen and expanded in print."""
+    """Details at the end of a page: sections that are folded on a screen and expanded in print."""
 
     blocks: tuple[Block, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Glossary:
-    """Words with their meaning; the first use of a word on a page links here."""
+    """Words with their meanings; the first use of a word in a section links to its entry."""
 
     entries: tuple[tuple[str, str], ...]
 
@@ -144,7 +144,7 @@ def as_kind(kind: type[T], record: Any) -> T:
 
 
 def walk(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Iterate over all blocks, parents before children."""
+    """Yield all blocks, parents before children."""
     for block in blocks:
         yield block
         if isinstance(block, (Folded, Front, Appendix)):
@@ -162,7 +162,7 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
 
 
 def or_reason(block: Block) -> Block:
-    """Replace a picture that could not be drawn by the reason."""
+    """Replace a picture that could not be drawn with a paragraph that states the reason."""
     if isinstance(block, Picture) and block.lost:
         return Paragraph(f"Not drawn: {block.title} ({block.lost}).")
     return block
@@ -172,11 +172,11 @@ def table(rows: Iterable[Any], columns: str) -> Table:
     """Build a table with a row for each mapping or object.
 
     Args:
-        columns: ``head = key | head = key``; where there is no key, it is the head with ``_`` for spaces. The key says
-            how values read, see `FORMS`; with a ``?``, a cell is empty where the row has no number; with two, the whole
-            column is left out if it is empty. ``key:form`` has another form, and a key with ``{}`` in it is filled in
-            by the row. After ``||`` comes ``across = cell``: lines with the same cells are one, with a column more for
-            each value of `across`.
+        columns: ``head = key | head = key``; without a key, the key is the head with ``_`` for spaces. The key
+            determines the format of values, see `FORMS`. With a ``?``, a cell is empty if its row lacks a number; with
+            two, an empty column is omitted. ``key:form`` selects a different format, and a key that contains ``{}`` is
+            a template filled from the row. ``|| across = cell`` at the end merges rows with equal cells into one line,
+            and adds a column for each value of `across`.
     """
     down, _, cross = columns.partition("||")
     shown, lines = _columns(down), [(row, tuple(_text(row, key) for key in _columns(down).values())) for row in rows]
@@ -213,7 +213,7 @@ def _text(row: Any, key: str) -> str:
 
 
 def facts(mapping: Mapping[str, Any]) -> Block:
-    """Build a table of names and values: a line for each value of a list or mapping, none for an empty text."""
+    """Build a table of names and values, with a line for each value of a list or mapping; empty strings are omitted."""
     body: list[tuple[str, str]] = []
     for key, value in mapping.items():
         name = words(key)
@@ -234,7 +234,7 @@ def _value_text(value: Any) -> str:
 
 
 def spans(text: str) -> Iterator[tuple[str, str]]:
-    """Split a `printable` text into pieces with their HTML elements; empty for plain pieces."""
+    """Split a `printable` string into pieces with their HTML elements; the element is empty for plain pieces."""
     shown, end = printable(str(text)), 0
     for match in _MARKUP.finditer(shown) if isinstance(text, Marked) else ():
         yield "", shown[end : match.start()]
@@ -244,5 +244,5 @@ def spans(text: str) -> Iterator[tuple[str, str]]:
 
 
 def plain(text: str) -> str:
-    """Remove the marks of a text."""
+    """Remove the markup of a string."""
     return "".join(piece for _, piece in spans(text))

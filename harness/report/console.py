@@ -1,4 +1,4 @@
-"""Output of commands: unreliable streams, progress, and messages of stopped commands."""
+"""Output of commands to unreliable streams, progress display, and messages about stopped commands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from screwgauge.reference.errors import OutputError, ScrewgaugeError, log_text, 
 from screwgauge.reference.files import why
 from screwgauge.reference.outputs import OVERWRITING
 
-#: Sign -> substitute for streams that cannot encode it, of the same length, so that columns stay aligned.
+#: Character -> substitute of equal length for streams that cannot encode it, so that columns stay aligned.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
 STOPS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 BROKEN = 3  # exit status of an unforeseen error
@@ -34,7 +34,7 @@ def console() -> Iterator[None]:
     for number in range(3):
         try:
             os.fstat(number)
-        except OSError:  # otherwise the next opened file would get this number, and the output meant for the stream
+        except OSError:  # else the next opened file would get this number, and receive the stream's output
             os.open(os.devnull, os.O_RDWR)
     sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8", closefd=False)
     codecs.register_error(_FALLBACK, _fall_back)
@@ -65,12 +65,12 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def stopped() -> bool:
-    """Return True if a signal ends the command, even if a library has swallowed its exception."""
+    """Return True if a signal stopped the command, even if a library has swallowed the exception."""
     return bool(_stopped_by)
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print lines, and hide commands to a CI service in them.
+    """Print lines; escape anything in them that a CI service would read as a command.
 
     Raises:
         OutputError: Standard output is closed, or the disk is full.
@@ -79,11 +79,7 @@ def say(text: str, end: str = "\n") -> None:
 
 
 def mark(command: str) -> None:
-    """Print a line that is a command to a CI service.
-
-    Raises:
-        OutputError: Standard output is closed, or the disk is full.
-    """
+    """Print a line that a CI service reads as a command."""
     _print(printable(command), "\n")
 
 
@@ -94,7 +90,7 @@ def _print(text: str, end: str) -> None:
             raise OSError(errno.EBADF, "it is closed")
         print(text, end=end, flush=True)
     except OSError as error:
-        if sys.stdout is not None:  # Python writes the rest once more at exit
+        if sys.stdout is not None:  # Python tries to write the rest again at exit
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             what = f"standard output cannot be written ({why(error)})"
@@ -102,7 +98,7 @@ def _print(text: str, end: str) -> None:
 
 
 def complain(text: str) -> None:
-    """Print on standard error, if that works."""
+    """Print to standard error; ignore a failure to print."""
     with suppress(OSError):
         print(log_text(text), file=sys.stderr, flush=True)
 
@@ -113,7 +109,7 @@ def ended(error: BaseException, *, debug: bool) -> int:
     Returns:
         The exit status.
     """
-    if _stopped_by or isinstance(error, KeyboardInterrupt):  # inside a library's import it may have become another one
+    if _stopped_by or isinstance(error, KeyboardInterrupt):  # a library may convert the interrupt
         number = _stopped_by[0] if _stopped_by else signal.SIGINT
         left = str(error) if isinstance(error, KeyboardInterrupt) else ""
         complain(f"screwgauge: {STOPS[signal.Signals(number)]}; {left or 'nothing was written'}.")
@@ -129,11 +125,11 @@ def ended(error: BaseException, *, debug: bool) -> int:
     return error.exit_status if isinstance(error, ScrewgaugeError) else BROKEN
 
 
-QUIET = 10.0  # s without a word where the output is no terminal, and from one line to the next
+QUIET = 10.0  # seconds without output before the first line, and between lines, if the stream is not a terminal
 
 
 class Progress:
-    """Display of the current step, which can be wiped."""
+    """Display of the current step, which can be erased."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = monotonic) -> None:
         self.stream, self.clock, self.terminal = stream, clock, stream.isatty()
@@ -152,7 +148,7 @@ class Progress:
             self._write(f"screwgauge: {printable(step)}, {share:.0%} done after {now - self.began:.0f} s\n")
 
     def _write(self, text: str) -> None:
-        with suppress(OSError):  # a closed terminal is no reason to stop
+        with suppress(OSError):  # continue if the terminal is closed
             self.stream.write(text)
             self.stream.flush()
 

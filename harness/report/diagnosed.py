@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 class DiagnosisReport(Shown, Diagnosis):
-    """A diagnosis with its report; a notebook shows it."""
+    """A diagnosis with its report, which notebooks display."""
 
     __slots__ = ()
 
     def _report(self) -> Report:
-        """Return the report; pages and figures are imported only here, as that takes a tenth of a diagnosis."""
+        """Return the report; the import of pages and figures here takes a tenth of the time of a diagnosis."""
         from screwgauge.report.pages.diagnosis import PAGE
 
         return PAGE

@@ -1,8 +1,8 @@
 """The folder of a report: one command writes at a time, and replaces only files of reports.
 
-A list of names and digests says which files these are. Anybody may have written such a list, and anybody may have
-changed a file since: a file whose digest does not prove it to be as a report wrote it is the user's own, and is neither
-replaced nor removed. Of the files of a report all get into the folder or none.
+A list of names and digests identifies these files. Since anyone may have written such a list, or changed a file since
+then, a file whose digest does not match is considered the user's own, and is neither replaced nor removed. Either all
+files of a report get into the folder or none.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ PAGES = ("report.md", "report.html")
 
 
 def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
-    """Test before a long computation that its report can be written; leaves no trace.
+    """Check before a long computation that its report can be written, without leaving a trace.
 
     Args:
         names: Names of all files except the report's pages.
-        force: Admit existing files of any origin; links and folders in their places are still rejected.
+        force: Accept existing files of any origin; links and folders in their places are still rejected.
 
     Raises:
-        OutputError: The folder cannot be written, or contains something else of that name.
+        OutputError: The folder cannot be written, or an entry with the name of a report's file is not from a report.
     """
     names = (*names, *PAGES, MANIFEST)
     if SAMPLES in names and find_spec("pyarrow") is None:
@@ -49,7 +49,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
         shutil.rmtree(_stage(out))
         _check_own(out, names, force)
-    except (OSError, ValueError) as error:  # a path with a null byte
+    except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
         raise _cannot(out, error) from error
     finally:
         for folder in made:
@@ -58,7 +58,7 @@ def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False)
 
 
 def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
-    """Reject replacing files that are not from reports, and following links out of the folder."""
+    """Reject replacing files that are not from reports, and writing to links that lead out of the folder."""
     for name in (MANIFEST, "plots", *names):
         path, odd = out / name, ""
         if path.is_symlink():
@@ -75,11 +75,11 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
 
 
 def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:
-    """Write files into a new folder beside their place, then move them there.
+    """Write files into a new folder next to their destination, then move them there.
 
     Args:
-        files: Path below `out` -> text, or table for Parquet.
-        others: Further files of the same report, all of which are listed first; None if there are none.
+        files: Path below `out` -> content: a string, or a table for Parquet.
+        others: Further files of the same report, to be listed first with `files`; None to write no list.
 
     Raises:
         OutputError: The folder cannot be written; it is then unchanged.
@@ -91,7 +91,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
             path = stage / name
             path.parent.mkdir(parents=True, exist_ok=True)
             if isinstance(content, str):
-                # an undecodable path, such as that of a scene, is written with escapes
+                # write an undecodable path, e.g. of a scene, with escapes
                 path.write_text(content, encoding="utf-8", errors="backslashreplace", newline="\n")
             else:
                 content.to_parquet(path, index=False)
@@ -108,7 +108,7 @@ def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iter
 
 
 def _stage(out: Path) -> Path:
-    """Create an empty folder on the same disk: in an existing `out` (it may be a mount), else beside it."""
+    """Create an empty folder on the same disk: in `out` if it exists (it may be a mount), else next to it."""
     out = out.absolute()
     if "\0" in str(out):
         raise ValueError("it holds a null byte")
@@ -122,7 +122,7 @@ def _stage(out: Path) -> Path:
 
 
 def _move(stage: Path, out: Path) -> None:
-    """Rename the files into place: first their list, last ``summary.json``, which marks completeness."""
+    """Rename the files into place: first their list, and last ``summary.json``, which marks the report as complete."""
     if not out.exists():
         stage.rename(out)
         return
@@ -137,28 +137,28 @@ def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
 
 
 MANIFEST = "report-files.json"
-#: File name endings of reports.
+#: File extensions of reports.
 ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
 
 
 def written(out: Path) -> set[str]:
-    """Return names of a report's unchanged files in a folder; empty without a report.
+    """Return the names of a report's unchanged files in a folder; empty without a report.
 
     Raises:
-        OutputError: Something else has the name of the list.
+        OutputError: The file with the name of the list is not a list.
     """
     return {name for name, digests in _read_list(out).items() if _digest(out / name) in digests}
 
 
 def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
-    """List the files of a report before it is written.
+    """Return the list of a report's files, to be written before the report.
 
-    Where a file is replaced, the digest of the old one stays in the list beside the new one: whenever the writing is
-    cut off, each file has one of the two.
+    For a replaced file, the list contains the old and the new digest, so that each file matches one of them whenever
+    writing is interrupted.
 
     Args:
         fresh: Name -> SHA-256 of the new file.
-        others: Further files of the report; existing ones count as they are.
+        others: Further files of the report; existing ones are listed with their present digest.
     """
     listed, entries = _read_list(out), dict[str, list[str]]()
     for name in sorted({*fresh, *others}):
@@ -169,7 +169,7 @@ def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
 
 
 def _read_list(out: Path) -> dict[str, list[Any]]:
-    """Read the list: name -> digests, for names that a report could have."""
+    """Read name -> digests from the list, for names that a report could use."""
     if not os.path.lexists(out / MANIFEST):
         return {}
     try:
@@ -178,20 +178,20 @@ def _read_list(out: Path) -> dict[str, list[Any]]:
         files = None
     if not isinstance(files, dict | list):
         raise OutputError(f"{MANIFEST} is no list of a report's files", str(out), _ELSEWHERE)
-    # the lists of earlier versions have names only, which prove nothing
+    # the lists of earlier versions contain only names, which prove nothing
     named = files.items() if isinstance(files, dict) else ()
     return {name: digests for name, digests in named if _is_ours(name) and isinstance(digests, list)}
 
 
 def _is_ours(name: str) -> bool:
-    """Return True if a report could have written a file of that name directly in its folder."""
+    """Return True if a report could have written a file with that name directly in its folder."""
     path = PurePosixPath(name)
     inside = str(path) == name and str(path.parent) in (".", "plots") and path.name not in ("", "..", MANIFEST)
     return inside and path.suffix in ENDINGS
 
 
 def _digest(path: Path) -> str:
-    """Return the SHA-256 of a regular file if neither it nor its folder is a link; else an empty text."""
+    """Return the SHA-256 of a regular file; an empty string if the file or its folder is a link."""
     if os.path.islink(path) or os.path.islink(path.parent):
         return ""
     try:
@@ -200,18 +200,18 @@ def _digest(path: Path) -> str:
         return ""
 
 
-#: Errors of systems whose folders cannot be locked, such as some network file systems.
+#: Error numbers of file systems whose folders cannot be locked, such as certain network file systems.
 _UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
 
 
 @contextmanager
 def locked(out: Path) -> Iterator[None]:
-    """Lock a folder, created if needed, within the context; the system unlocks it if the process dies.
+    """Create a folder if needed, and lock it within the context; the system unlocks it if the process dies.
 
-    A folder that was created here and stays empty is removed.
+    If the created folder stays empty, it is removed.
 
     Raises:
-        OutputError: Another command holds the folder, or it cannot be created.
+        OutputError: A different command has locked the folder, or the folder cannot be created.
     """
     made, place = list[Path](), -1
     try:
@@ -223,7 +223,7 @@ def locked(out: Path) -> Iterator[None]:
         os.close(place)
         what, remedy = "another command is writing into the folder", "wait for its end, or choose another folder"
         raise OutputError(what, str(out), remedy) from None
-    except (OSError, ValueError) as error:  # a path with a null byte
+    except (OSError, ValueError) as error:  # ValueError: the path contains a null byte
         if place < 0 or getattr(error, "errno", None) not in _UNABLE:
             what = f"the folder cannot be written ({why(error)})"
             raise OutputError(what, str(out), "choose another") from error
@@ -231,6 +231,6 @@ def locked(out: Path) -> Iterator[None]:
         yield
     finally:
         os.close(place)
-        with suppress(OSError):  # it is not empty
+        with suppress(OSError):  # the folder is not empty
             for folder in made:
                 folder.rmdir()

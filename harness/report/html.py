@@ -1,6 +1,6 @@
 """HTML renderer of blocks: ``report.html``, one page that opens offline and requests nothing.
 
-It carries the scripts that its pictures need: vega draws charts, three.js draws in space.
+The page contains the scripts that its pictures need: vega for charts, three.js for 3D drawings.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from screwgauge.study.formatting import file_name, free_name
 from screwgauge.truth import cache
 
 PAGE = Path(__file__).with_name("page.html")
-#: No request is allowed; vega compiles functions from the head of a table, so pages with charts may evaluate.
+#: Forbids all requests; pages with charts may evaluate code, because vega compiles functions.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
 WIDE = 8  # number of columns from which a table is set more tightly
 #: Letters per line on a phone, in a legible column of text, and in a table that fits twice on a line of paper.
 PHONE, LEGIBLE, SLIM = 50, 30, 40
-SENTENCE = 80  # letters from which a cell is a sentence, not a name or number
+SENTENCE = 80  # number of letters from which a cell is a sentence, not a name or number
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are not linked
 STAGE = Path(__file__).with_name("stage") / "stage.js"
-#: Pattern of three.js in trimesh's viewer: from the head of its licence to the end of the function that defines it.
+#: Finds three.js in trimesh's viewer: from the beginning of its licence to the end of the function that defines it.
 THREE = re.compile(
     r"/\*\*\s*\* @license\s*\* Copyright \S+ Three\.js Authors.*?\}\)\s*\)\s*;?(?=\n|</script>)", re.DOTALL
 )
-#: SHA-256 of the texts that `THREE` finds in reviewed releases of trimesh: 5.2.0.
+#: SHA-256 of the text that `THREE` finds in reviewed releases of trimesh: 5.2.0.
 KNOWN = frozenset({"1baf8525cd80caceabd6eb50da7961aa47f191ac7a68adb454c3a761b29244e2"})
-#: Script that a page runs in place of unknown ones.
+#: Script that replaces an unknown three.js.
 UNDRAWN = """window.screwgaugeStage = (element) => {
   const note = document.createElement("figcaption");
   note.textContent = REASON;
   element.parentElement.append(note);
   throw new Error(note.textContent);
 };"""
-#: three.js only names its licence; every copy has to include this text.
+#: three.js only names its licence, but every copy must include this text.
 LICENCE = """/*! three.js. The MIT License. Copyright © 2010-2022 three.js authors
 
 Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
@@ -77,12 +77,12 @@ def page(blocks: Iterable[Block]) -> str:
 
 
 def _scripts(pictures: Sequence[b.Picture]) -> str:
-    """Embed the data of each picture, in order, the needed libraries, and the code that connects them."""
+    """Embed the data of each picture, in order, the required libraries, and the code that connects them."""
     lines, needed = list[str](), dict[str, None]()
     for picture in pictures:
         kind = "stage" if picture.stage else "chart" if picture.chart else ""
         needed |= {kind: None} if kind else {}
-        data = (picture.stage or picture.chart).replace("<", r"\u003c")  # in JSON it occurs only in texts
+        data = (picture.stage or picture.chart).replace("<", r"\u003c")  # in JSON, < occurs only in strings
         lines.append(f'<script type="application/json" data-kind="{kind}">{data}</script>')
     for kind in needed:
         source = re.sub("</(?=script)|<!--", lambda m: m[0].replace("<", r"\x3c"), MOVING[kind](), flags=re.IGNORECASE)
@@ -92,7 +92,7 @@ def _scripts(pictures: Sequence[b.Picture]) -> str:
 
 
 def _with_contents(body: str) -> str:
-    """Add anchors to headings, and a table of contents before the first."""
+    """Add anchors to headings, and a table of contents before the first heading."""
     places: dict[str, str] = {}
 
     def named(match: re.Match[str]) -> str:
@@ -115,7 +115,7 @@ def _link_words(body: str, words: Iterable[str]) -> str:
 
 
 def _link_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> str:
-    """Link words in a section; `left`: word -> anchor, for words not linked yet."""
+    """Link words in a section; `left`: word -> anchor, for words that have not been linked yet."""
 
     def link(match: re.Match[str]) -> str:
         place = left.pop(match[0].lower(), "")
@@ -131,7 +131,7 @@ def _link_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> st
 
 
 def fragment(blocks: Iterable[Block]) -> str:
-    """Render blocks without a page, for embedding."""
+    """Render blocks for embedding, without a page around them."""
     return "\n".join(_block(b.or_reason(block)) for block in blocks)
 
 
@@ -158,7 +158,7 @@ def _block(block: Block) -> str:
 
 
 def _room(block: b.Front | b.Appendix | b.Folded) -> str:
-    """Render a block that contains others."""
+    """Render a block that contains blocks."""
     match block:
         case b.Front(inside):
             return _front(inside)
@@ -171,7 +171,7 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
-    """Full-width banners, then text on the left and the picture on the right; wide tables go below both."""
+    """Arrange full-width banners, then text on the left and the picture on the right; wide tables go below both."""
     banners = fragment(block for block in blocks if isinstance(block, b.Banner))
     pictures = [block for block in blocks if isinstance(block, b.Picture)]
     others = [block for block in blocks if not isinstance(block, (b.Banner, b.Picture))]
@@ -206,18 +206,18 @@ def _text(text: str) -> str:
     return "".join(f"<{tag}>{piece}</{tag}>" if tag else piece for tag, piece in pieces)
 
 
-#: Characters after which names in cells may break.
+#: Characters in a cell after which names may break.
 _BREAKS = re.compile(r"(?<=\w{4})[_/](?=\w{3})|(?<=[a-z0-9])[.](?=[a-z]{2})")
-_UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # units that stay with their numbers
+_UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # units that must stay with their numbers
 
 
 def _numbers(text: str) -> str:
-    """Keep numbers with exponents on one line, as browsers break after the minus."""
+    """Keep numbers with exponents on one line, because browsers break lines after the minus."""
     return re.sub(r"(?<=.)\b\d[\d.]*e-\d+\b|\b\d[\d.]*e-\d+\b(?=.)", r'<span class="number">\g<0></span>', text)
 
 
 def _cell(text: str) -> str:
-    """Render a cell whose names may break only after their punctuation."""
+    """Render a cell in which names may break only after punctuation."""
     pieces = re.split("(<[^>]*>)", _UNITS.sub("\N{NO-BREAK SPACE}", _text(text)))
     return "".join(piece if i % 2 else _BREAKS.sub(r"\g<0><wbr>", piece) for i, piece in enumerate(pieces))
 
@@ -254,10 +254,10 @@ def _table(block: b.Table) -> str:
 
 
 def chart_script() -> str:
-    """Bundle vega, vega-lite and vega-embed, cached in the user's cache folder, as that takes seconds."""
+    """Bundle vega, vega-lite and vega-embed; since this takes seconds, cache the bundle in the user's cache folder."""
     release = version("vl-convert-python")
     key = cache.digest("vega", release)
-    kept, _ = cache.read(key, release)  # complete and trusted, or computed again
+    kept, _ = cache.read(key, release)  # the cache returns complete and trusted content, or None
     if kept is not None:
         return kept["script"].tobytes().decode()
     script = str(RENDERER.ask("javascript_bundle"))
@@ -268,7 +268,7 @@ def chart_script() -> str:
 def stage_script() -> str:
     """Bundle three.js with its licence and the code that draws a mechanism.
 
-    If the installed trimesh contains no three.js of `KNOWN`, the script states this below the still picture.
+    If the installed trimesh lacks a three.js in `KNOWN`, the script says so below the still picture.
     """
     three = three_js()
     if hashlib.sha256(three.encode()).hexdigest() in KNOWN:
@@ -279,7 +279,7 @@ def stage_script() -> str:
 
 
 def three_js() -> str:
-    """Extract three.js from trimesh's viewer without importing trimesh; empty if absent."""
+    """Extract three.js from trimesh's viewer without importing trimesh; return an empty string if it is missing."""
     archive = viewer_archive()
     if not archive.is_file():
         return ""
@@ -289,7 +289,7 @@ def three_js() -> str:
 
 
 def viewer_archive() -> Path:
-    """Return the path of the viewer page in the installed trimesh, an archive."""
+    """Return the path of the archive in the installed trimesh that contains the viewer page."""
     return Path(str(distribution("trimesh").locate_file("trimesh/resources/templates/viewer.zip")))
 
 

@@ -50,23 +50,25 @@ def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
 class Report:
     """Kind of report.
 
-    Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
-    with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
-    text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, or that text if there are
-    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest, on paper too. A paragraph or an item may
-    begin with ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are
-    filled in. ``{# Title}`` stands for the text of the section of that title.
+    Level-1 headings in its text start sections; the first screen is before them, and folded sections follow ``#
+    Appendix``. A section whose heading ends with ``?`` is omitted if all its places are empty. A line ``{name}`` is
+    replaced with the value of that name: string, list, facts, or blocks. ``{name: columns; else}`` is a table of rows,
+    see `table`, or the text ``else`` if there are no rows; ``{name+ lines: columns}`` shows `LONG` rows and folds the
+    rest, even on paper. A paragraph or an item that begins with ``{?name}`` is shown only if the value is true, with
+    ``{!name}`` only if it is false. Names within them are filled in. ``{# Title}`` is replaced with the text of the
+    section with that title.
 
     Attributes:
-        text: Name of the file in ``texts/``, or path of another file, without ``.md``.
-        banner: Verdict in a sentence, then warnings.
-        data: File name -> content. The record of the machine is added: that of the results, else the current one.
-        values: Name -> value; computed when a text asks for it. Other names are attributes of the results (``a.b``:
-            of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
-            ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
-            ``picture remarks`` (on the first picture).
-        draw: Pictures.
-        lead: Function that chooses the pictures of the first screen; the last one gets its remarks.
+        text: Name of the file in ``texts/``, or path of a different file, without ``.md``.
+        banner: Function that returns the verdict in a sentence, then warnings.
+        data: File name -> function that returns the content. The record of the machine is added: that of the results,
+            else the current one.
+        values: Name -> function that computes the value when a text needs it. Names that are missing here are
+            attributes of the results (``a.b``: attribute b of a, empty if a is None). All texts know ``title``,
+            ``verdict`` (the banners), ``environment``, ``about`` (facts for the first screen, including the machine),
+            ``plots`` and ``picture remarks`` (on the first picture).
+        draw: Function that returns the pictures.
+        lead: Function that selects the pictures of the first screen; remarks belong to the last one.
         plots: Function that shows all other pictures.
         figures: Significant figures of numbers in CSV; every bit by default.
     """
@@ -82,12 +84,12 @@ class Report:
 
     @property
     def DATA(self) -> tuple[str, ...]:
-        """Data files."""
+        """Names of the data files."""
         return (*self.data, RECORD)
 
     @property
     def NAME(self) -> str:
-        """File of the first table."""
+        """Name of the file with the first table."""
         return next(iter(self.data))
 
     def write(
@@ -103,15 +105,15 @@ class Report:
         """Write data, pages and pictures.
 
         Args:
-            more: Further files.
+            more: Name -> content of further files.
             safe: Called when the data are on disk, before anything is drawn.
             force: Replace existing files, whatever their origin.
 
         Raises:
-            ReportError: The data are written, but pages or some pictures are not.
+            ReportError: The data were written, but pages or some pictures were not.
         """
         with suppress(OSError):
-            RENDERER.start()  # starting takes a moment, during which the data are written
+            RENDERER.start()  # the data are written while it starts
         record = getattr(results, "environment", None) or environment()
         data = {**{name: make(results) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
@@ -153,7 +155,7 @@ Sections = list[tuple[str, str]]
 
 @cache
 def _parts(name: str) -> tuple[str, Sections, Sections]:
-    """Split a template into first screen, sections and appendix."""
+    """Split a template into its first screen, sections and appendix."""
     front, *rest = re.split(r"^# (.*)\n", (TEXTS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     known = dict(zip(rest[::2], rest[1::2], strict=True))
     sections = [(title, re.sub(r"\{# (.*)\}", lambda x: known[x[1]].strip(), text)) for title, text in known.items()]
@@ -163,7 +165,7 @@ def _parts(name: str) -> tuple[str, Sections, Sections]:
 
 @dataclass(frozen=True, slots=True)
 class _Filled(Mapping[str, Any]):
-    """Values of one report, each computed once."""
+    """Values of one report, each computed only once."""
 
     report: Report
     results: Any
@@ -246,7 +248,7 @@ _PLACE = re.compile(r"\{([^:;{}]+)(?:: ((?:[^;{}]|\{[^}]*\})+))?(?:; (.*))?\}")
 
 
 def prose(text: str) -> list[Block]:
-    """Split a text at empty lines into paragraphs and lists (``- ``)."""
+    """Split a string at empty lines into paragraphs and lists (``- ``)."""
     blocks: list[Block] = []
     for part in filter(None, text.strip().split("\n\n")):
         lead, *items = (" ".join(item.split()) for item in re.split(r"^- ", part, flags=re.MULTILINE))
@@ -256,7 +258,7 @@ def prose(text: str) -> list[Block]:
 
 
 def _used(text: str) -> tuple[tuple[str, str], ...]:
-    """Return the words of the glossary in a text."""
+    """Return the glossary entries whose words a text uses."""
     return tuple((w, m) for w, m in _glossary().items() if re.search(rf"\b{re.escape(w)}\b", text, re.IGNORECASE))
 
 

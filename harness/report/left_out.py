@@ -13,7 +13,7 @@ FIGURES = 3
 
 
 def more(results: Comparison) -> str:
-    """List each file's additions to the rigid machine: ``the file has more: armature of joint m1, ...``."""
+    """List what each file adds to the rigid machine: ``the file has more: armature of joint m1, ...``."""
     by_file: dict[str, list[str]] = {}
     for term in results.left_out.terms:
         by_file.setdefault(term.file or "the file", []).append(phrase(term))
@@ -21,7 +21,7 @@ def more(results: Comparison) -> str:
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
-    """Describe the additions of files; agreeing engines agree on the rigid machine."""
+    """Describe what files add; if engines agree, they agree on the rigid machine."""
     if not results.left_out.terms:
         return [*contained(results)]
     text = more(results)
@@ -34,7 +34,7 @@ def sentences(results: Comparison, *, agree: bool) -> list[str]:
 
 
 def phrase(term: LeftOutTerm) -> str:
-    """Describe a kind and its size."""
+    """Describe the kind of a force, its owners and its size."""
     amount = f"up to {number(term.size, FIGURES)} of {number(term.of, FIGURES)} {unit_text(term.unit)}"
     return f"{term.kind} of {owners(term.names)}, {amount}"
 
@@ -49,13 +49,13 @@ def owners(names: Sequence[str]) -> str:
 
 
 def contained(results: Comparison) -> Iterator[str]:
-    """Report tables and engines whose values include forces that the description leaves out."""
+    """Yield a sentence on each table or engine whose values include forces that the description omits."""
     for name, kinds in results.left_out.contained.items():
         yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
 
 
 def left_out_rows(results: Comparison) -> list[Row]:
-    """Return rows with columns what, whose, size, of, unit, worst_at, file."""
+    """Return rows with columns what, whose, size, of, unit, at, file."""
     return [
         {
             "what": term.kind,

@@ -16,13 +16,13 @@ from screwgauge.study.bench.stress import CASES
 
 
 def mechanisms() -> dict[str, str]:
-    """Return name -> title of mechanisms, below the names of the groups."""
+    """Return name -> title of mechanisms, with a line for the name of each group."""
     known = sorted(map(load_mechanism, mechanism_names()), key=lambda one: (one.group, one.name))
     return dict(line for one in known for line in ((f"{one.group}:", ""), (f"  {one.name}", one.title)))
 
 
 def _methods(engine: Engine) -> Iterator[tuple[str, str]]:
-    """Yield the names of an engine in each of its number types, with their meaning."""
+    """Yield the name of an engine for each of its number types, with its meaning."""
     first, *others = engine.methods.items()
     yield first[0], _meaning(engine)
     yield from ((name, f"the same in {precision}") for name, precision in others)
@@ -43,7 +43,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
 
 
 def listing(what: str | None) -> str:
-    """List names with a line on each, for one kind of thing or for all."""
+    """List names with a line of explanation each, for one kind of thing or for all kinds."""
     tables = {
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }

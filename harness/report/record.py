@@ -26,9 +26,9 @@ from screwgauge.study.formatting import Row, number, rows, span, vector
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}
-NOTHING = 1e-12  # share of the largest force, or moment, below which a value is rounding
+NOTHING = 1e-12  # share of the largest force or moment below which a value is rounding
 EXPORTED = ("joint_position", "actuator_force", "reaction", "observable")
-#: Quantities that are computed only if named: then they are wanted in the table, too.
+#: Quantities that are computed only if requested by name, and are then included in the table.
 NAMED = tuple(name for name, quantity in QUANTITIES.items() if quantity.named)
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
@@ -55,10 +55,10 @@ def values_table(
     quantities: Collection[str] | None = None,
     not_unique: Mapping[str, Collection[str]] | None = None,
 ) -> pd.DataFrame:
-    """Build a table of an engine's samples in the format of a user's table, of `EXPORTED` and `NAMED` by default.
+    """Build a table of an engine's samples in the format of a user's table, by default for `EXPORTED` and `NAMED`.
 
     Args:
-        not_unique: Quantity -> components that have no unique value; their headers say so.
+        not_unique: Quantity -> components without a unique value; their headers end with `NOT_UNIQUE`.
     """
     wanted, open_ = quantities or {*solution.values} & {*EXPORTED, *NAMED} or solution.values, not_unique or {}
     columns = {
@@ -72,10 +72,10 @@ def values_table(
 
 
 def forces(results: Comparison) -> list[Row]:
-    """Return the smallest and largest force over the motion with their times: actuators, then joint reactions.
+    """Return the smallest and largest forces over the motion with their times: actuators, then joint reactions.
 
-    For a reaction, these are magnitudes of force and of moment, computed from the components with a unique value.
-    Rows have columns of, what, unit, min, t_min, max, t_max, components, engine.
+    Reactions are given by the magnitudes of force and moment, computed from the components with a unique value. Rows
+    have columns of, what, unit, min, t_min, max, t_max, components, engine.
     """
     sized, not_unique = list[Row](), results.not_unique
     for quantity, lead in (("actuator_force", "actuator"), ("reaction", "reaction")):
@@ -102,14 +102,14 @@ def forces(results: Comparison) -> list[Row]:
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
-    """Return the truth if it has all samples, else the first engine with the quantity."""
+    """Return the solution of `TRUTH` if it has all samples, else of the first engine with the quantity."""
     known = [solution for solution in results.solutions.values() if quantity in solution.values]
     certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
     return next(certain, known[0] if known else None)
 
 
 def _without_rounding(sized: list[Row]) -> list[Row]:
-    """Replace rounding by zero: values below a share of the largest of their unit."""
+    """Replace values below a share of the largest value with that unit, which are rounding, with zero."""
     largest = dict[str, float]()
     for row in sized:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))
@@ -120,7 +120,7 @@ def _without_rounding(sized: list[Row]) -> list[Row]:
 
 
 def summary(results: Comparison) -> dict[str, Any]:
-    """Build the content of ``summary.json`` as plain Python values: no NaN, no numpy."""
+    """Build the content of ``summary.json`` as plain Python values, without NaN or numpy types."""
     cover = results.coverage
     content = {
         "scene": results.scene.name,
@@ -166,7 +166,7 @@ def _quantity(row: Row) -> Row:
 
 
 def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
-    """Return files of scene, description and models, and the date."""
+    """Return the files of scene, description and models with their hashes, and the date."""
     files = {
         "scene file": {"file": provenance.get("scene_file"), "sha256": provenance.get("scene_sha256")},
         "description": provenance.get("description", {}),
@@ -177,7 +177,7 @@ def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
 
 
 def short(judged: Mapping[str, str]) -> dict[str, str]:
-    """Shorten to file names and the first digits of hashes."""
+    """Shorten paths to file names, and hashes to their first digits."""
 
     def shortened(text: str) -> str:
         file, sha, digest = text.rpartition(", SHA-256 ")
@@ -192,7 +192,7 @@ def samples(t: Array) -> str:
 
 
 def about(scene: Scene, t: Array) -> dict[str, Any]:
-    """Describe the computation as names and values."""
+    """Describe the computation by names and values."""
     described = {
         "scene": scene.name,
         "mechanism": scene.mechanism.title or scene.mechanism.name,
@@ -229,7 +229,7 @@ def _simulated(scene: Scene) -> dict[str, str]:
 
 
 def _inline(value: Any) -> str:
-    """Write a value of a scene file on one line."""
+    """Format a value of a scene file on one line."""
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
     return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else f'"{value}"'
@@ -260,7 +260,7 @@ def _motor(motor: Motor) -> str:
 
 
 def _over_time(course: Course | Samples) -> str:
-    """Write a function of time as a formula, or name its file."""
+    """Format a function of time as a formula, or name its file."""
     if isinstance(course, Samples):
         return f"samples of {PurePath(course.file).name}"
     powers = ("", " t", *(f" t^{k}" for k in range(2, len(course.polynomial))))

@@ -22,7 +22,7 @@ from screwgauge.study.comparison import Comparison
 
 
 class Results(Shown, Comparison):
-    """Comparison with its report, which a notebook shows."""
+    """Comparison with its report, which notebooks display."""
 
     __slots__ = ()
 
@@ -30,14 +30,15 @@ class Results(Shown, Comparison):
         """Write tables and summary into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
-            out: Folder, created if needed; if the data cannot be written, it is unchanged.
+            out: Folder, created if needed; it stays unchanged if the data cannot be written.
             samples: Also write every sample of every engine, as Parquet.
-            pdf: Also print the page as PDF, with a Chromium.
+            pdf: Also print the page as PDF, which needs Chromium or Chrome.
             force: Replace existing files, whatever their origin.
 
         Raises:
-            OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
-            ReportError: The data are written, but the report could not be made.
+            OutputError: The folder cannot be written, or contains different files with these names; or pyarrow is
+                missing.
+            ReportError: The data were written, but the report could not be made.
         """
         return self._write(out, samples=samples, pdf=pdf, force=force)
 
@@ -52,18 +53,18 @@ class Results(Shown, Comparison):
         """Write times and values exactly as CSV with units in the header; a scene can use such a file as its table.
 
         Args:
-            path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
-            engine: Engine whose values are written; by default the first for a file, all for a folder.
-            quantities: Names; by default positions, actuator forces, reactions, observables and what is computed on
-                request only, such as ``resistance``. Headers end with
-                ``not unique`` if redundant constraints leave a component undetermined: values are one of many choices.
+            path: A file ``NAME.csv``, or a folder, in which each engine gets a file with its name.
+            engine: Name of the engine whose values are written; by default the first one for a file, all for a folder.
+            quantities: Names; by default positions, actuator forces, reactions, observables, and quantities that are
+                computed only on request, such as ``resistance``. Headers end with ``not unique`` if redundant
+                constraints leave a component undetermined: its values are then one choice among many.
             force: Replace existing files, whatever their origin.
 
         Returns:
-            The written files.
+            The paths of the written files.
 
         Raises:
-            OutputError: An existing file was changed or not written here, or a file cannot be written.
+            OutputError: A file cannot be written, or an existing file was changed or written by something else.
             UnknownNameError: The engine or a quantity is unknown.
         """
         known = {name for solution in self.solutions.values() for name in solution.values}
@@ -85,7 +86,7 @@ class Results(Shown, Comparison):
         """Build a table of a quantity over time from all engines: index t [s], columns engine and component.
 
         Raises:
-            UnknownNameError: No engine has the quantity; the error lists the available ones.
+            UnknownNameError: No engine computed the quantity; the error lists the available quantities.
         """
         if not (having := self._having(quantity)):
             raise UnknownNameError("quantity", quantity, {*chain(*(s.values for s in self.solutions.values()))})
@@ -98,10 +99,10 @@ class Results(Shown, Comparison):
         )
 
     def figure(self, name: str) -> Figures:
-        """Return figures that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
+        """Return the figures that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
-        ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes the curves alone for a paper, as PDF,
-        SVG or PNG (``dpi=600``), see `Figure.save`.
+        ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes only the curves, for a paper, as PDF, SVG or PNG
+        (``dpi=600``), see `Figure.save`.
 
         Raises:
             UnknownNameError: No figure matches; the error lists the available names.
@@ -123,12 +124,12 @@ class Results(Shown, Comparison):
 
 
 def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
-    """Return engine -> its file of values: the named file, or one in a folder of that name."""
+    """Return engine -> file for its values: the given file, or a file in a folder with the given name."""
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
 class Figures(list[Figure]):
-    """List of `Figure`, which notebooks show; a list of one is saved like its item."""
+    """List of `Figure`, which notebooks display; a list with one figure can be saved like the figure."""
 
     def __repr__(self) -> str:
         return "\n".join(picture.title for picture in self)
@@ -137,10 +138,10 @@ class Figures(list[Figure]):
         return fragment(self)
 
     def save(self, path: str | Path, **style: Any) -> Path:
-        """Write the only figure; `style` holds the further arguments of `Figure.save`.
+        """Write the only figure; `style` contains further arguments of `Figure.save`.
 
         Raises:
-            DescriptionError: There are several.
+            DescriptionError: The list does not contain exactly one figure.
         """
         if len(self) != 1:
             names = ", ".join(f"figure({picture.name!r})" for picture in self)

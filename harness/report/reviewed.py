@@ -1,4 +1,4 @@
-"""Reviews of tables in words: faults of columns, and agreement after their correction."""
+"""Reviews of tables in words: faults in columns, and agreement after their correction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.study.formatting import Row, digits_text, listed, missing, numbe
 from screwgauge.study.review import ReviewedColumn, TableReview
 from screwgauge.study.transformations import Fault
 
-NAMED, FIGURES = 4, 4  # columns named in a sentence, the others being counted; figures of a size
+NAMED, FIGURES = 4, 4  # number of columns named in a sentence, if more are counted; number of significant figures
 COLUMNS = "column = name | unit | finding | digits = error:as_digits | put right = after"
 #: Kind of a fault -> words for columns that have it.
 WORDS = {
@@ -57,7 +57,7 @@ def blocks(review: TableReview) -> list[Block]:
 
 
 def columns(review: TableReview) -> Table:
-    """Build a table with a line for each column."""
+    """Build a table with a line for each column of the review."""
     return table(rows(review), COLUMNS)
 
 
@@ -92,7 +92,7 @@ def sentences(review: TableReview) -> list[str]:
 
 
 def _loose(review: TableReview) -> Iterator[str]:
-    """Yield a sentence on columns that agree to their printed digits, but not to the tolerance of a run."""
+    """Yield sentences on columns that agree to their printed digits, but not to the tolerance of a run."""
     for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
         place = max(column.place for column in review.columns if column.quantity == quantity)
         yield f"That is what they print: state error.{quantity} = {number(place, 2)}, and a run agrees."
@@ -105,13 +105,13 @@ def _all(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 
 def _phrases(review: TableReview) -> Iterator[str]:
-    """Describe each fault with its columns."""
+    """Yield a description of each fault and its columns."""
     for group in review.faults.values():
         yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
 
 
 def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> str:
-    """Describe the columns of one fault."""
+    """Describe the columns that share a fault."""
     column, fault = group[0]
     sizes = sorted(abs(each.size) for _, each in group)
     step = review.step
@@ -142,7 +142,7 @@ def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 
 def rows(review: TableReview) -> list[Row]:
-    """Return columns as rows of a table."""
+    """Return a table row for each column of the review."""
     return [
         {
             **asdict(column),

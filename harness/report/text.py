@@ -13,19 +13,19 @@ from screwgauge.report import blocks as b
 from screwgauge.report.blocks import Block, plain, spans
 
 COLUMNS = 100
-LINES = 24  # lines of one screen
-NARROW = 12  # smallest width of a column of text, unless its longest word is wider
+LINES = 24  # number of lines on a screen
+NARROW = 12  # smallest width of a text column, unless its longest word is wider
 MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 
 
 def terminal(blocks: Iterable[Block]) -> str:
-    """Render text with empty lines between blocks, without plots."""
+    """Render blocks as text without plots, separated by empty lines."""
     parts = (_lines(block) for block in blocks)
     return log_text("\n\n".join("\n".join(map(str.rstrip, lines)) for lines in parts if lines))
 
 
 def screenful(blocks: Iterable[Block]) -> str:
-    """Render the text that fits a screen."""
+    """Render as much text as fits a screen."""
     lines = terminal(blocks).splitlines()
     return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
 
@@ -49,8 +49,8 @@ def _lines(block: Block) -> list[str]:
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Align columns, numbers at their right ends; wrap wide text between words, and leave out and name columns that do
-    not fit even so.
+    """Align columns, with numbers at the right; wrap long text, and replace columns that still do not fit by a list of
+    their names.
     """
     columns = dict(enumerate(zip(*lines, strict=True)))
     left_out = list[str]()
@@ -66,7 +66,7 @@ def _excess(widths: Mapping[int, int]) -> int:
 
 
 def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, int]:
-    """Return the widths of columns; the widest text columns shrink until the line fits."""
+    """Return the widths of columns, shrinking the widest text columns until the line fits."""
     widths = {i: max(map(len, cells)) for i, cells in columns.items()}
     for i in sorted({*columns} - block.right, key=widths.__getitem__, reverse=True):
         least = max(NARROW, *(len(word) for cell in columns[i] for word in cell.split()))
@@ -113,7 +113,7 @@ def _block(block: Block) -> str:
 
 
 def _text(text: str) -> str:
-    """Render one line, escaping what Markdown or HTML would interpret outside of code."""
+    """Render one line, escaping characters that Markdown or HTML would interpret outside code."""
     pieces = (MARKS[tag].format(piece if tag == "code" else _escape(piece)) for tag, piece in spans(text))
     return " ".join("".join(pieces).split())
 
@@ -123,7 +123,7 @@ def _escape(text: str) -> str:
 
 
 def _line(text: str) -> str:
-    """Escape the start of a line, which must not begin a list or underline the previous line."""
+    """Escape the start of a line, so that it neither begins a list nor underlines the previous line."""
     return re.sub(r"^(\d+)(?=[.)](\s|$))", r"\1\\", re.sub(r"^(?=[-+=])", r"\\", _text(text)))
 
 

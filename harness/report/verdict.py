@@ -15,7 +15,7 @@ from screwgauge.study.formatting import Row, digits_text, listed, missing, numbe
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 
-#: Remarks on quantities that no user requests; their digits never represent those of a run.
+#: Remarks on quantities that no user requests; their digits never stand for the digits of a run.
 OPEN_TREE = {
     "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
     "tree_force_soft": (
@@ -26,25 +26,25 @@ OPEN_TREE = {
 
 
 def compared(results: Comparison) -> list[Row]:
-    """Return rows of pairs whose engines both ran, with the name of the pair."""
+    """Return the rows of pairs whose engines both ran, with the name of the pair."""
     return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in rows(results.compared)]
 
 
 def first_difference(results: Comparison) -> Row | None:
-    """Return the first row out of tolerance: quantity, component, a, b, size (scaled error); None if all agree."""
+    """Return the first row out of tolerance as quantity, component, a, b, size (scaled error); None if all agree."""
     keys = {"quantity": "quantity", "component": "worst_component", "a": "a", "b": "b", "size": "max_scaled"}
     bad = (row for row in compared(results) if not row["ok"])
     return next(({key: row[column] for key, column in keys.items()} for row in bad), None)
 
 
 def verdict(results: Comparison) -> Banner:
-    """Join headline and remarks in one text."""
+    """Join the headline and the remarks."""
     headline, remarks = conclusion(results)
     return Banner(" ".join([headline.text, *remarks]), headline.word, headline.status)
 
 
 def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
-    """Return the headline of a run in one sentence, worst news first, and further remarks."""
+    """Return the headline of a run in one sentence, most serious finding first, and further remarks."""
     sentences, word, status = _conclusion(results)
     return Banner(sentences[0], word, status), sentences[1:]
 
@@ -88,7 +88,7 @@ def _failed(results: Comparison) -> list[str]:
 
 
 def _partly(results: Comparison) -> list[str]:
-    """List what was requested but not compared, naming equal cases once."""
+    """List what was requested but not compared, merging equal reasons."""
     engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
@@ -105,7 +105,7 @@ def _unjudged(results: Comparison) -> list[str]:
 
 
 def _report_undecided(results: Comparison) -> list[str]:
-    """Report the undecided rows out of tolerance, by the pair or residual with the most of them."""
+    """Report undecided rows out of tolerance, using the pair or residual with most of them as example."""
     found = [row for row in [*compared(results), *rows(results.judge)] if row["undecided"]]
     row = max(found, key=lambda row: row["undecided"])
     count = f"{results.undecided} of {len(results.times)} samples"
@@ -122,7 +122,7 @@ def _difference(results: Comparison) -> list[str]:
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
     if missing(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
-        if not row["b"]:  # an engine stopped, and there is no other
+        if not row["b"]:  # an engine stopped, and ran alone
             return [f"{reason}.", *more]
         where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
@@ -130,12 +130,12 @@ def _difference(results: Comparison) -> list[str]:
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
     known, unknown = (_report_faults(results, explained=explained) for explained in (True, False))
-    cause = " ".join([differ, *_model_differences(results, row["a"], row["b"])])  # a headline has both
+    cause = " ".join([differ, *_model_differences(results, row["a"], row["b"])])  # a headline has one sentence
     return [*known, cause, *unknown, *more, *results.known]
 
 
 def _report_faults(results: Comparison, *, explained: bool) -> Iterator[str]:
-    """Report faults of tables out of tolerance, briefly enough for a headline."""
+    """Yield sentences on faults in tables out of tolerance, briefly enough for a headline."""
     for name, review in results.reviews.items():
         if review.explained == explained and not all(column.ok for column in review.columns):
             yield f"{name}: {' '.join(sentences_of(review))}"
@@ -152,7 +152,7 @@ def _model_differences(results: Comparison, *engines: str) -> list[str]:
 
 
 def _unlike(results: Comparison) -> list[str]:
-    """Report unallowed differences of model files, unless a difference or fault already does."""
+    """Report differences in model files that the scene does not allow, unless a difference or fault reports them."""
     if {"differ", "faulted"} & {*results.outcomes}:
         return []
     differ = f"Model files differ from the description: {first_few(results.mismatches.values(), DOUBTS, '; ')}."
@@ -160,13 +160,13 @@ def _unlike(results: Comparison) -> list[str]:
 
 
 def _leave(keys: Iterable[str]) -> str:
-    """Describe how a scene can allow a difference."""
+    """State how a scene can allow given differences."""
     entries = ", ".join(f'"{key}"' for key in keys)
     return f"Where that is meant, the scene allows it: allow = [{entries}]."
 
 
 def _fault(results: Comparison) -> list[str]:
-    """Report the first residual out of tolerance, unless a difference of models already explains it."""
+    """Report the first residual out of tolerance, unless a difference in models already explains it."""
     row = rows(results.faults)[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
@@ -197,13 +197,13 @@ def _because(row: Row) -> str:
 
 
 def _report_alone(results: Comparison) -> Iterator[str]:
-    """Report quantities that only one engine gives."""
+    """Yield sentences on quantities that only one engine computes."""
     for engine, names in results.alone:
         yield f"Compared with no other engine: {listed(names)} of {engine}."
 
 
 def not_unique(results: Comparison) -> Iterator[str]:
-    """Count the components that are not compared because their values are not unique."""
+    """Count components that are not compared because their values are not unique."""
     for quantity, names in results.not_unique.items():
         n = len(results.components(quantity))
         count, others = f"{len(names)} of {n}", ", and the digits are of the others"
@@ -220,7 +220,7 @@ def _report_integrated(pairs: list[Row]) -> list[str]:
 
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """Report the agreeing digits, and the open-tree quantities with the fewest; narrow number types last."""
+    """Report the digits of agreement, narrow number types last; return also open-tree quantities with fewer digits."""
     narrow = [row for row in agree if row["reason"].startswith(NARROW)]
     wide = [row for row in agree if not row["reason"].startswith(NARROW)]
     text, open_tree = _of_float64(wide, simulated) if wide else ("", [])
@@ -228,7 +228,7 @@ def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def _of_narrow(narrow: list[Row]) -> Iterator[str]:
-    """Report the digits of each method in a narrow number type, and the number that it allows."""
+    """Report the agreeing digits of each method in a narrow number type, and the digits that the type allows."""
     names = dict.fromkeys(name for row in narrow for name in (row["a"], row["b"]) if number_type(name) is not FLOAT64)
     for name in names:
         row = max((row for row in narrow if name in (row["a"], row["b"])), key=lambda row: row["max_scaled"])
@@ -237,7 +237,7 @@ def _of_narrow(narrow: list[Row]) -> Iterator[str]:
 
 
 def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
-    """Report the agreeing digits in float64, and the open-tree quantities with the fewest."""
+    """Report the agreeing digits in float64, and return the open-tree quantities with fewer digits."""
     counted = [row for row in agree if not has_excuse(row, simulated)] or agree
     asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
     least = max(asked, key=lambda row: row["max_scaled"])
@@ -255,7 +255,7 @@ def _of_float64(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
 
 
 def has_excuse(row: Row, simulated: bool) -> bool:
-    """Return True if few digits are excused, such as for numbers that are zero within rounding."""
+    """Return True if the row has an excuse for few digits, e.g. numbers that are zero within rounding."""
     return bool(row["ok"] and row["reason"] and not simulated and not row["reason"].startswith(NARROW))
 
 

@@ -1,4 +1,4 @@
-"""Writing of reports: first the data, all or none, then pages, and PDF on request."""
+"""Writing of reports: first the data, all or none; then pages, and a PDF on request."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def write_report(
 
     Args:
         out: Folder, created if needed. Files of an earlier report are replaced or removed; all others stay.
-        tell: Function that builds the blocks of the report.
+        tell: Function that returns the blocks of the report.
         data: File name -> table for CSV and Parquet, anything else for JSON.
         figures: Significant figures of the numbers in CSV; every bit by default.
         pdf: Also print the page to ``report.pdf``.
@@ -49,15 +49,15 @@ def write_report(
         force: Replace existing files, whatever their origin.
 
     Raises:
-        OutputError: The data cannot be written; the folder is then unchanged.
-        ReportError: The data are written, but the report is not.
+        OutputError: The data cannot be written; the folder stays unchanged.
+        ReportError: The data were written, but the report was not.
     """
     printed = [PDF] if pdf else []
     check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
     write_files(out, numbers, before)
-    for name in before - {*numbers}:  # pictures of an earlier run, which would mislead beside the new report
+    for name in before - {*numbers}:  # pictures of an earlier run would mislead next to the new report
         (out / name).unlink(missing_ok=True)
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}
@@ -74,7 +74,7 @@ def write_report(
         raise
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the numbers are in {out}, the report on them is not") from None
-    except Exception as error:  # the numbers took long, and are worth more than any page
+    except Exception as error:  # the numbers took long to compute, and are worth more than a page
         what = f"the report could not be made ({type(error).__name__}: {error})"
         raise ReportError(what, str(out), "its numbers are there; --debug shows where it broke") from error
     return out
@@ -93,25 +93,25 @@ def _name_pictures(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
 
 
 def _text(value: Any, figures: int | None) -> str:
-    if not hasattr(value, "to_csv"):  # not a table; loading pandas takes long
+    if not hasattr(value, "to_csv"):  # not a table; this test avoids loading pandas, which takes long
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
     return str(value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form))
 
 
 class Shown:
-    """Result with a page, of which terminals and notebooks show a screenful."""
+    """Result with a page, the first screen of which terminals and notebooks display."""
 
     __slots__ = ()
 
     @classmethod
     def of(cls, result: Any) -> Self:
-        """Return the same result as this class."""
+        """Convert a result to this class."""
         return as_kind(cls, result)
 
     @abstractmethod
     def _report(self) -> Any:
-        """Return the kind of the result's report."""
+        """Return the kind of report for the result."""
 
     def _page(self) -> Iterable[Block]:
         """Return the blocks of the whole page."""
@@ -128,12 +128,12 @@ class Shown:
         """Write data into a folder, then report and plots, replacing those of an earlier report.
 
         Args:
-            out: Folder, created if needed; if the data cannot be written, it is unchanged.
+            out: Folder, created if needed; it stays unchanged if the data cannot be written.
             force: Replace existing files, whatever their origin.
 
         Raises:
-            OutputError: The folder cannot be written or has other files of these names.
-            ReportError: The data are written, but the report could not be made.
+            OutputError: The folder cannot be written, or contains different files with these names.
+            ReportError: The data were written, but the report could not be made.
         """
         return self._write(out, force=force)
 
@@ -152,10 +152,10 @@ class Shown:
             force: Replace an existing file, whatever its origin.
 
         Returns:
-            The path, or the text of the page if there is no path.
+            The path, or the content of the page if there is no path.
 
         Raises:
-            OutputError: The file cannot be written, or exists and was changed or not written here.
+            OutputError: The file cannot be written, or an existing file was changed or written by something else.
         """
         if path is not None:
             check_free(Path(path), force=force)
@@ -173,7 +173,7 @@ def browser() -> str:
     """Return the path of a browser that can print.
 
     Raises:
-        OutputError: There is no such browser.
+        OutputError: Neither Chromium nor Chrome was found.
     """
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
@@ -185,7 +185,7 @@ def print_page(html: Path, pdf: Path) -> None:
     """Print a page to PDF, completely or not at all.
 
     Raises:
-        OutputError: There is no browser, or it fails or takes too long.
+        OutputError: No browser was found, or it failed or took too long.
     """
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / PDF

@@ -144,8 +144,7 @@ def _whole(scene: Scene, given: Drive) -> Drive | Followed:
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """Return the distance of each independent coordinate from its limits at home [rad or m], inf if beyond. Shape
-    (k,)."""
+    """Return the distance of each independent coordinate from its limits at home [rad or m], inf beyond. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])

@@ -1,4 +1,4 @@
-"""Vega-Lite diagrams from ``specs/*.json``: one style, one colour per engine, colour-blind safe."""
+"""Vega-Lite diagrams from ``specs/*.json`` in one style, with one colour per engine, safe for colour-blind people."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.renderer import RENDERER, DrawingError
 
 Spec = dict[str, Any]
-Curve = tuple[Spec, Array, Array]  # description by field; times [s] and values, shapes (n,)
+Curve = tuple[Spec, Array, Array]  # fields that describe the curve; times [s] and values, shapes (n,)
 SPECS = Path(__file__).with_name("specs")
-UNSEEN = 1.0 / 400.0  # of the height of a panel
+UNSEEN = 1.0 / 400.0  # largest deviation that is not visible, as fraction of the height of a panel
 WIDTH, GAP, LETTER = 560, 24, 5.6  # total width of panels in a line, gap between them, mean width of a letter [pixels]
-#: Zoom with Ctrl and the wheel; the wheel alone scrolls the page.
+#: Zooms with Ctrl and the wheel; the wheel alone scrolls the page.
 _ZOOM = {"type": "interval", "encodings": ["x"], "zoom": "wheel![event.ctrlKey || event.metaKey]"}
-#: Format of a logarithmic axis: 0.01, 500, 1e4.
+#: Formats numbers of a logarithmic axis: 0.01, 500, 1e4.
 POWER = (
     "datum.value >= 0.01 && datum.value <= 1000 ? format(datum.value, '~g') : "
     "replace(format(datum.value, '.0e'), '+', '')"
 )
-TIME = "format(datum.value, '~s') + 's'"  # and a time
-_COMMON: Spec = {"zoom": _ZOOM, "zoom_both": {**_ZOOM, "encodings": ["x", "y"]}}  # for all to ask for
+TIME = "format(datum.value, '~s') + 's'"  # formats times of a logarithmic axis
+_COMMON: Spec = {"zoom": _ZOOM, "zoom_both": {**_ZOOM, "encodings": ["x", "y"]}}  # for every specification
 
 
 @cache
@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Build the template values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
+    """Build template values that distinguish things by a field: scale domain and ranges, legend columns, clicks."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
@@ -71,10 +71,11 @@ def ways(field: str, looks: Mapping[str, Look]) -> Spec:
 
 
 def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Spec:
-    """Build template values ``data`` and ``lookup``: each curve described once, with points that are numbers or gaps.
+    """Build template values ``data`` and ``lookup``: a description of each curve, and its points, which may have gaps.
 
     Args:
-        linear: True if they share a linear axis: a still picture then omits points on lines between others.
+        linear: True if the curves share a linear axis; a still picture then omits points that lie on lines between
+            others.
     """
     rows, described, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
@@ -84,7 +85,7 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
         some = straight(t, v, off) if linear and not moving and fields["kind"] == "line" else slice(None)
         t, v = t[some], v[some]
         numbers = np.column_stack([t, v]).ravel().tolist()
-        lines = "\n".join([f"{i},%.7g,%.{digits}g"] * len(t)) % tuple(numbers)  # at once: half the time
+        lines = "\n".join([f"{i},%.7g,%.{digits}g"] * len(t)) % tuple(numbers)  # formatting all at once halves the time
         rows += [lines.replace(",nan", ",")] if lines else []
         described.append({"s": i, **fields})
     names = list(dict.fromkeys(name for fields in described for name in fields))
@@ -95,12 +96,12 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
 
 
 def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int = 7) -> Spec:
-    """Build template values ``x_scale`` and ``x_axis``, or those of y: ticks at decades, and within few decades.
+    """Build template values ``x_scale`` and ``x_axis``, or those of y, with ticks at decades, or denser ones.
 
     Args:
         values: Values to draw; only positive ones can be drawn.
-        names: Texts of the ticks.
-        most: Decades with a tick.
+        names: Expression for the labels of the ticks.
+        most: Largest number of decades with a tick.
     """
     drawn = [value for value in values if 0.0 < value < np.inf] or [1.0]
     low, high = np.log10(min(drawn)) - 1e-9, np.log10(max(drawn)) + 1e-9
@@ -116,17 +117,18 @@ def logarithm(axis: str, values: Iterable[float], names: str = POWER, most: int 
 
 
 def columns(panels: int) -> Spec:
-    """Build the template values ``columns`` and ``width`` of panels."""
+    """Build the template values ``columns`` and ``width`` for a number of panels."""
     n = 3 if panels % 3 == 0 else min(panels, 2)
     return {"columns": n, "width": (WIDTH - (n - 1) * GAP) // n}
 
 
 def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterable[str] = ()) -> Picture:
-    """Draw a specification; on failure return the reason instead.
+    """Draw a specification; on failure return a picture with the reason.
 
     Args:
-        build: Specification without a title; ``True``: with more points than can be seen at once.
-        notes: Reading aid, and remarks on omissions.
+        build: Function that returns the specification without a title; its argument is True for the interactive
+            version, which has more points than are visible at once.
+        notes: Explanations of the picture, and remarks on omissions.
     """
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
@@ -158,7 +160,7 @@ def _unseen(layer: Spec) -> bool:
 
 
 def _place_labels(spec: Spec) -> Spec:
-    """Place labels beside their points in a Vega specification, which Vega-Lite cannot do."""
+    """Place labels next to their points in a Vega specification, which Vega-Lite cannot do."""
     anchors = ["top-right", "right", "bottom-right", "top-left", "left", "bottom-left", "top", "bottom"]
     for mark in (mark for mark in spec["marks"] if mark["name"] == "labels_marks"):
         size = {"signal": "[width, height]"}
@@ -167,14 +169,14 @@ def _place_labels(spec: Spec) -> Spec:
 
 
 def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
-    """Thin samples without visible loss: ends, extremes of each stretch, and a gap for missing numbers.
+    """Thin samples without visible loss: keep ends, the extremes of each interval, and a gap for missing numbers.
 
     Args:
         values: Shape (n,).
-        bins: Stretches.
+        bins: Number of intervals.
 
     Returns:
-        Indices, ascending; all n if there are no more samples than stretches.
+        Ascending indices of the kept samples; all n if there are at most as many samples as intervals.
     """
     n = len(values)
     if n <= bins:
@@ -190,9 +192,9 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 
 
 def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
-    """Choose samples whose connecting lines miss no other sample by more than `off`; gaps remain. Shapes (n,).
+    """Select samples whose connecting lines miss no omitted sample by more than `off`; gaps remain. Shapes (n,).
 
-    Every second sample is tested, in four passes: samples dropped early deviate less.
+    Four passes each test every second sample, with a tolerance below `off`, because samples dropped early deviate less.
     """
     at = np.arange(len(t))
     for _ in range(4):
@@ -204,7 +206,7 @@ def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
     return at
 
 
-# Okabe and Ito; their yellow is left out, too light for a line on white.
+# Colours of Okabe and Ito, without their yellow, which is too light for a line on white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ((1, 0), (6, 3), (2, 2), (8, 2, 2, 2), (4, 1, 1, 1))
 CROSS, PLUS = "M-.8,-.8L.8,.8M-.8,.8L.8,-.8", "M-1,0H1M0,-1V1"
@@ -212,7 +214,7 @@ STAR = "M0,-1L.24,-.31L.95,-.31L.36,.12L.59,.81L0,.38L-.59,.81L-.36,.12L-.95,-.3
 SHAPES = ("circle", "square", "triangle-up", "diamond", "triangle-down", "cross", "triangle-right", "triangle-left")
 GREY, INK = "#767676", "#1b1f24"
 
-#: Prefix of a family's name -> colour; the first match counts.
+#: Prefixes of the names of a family -> colour; the first match counts.
 CAMPS = (
     (("closed-form", "newton", "screw"), COLOURS[0]),
     (("mjx", "mjwarp"), COLOURS[5]),
@@ -225,7 +227,7 @@ CAMPS = (
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Style of a line and its marks; `dash`: lengths of strokes and gaps [pixels]."""
+    """Style of a line and its marks; `dash` lists the lengths of strokes and gaps [pixels]."""
 
     colour: str
     dash: tuple[int, ...] = DASHES[0]
@@ -233,17 +235,17 @@ class Look:
 
 
 def numbered(i: int) -> Look:
-    """Return style number i, for things without a camp."""
+    """Return style number i, for curves without a colour group."""
     return Look(COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)], SHAPES[i % len(SHAPES)])
 
 
 def camp(name: str) -> str:
-    """Return the colour of an engine, family or setting from the prefix of its name."""
+    """Return the colour for the prefix of the name of an engine, family or setting."""
     return next((colour for starts, colour in CAMPS if name.startswith(starts)), GREY)
 
 
 def by_camp(names: Iterable[str], before: Iterable[str] = ()) -> dict[str, Look]:
-    """Return styles of engines, families or settings: the camp's colour with an unused shape and dash.
+    """Return styles for engines, families or settings: the colour of the name's prefix with an unused shape and dash.
 
     Args:
         before: Names that already have a style.

@@ -16,9 +16,9 @@ from screwgauge.report.figures.chart import Spec
 from screwgauge.scene.grid import GridMotion
 from screwgauge.study.formatting import number, unit_text
 
-LEVELS = 8  # approximate number of lines
-SEAM = 0.04  # overlap of adjacent cells, over their size, which hides seams
-#: Share of cells at either end that the colours omit, if the others span less than this part of the range.
+LEVELS = 8  # approximate number of level lines
+SEAM = 0.04  # overlap of adjacent cells, relative to their size, which hides seams
+#: Share of cells at either end that the colour range omits if the remaining cells span less than `PART` of the range.
 TAIL, PART = 0.02, 0.25
 
 
@@ -27,8 +27,8 @@ def contour_picture(name: str, title: str, grid: GridMotion, of: tuple[str, str,
 
     Args:
         name: Name of the picture.
-        of: Engine, component and unit.
-        values: Values of the cells in the order of the walk; NaN if missing. Shape (n,).
+        of: Names of engine, component and unit.
+        values: Values of the cells in the order of `grid.cells`; NaN if missing. Shape (n,).
     """
     engine, component, unit = of
     table = np.full([len(axis) for axis in grid.axes], np.nan)
@@ -123,6 +123,6 @@ def lines(x: Array, y: Array, table: Array, levels: Array) -> Iterator[tuple[flo
                     ends = (axis[one[k]] + share * (axis[other[k]] - axis[one[k]]) for k, axis in enumerate((x, y)))
                     points.append((float(next(ends)), float(next(ends))))
             if len(points) == 4 and (v.mean() < level) != (v[0] < level):
-                points = points[1:] + points[:1]  # across a saddle, connect adjacent corners on the same side
+                points = points[1:] + points[:1]  # at a saddle, connect adjacent corners on the same side of the level
             for (a, b), (c, d) in zip(points[::2], points[1::2], strict=True):
                 yield a, b, c, d

@@ -14,8 +14,8 @@ from screwgauge.report.stage.machines import machines
 if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis, ToldCause
 
-MOST = 20  # joints and causes of a picture
-LEAST, FEWEST = 1e-3, 4  # share below which a cause has no bar, unless there are this few causes
+MOST = 20  # number of joints and causes in a picture
+LEAST, FEWEST = 1e-3, 4  # share below which a cause gets no bar, unless there are at most this many causes
 FLOOR = 1e-17  # size at which zero is drawn
 
 
@@ -30,7 +30,7 @@ def has_share(cause: ToldCause) -> bool:
 
 
 def make_plots(diagnosis: Diagnosis) -> list[Picture]:
-    """Draw the machines if they differ, and torques if these differ."""
+    """Draw the machines if they differ, and the torques if these differ."""
     pictures = [machines(diagnosis)] if diagnosis.differences else []
     shown = sorted(filter(has_share, diagnosis.causes), key=lambda cause: -abs(cause.share))[:MOST]
     if not shown:
@@ -39,7 +39,7 @@ def make_plots(diagnosis: Diagnosis) -> list[Picture]:
     points: list[Spec] = [{"joint": name, "x": max(float(change), FLOOR)} for name, change in largest]
     joints = chart.filled("joints", points=points, **chart.logarithm("x", [p["x"] for p in points]))
     shown = shown[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in shown))]
-    numbers = {id(cause): k for k, cause in enumerate(diagnosis.causes, 1)}  # as in the table of causes
+    numbers = {id(cause): k for k, cause in enumerate(diagnosis.causes, 1)}  # numbered as in the table of causes
     bars = [
         {"cause": f"{numbers[id(cause)]}: {cause.name}", "x": 100.0 * cause.share, "text": share_text(cause)}
         for cause in shown

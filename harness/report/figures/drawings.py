@@ -1,4 +1,4 @@
-"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones are separate."""
+"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones apart."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import file_name, unit_text, words
 
-MAX_PANELS = 6  # more adjacent panels are illegible; components then share one panel
+MAX_PANELS = 6  # more panels side by side are illegible; components then share one panel
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Components of a picture, either all unique or none.
+    """Components of a picture, which are either all unique or all non-unique.
 
     Attributes:
         panels: Labels and names of components.
-        unique: True if each component has a unique value; else there is no tolerance.
-        others: Number of omitted components of the figure, which are of the other sort.
+        unique: True if each component has a unique value; without unique values there is no tolerance.
+        others: Number of components of the figure that are omitted, because they differ from these in uniqueness.
         contour: True if a single component is drawn over a grid.
     """
 
@@ -40,7 +40,7 @@ class Drawing:
 
     @property
     def note(self) -> str:
-        """Remark on values that are not unique; empty if all are."""
+        """Remark on values that are not unique; empty if all values are unique."""
         n = len(self.names) + self.others
         if not self.unique:
             return (
@@ -61,7 +61,7 @@ def named(comparison: Comparison) -> dict[str, Drawing]:
 def drawings(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], not_unique: Mapping[str, Collection[str]]
 ) -> list[Drawing]:
-    """Turn figures into drawings, with non-unique values apart.
+    """Turn figures into drawings, with separate drawings for non-unique values.
 
     Args:
         not_unique: Quantity -> components without a unique value.
@@ -82,13 +82,13 @@ def drawings(
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
-    """Return names of the components of a unit that match a pattern."""
+    """Return the names of the components that have a unit and match a pattern."""
     names = zip(values.components, values.units, strict=True)
     return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]:
-    """Yield the contour plot of a figure, if an engine gives its component."""
+    """Yield the contour plot of a figure, if an engine computes its component."""
     known = values.get(figure.quantity)
     if known is not None and figure.contour in known.components:
         unit = known.units[known.components.index(figure.contour)]
@@ -98,7 +98,7 @@ def _contours(figure: Figure, values: Mapping[str, Values]) -> Iterator[Drawing]
 def drawable(
     figures: tuple[Figure, ...], solutions: Mapping[str, Solution], others: Collection[Drawing] = ()
 ) -> tuple[Figure, ...]:
-    """Restrict figures of curves to panels with values from an engine; return defaults if none remain."""
+    """Keep figures of curves, and their panels, for which an engine has values; return defaults if none remain."""
     values, kept = _first_values(solutions), []
     for figure in (figure for figure in figures if figure.quantity in values):
         has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
@@ -107,7 +107,7 @@ def drawable(
 
 
 def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
-    """Warn about figures of quantities that no engine gives, and patterns that match no component."""
+    """Warn about figures of quantities that no engine computes, and about patterns that match no component."""
     values = _first_values(solutions)
     missing = [figure for figure in figures if figure.quantity not in values]
     strange = [figure for figure in figures if figure.contour and not [*_contours(figure, values)]]
@@ -139,7 +139,7 @@ def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
 
 
 def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
-    """Return quantity -> values of the first engine that has it."""
+    """Return quantity -> values of the first engine that computes it."""
     values: dict[str, Values] = {}
     for solution in solutions.values():
         values |= {quantity: v for quantity, v in solution.values.items() if quantity not in values}
@@ -147,7 +147,7 @@ def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
 
 
 def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Group names into panels by the part before the first dot (``leg1``), or one panel."""
+    """Group names into panels by the part before the first dot (``leg1``), or into a single panel."""
     parts = list(dict.fromkeys(name.split(".")[0] for name in names))
     if not 1 < len(parts) <= MAX_PANELS or len(parts) == len(names):
         return (("", ("*",)),)
@@ -155,7 +155,7 @@ def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 
 def short_labels(names: list[str]) -> list[str]:
-    """Drop the dotted prefix that all names share: ``leg1.q1`` -> ``q1``."""
+    """Remove the dotted prefix that all names share: ``leg1.q1`` -> ``q1``."""
     parts = [name.split(".") for name in names]
     shared = 0
     while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):

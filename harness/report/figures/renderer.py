@@ -1,4 +1,4 @@
-"""Drawing in a separate process: V8, the chart engine, kills its process when memory runs out."""
+"""Drawing in a separate process, because the chart engine V8 kills its process when memory runs out."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LONGEST = 60.0  # time limit of one drawing [s]
 
 
 class DrawingError(ReportError):
-    """Raised if something could not be drawn."""
+    """Raised if a picture could not be drawn."""
 
 
 class Renderer:
@@ -39,7 +39,7 @@ class Renderer:
         self.lock = Lock()
 
     def start(self) -> None:
-        """Start the process unless it runs, without waiting for it."""
+        """Start the process unless it is running, without waiting for it."""
         if self.process is not None and self.process.poll() is None:
             return
         self.end()
@@ -55,17 +55,17 @@ class Renderer:
         self.able = False
 
     def ask(self, call: str, *arguments: Any, **named: Any) -> Any:
-        """Call a function of vl_convert; return a text, bytes, or plain data.
+        """Call a function of vl_convert; return a string, bytes, or plain data.
 
         Raises:
-            DrawingError: The call failed; the message has the reason.
+            DrawingError: The call failed; the message states the reason.
         """
         with self.lock:
             try:
                 answer = self._exchange({"call": call, "arguments": arguments, "named": named})
             except BaseException as error:
                 if not isinstance(error, DrawingError):
-                    self.end()  # an unread answer would be taken for the next one
+                    self.end()  # the next call would read an unread answer
                 else:
                     self.lost.append(error.what)
                 raise
@@ -84,7 +84,7 @@ class Renderer:
             process.stdin.write(json.dumps(question).encode() + b"\n")
             process.stdin.flush()
             line = process.stdout.readline()
-        except OSError:  # it has already ended
+        except OSError:  # the process has already ended
             line = b""
         finally:
             timer.cancel()
@@ -116,7 +116,7 @@ def _error(why: str) -> DrawingError:
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:
-    """Describe how the process ended, and a possible cause."""
+    """Describe how the process ended, with a possible cause."""
     status = process.wait()
     if status == -signal.SIGKILL:
         how = f"was killed: memory ran out, or it took more than {LONGEST:g} s"
@@ -130,12 +130,12 @@ def _ending(process: subprocess.Popen[bytes]) -> str:
 
 RENDERER = Renderer()
 atexit.register(RENDERER.end)
-os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a child has not started it
+os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a child has not started the process
 
 
 @contextmanager
 def losses() -> Iterator[list[str]]:
-    """Collect the reasons of failed drawings, once each; complete at the end of the context."""
+    """Collect the reasons of failed drawings; the list is complete at the end of the context."""
     reasons, before = list[str](), len(RENDERER.lost)
     yield reasons
     reasons += RENDERER.lost[before:]

@@ -1,4 +1,4 @@
-"""Pictures of a run: values of components from all engines, with their differences below."""
+"""Pictures of a run: component values of all engines, with their differences below."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from screwgauge.solution import common_rows
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import missing, number, unit_text, words
 
-MAX_CURVES = 12  # in a panel; more cannot be distinguished
-FLOOR = 1e-18  # value at which a difference of exactly zero is drawn if there is no other
+MAX_CURVES = 12  # largest number in a panel; more cannot be distinguished
+FLOOR = 1e-18  # value at which a zero difference is drawn if all are zero
 SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # marks of engines; the first engine is drawn as lines
-HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]
+HEIGHTS = {1: 180, 2: 110, 3: 130}  # number of panels in a line -> height of panels with curves [pixels]
 WIDE = 30.0  # ratio of largest to smallest condition number above which the axis is logarithmic
-CURVE, PEAKS = {False: 120, True: 200}, {False: 120, True: 400}  # stretches drawn: still, and moving
-MARKS = {False: 7, True: 12}  # marks of an engine on a curve
+CURVE, PEAKS = {False: 120, True: 200}, {False: 120, True: 400}  # number of intervals drawn: still, and interactive
+MARKS = {False: 7, True: 12}  # number of marks of an engine on a curve
 
 Pair = tuple[str, str]
-Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and their components
+Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], largest differences of a pair, and their components
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +38,8 @@ class _Subject:
     Attributes:
         t: Time [s]. Shape (n,).
         values: Engine -> component -> values, NaN if missing. Shape (n,).
-        solved: Engine -> True for samples that it solved. Shape (n,).
-        panels: Titles and components.
+        solved: Engine -> True for samples that the engine solved. Shape (n,).
+        panels: Title and components of each panel.
     """
 
     t: Array
@@ -53,7 +53,7 @@ class _Subject:
         return [name for _, some in self.panels for name in some]
 
     def given(self, *engines: str) -> list[str]:
-        """Return the components with values from at least one engine; tables may lack some."""
+        """Return the components with values from all given engines, or all components; tables may lack some."""
         known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
         return [name for name in self.names if all(name in each for each in known)] or self.names
 
@@ -76,7 +76,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
 
 
 def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
-    """Draw one component of two engines, and their difference.
+    """Draw one component of two engines, and the difference.
 
     Args:
         curve: Times [s] and both values. Shape (n, 3).
@@ -115,7 +115,7 @@ def _draw(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tol
 def _curves(
     subject: _Subject, labels: Sequence[dict[str, str]], shown: Sequence[str], title: str, moving: bool
 ) -> Spec:
-    """Draw the first engine as lines, the others as sparse marks in the same colours."""
+    """Draw the first engine as lines, and the other engines as sparse marks in the same colours."""
     grid, series = chart.columns(len(labels)), list[Curve]()
     looks = {curve: numbered(i) for i, curve in enumerate(dict.fromkeys(x for some in labels for x in some.values()))}
     stretches = CURVE[moving] // (1 if moving else grid["columns"])
@@ -135,7 +135,7 @@ def _curves(
 
 
 def _flat(series: Iterable[Curve]) -> Spec:
-    """Build the scale of a curve that is constant up to rounding, whose ticks would all read the same."""
+    """Build the scale for curves that are constant up to rounding, whose tick labels would otherwise all be equal."""
     known = np.concatenate([v[np.isfinite(v)] for _, _, v in series] or [np.zeros(0)])
     largest = float(np.abs(known).max(initial=0.0))
     if not known.size or float(np.ptp(known)) > 1e-5 * largest:
@@ -145,7 +145,7 @@ def _flat(series: Iterable[Curve]) -> Spec:
 
 
 def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
-    """Draw each pair's largest difference and its place, with grey lines at the tolerance and at zero."""
+    """Draw each pair's largest difference with its component, and grey lines at the tolerance and at zero."""
     numbers, times = (np.concatenate([columns[k] for columns in apart_by_pair.values()]) for k in (1, 0))
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
@@ -179,10 +179,10 @@ def _lower(
 ) -> Spec:
     """Build the template values of a panel whose axis a parameter switches between logarithmic and linear.
 
-    Since a scale of Vega-Lite cannot change its type, it shows logarithms, which are labelled as powers of ten.
+    Since a Vega-Lite scale cannot change its type, it shows logarithms, which are labelled as powers of ten.
 
     Args:
-        ends: Ends of the logarithmic axis, and the upper end of the linear axis, from 0.
+        ends: Ends of the logarithmic axis, and the upper end of the linear axis, which starts at 0.
     """
     low, high = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
     values: Spec = {"low": f"axis == 'log' ? {low:g} : 0", "high": f"axis == 'log' ? {high:g} : {ends[2]:g}"}
@@ -191,7 +191,7 @@ def _lower(
 
 
 def _condition(name: str, comparison: Comparison) -> Picture:
-    """Draw the condition number of each engine's closure along the path, as the maximum of each stretch."""
+    """Draw the condition number of each engine's closure along the path, as the maximum over each interval."""
     t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
     lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
@@ -202,7 +202,7 @@ def _condition(name: str, comparison: Comparison) -> Picture:
         series = list[Curve]()
         for i, (engine, values) in enumerate(lines.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
-            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks distinguish lines that coincide
+            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks distinguish coinciding lines
             fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
             series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.filled(
@@ -213,7 +213,7 @@ def _condition(name: str, comparison: Comparison) -> Picture:
 
 
 def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
-    # an engine that solved only some samples comes last: the first one is drawn as lines
+    # an engine that solved only a part of the samples comes last, because the first engine is drawn as lines
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if drawing.quantity in solution.values}
     given = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
@@ -225,30 +225,30 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
 
 
 def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str]:
-    """Return component -> label of the drawn ones; if there are too many, of those that move most."""
+    """Return component -> label of the components to draw, limited to those with the largest motion."""
     moving = sorted(names, key=lambda name: -float(np.ptp(np.nan_to_num(columns[name]))))[:MAX_CURVES]
     return {name: label for name, label in zip(names, short_labels([*names]), strict=True) if name in moving}
 
 
 def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
-    """Return the largest difference over the components, NaN if either side is NaN. Shapes (n,)."""
+    """Return times, the largest difference over the components, NaN if a value is NaN, and its component. (n,) each."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
-    apart[~np.isfinite(apart)] = np.inf  # larger than any number
+    apart[~np.isfinite(apart)] = np.inf  # larger than any finite difference
     worst, largest = apart.argmax(axis=0), apart.max(axis=0)
     return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(names, dtype=object)[worst]
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
-    """Choose about `marks` samples, staggered so that engines' marks do not hide each other."""
+    """Select about `marks` samples, staggered so that marks of different engines do not hide each other."""
     if n <= 2 * marks:
         return np.arange(n)
     return np.unique(((np.arange(marks) + (slot + 0.5) / n_slots) * n / marks).astype(int))
 
 
 def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair], float | None]:
-    """Return pairs of engines with the drawn quantity, and the tolerance if all share it."""
+    """Return the pairs of engines with the drawn quantity, and the tolerance if all share the same one."""
     table = comparison.errors
     rows = table[(table["quantity"] == drawing.quantity) & (table["unit"] == drawing.unit)]
     rows = rows[rows["component"].isin(drawing.names)]
@@ -258,9 +258,9 @@ def _compared_pairs(drawing: Drawing, comparison: Comparison) -> tuple[list[Pair
 
 
 def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[str]:
-    """Warn about components that the curves do not show."""
+    """Warn about components and engines that the curves do not show."""
     others = [engine for engine in subject.values if engine not in shown]
-    if others:  # for example, joint forces of an open tree differ from cut to cut
+    if others:  # for example, joint forces of an open tree differ between cuts
         yield f"Not comparable with {shown[0]} here, so without curves: {', '.join(others)}."
     names = subject.names
     if drawn < len(names):

@@ -1,4 +1,4 @@
-"""Figures for a paper: plain curves in the width, font and size of its text."""
+"""Figures for a paper: plain curves in the width, font and font size of the paper."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from screwgauge.report.figures.renderer import RENDERER
 
 POINTS = {"pt": 1.0, "in": 72.0, "cm": 72.0 / 2.54, "mm": 7.2 / 2.54}
 ENDINGS = (".pdf", ".png", ".svg")
-DRAFTS = 4  # drafts of a chart; each one measures the width of axes and legends
+DRAFTS = 4  # number of drafts of a chart; each one measures the width of axes and legends
 NARROW = 110.0  # smallest width of a panel [pt]
 KEPT = ("$schema", "data", "transform", "params", "facet", "spec", "encoding", "layer", "width")  # of a chart
-#: Font -> substitutes of the same letter width, if it is not installed.
+#: Font -> fonts with equal letter widths that replace it if it is not installed.
 ALIKE = {
     "Times": "Times, Times New Roman, Nimbus Roman, TeX Gyre Termes, Liberation Serif, serif",
     "Helvetica": "Helvetica, Arial, Nimbus Sans, Liberation Sans, sans-serif",
@@ -27,7 +27,7 @@ ALIKE = {
 
 
 class Figure(Picture):
-    """Picture that can be saved for a paper, made by `Results.figure` and `Results.plot`."""
+    """Picture that can be saved for a paper, created by `Results.figure` and `Results.plot`."""
 
     __slots__ = ()
 
@@ -44,7 +44,7 @@ class Figure(Picture):
         dpi: int = 600,
         force: bool = False,
     ) -> Path:
-        """Write the figure for a paper: only the curves of a chart, without title, differences, tolerance and marks.
+        """Write the figure for a paper: only the curves of a chart, without title, differences, tolerance or marks.
 
         Args:
             path: Path that ends with ``.pdf``, ``.png`` or ``.svg``.
@@ -71,7 +71,7 @@ class Figure(Picture):
 
 
 def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
-    """Convert an SVG to the content of an SVG, PDF or PNG of a width such as ``8.5cm``."""
+    """Convert an SVG to the content of an SVG, PDF or PNG file with a width such as ``8.5cm``."""
     if ending == ".svg":
         return sized(svg, in_points(width), "pt")
     call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
@@ -79,7 +79,7 @@ def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
 
 
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:
-    """Reject a file ending of another kind of picture."""
+    """Reject a file whose extension is not in `known`."""
     if path.suffix not in known:
         raise DescriptionError(f"cannot write {path.name}", where, f"name a file that ends with {' or '.join(known)}")
 
@@ -88,7 +88,7 @@ def in_points(width: str) -> float:
     """Convert a width such as ``8.5cm`` to points.
 
     Raises:
-        DescriptionError: The text is not a width, or does not fit a page.
+        DescriptionError: The string is not a width, or the width does not fit a page.
     """
     found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
     points = float(found[1]) * POINTS[found[2]] if found else 0.0
@@ -98,7 +98,7 @@ def in_points(width: str) -> float:
 
 
 def sized(svg: str, wide: float, unit: str = "") -> str:
-    """Scale an SVG to a width; without a unit, converters to PDF and PNG read the width as points."""
+    """Scale an SVG to a width; converters to PDF and PNG read a width without unit as points."""
     head, end, tail = svg.partition(">")
     w, h = (float(re.findall(rf'\b{name}="([\d.]+)"', head)[0]) for name in ("width", "height"))
     box = "" if "viewBox" in head else f' viewBox="0 0 {w:g} {h:g}"'
@@ -122,12 +122,12 @@ def _with_fallbacks(font: str) -> str:
 
 
 def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
-    """Draw a chart's curves as an SVG of the wanted width [pt], using drafts to measure axes and legends."""
+    """Draw a chart's curves as an SVG with a given width [pt], measuring axes and legends in drafts."""
     view = _curves(spec, wide, font, size)
     panel, svg = view.get("spec", view), ""
     axis = panel.get("encoding", view.get("encoding"))["y"]
     axis["title"] = wrap(axis["title"], 20)
-    least = 0.5 * size * max(map(len, axis["title"]))  # so that titles of panels do not overlap
+    least = 0.5 * size * max(map(len, axis["title"]))  # keeps titles of panels from overlapping
     for _ in range(DRAFTS):
         panel["height"] = max(0.6 * panel["width"], least)
         svg = RENDERER.ask("vegalite_to_svg", json.dumps(still_parts(view)))
@@ -139,7 +139,7 @@ def _draw(spec: Spec, wide: float, font: str, size: float) -> str:
 
 
 def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
-    """Keep the lines of a chart without surroundings."""
+    """Return the specification of a chart's lines, without their surroundings."""
     view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": size, "titleFontSize": size}
     config = {key: {**part, **texts} for key, part in spec["config"].items() if isinstance(part, dict)}
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}

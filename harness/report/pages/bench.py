@@ -54,8 +54,8 @@ DIGITS = {"3": "Three", "6": "Six", "9": "Nine", "12": "Twelve"}
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
 ERROR = "largest scaled error [1]"
-ZERO = 1e-17  # value at which an error of exactly zero is drawn
-SENSELESS = 10.0  # scaled error from which a motion is only in the table
+ZERO = 1e-17  # value at which a zero error is drawn
+SENSELESS = 10.0  # scaled error from which a motion appears only in the table
 MEASURES = {"observable": "largest error of an observable [m or rad]", "energy": "energy not accounted for [J]"}
 NOTES = (
     "Lower left is better. Each point is one setting; errors are against {}. T: duration of the motion.",
@@ -70,7 +70,7 @@ OTHERS = "published by others"
 
 
 def _banners(bench: Bench) -> list[Banner]:
-    """Return banners about rows cut short, and about the fastest methods, with a cross if a slope is wrong."""
+    """Return banners about missing rows and about the fastest methods, marked with a cross if a slope is wrong."""
     sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
     measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
     lost = [row["rows"] for row in _cut_short(bench)]
@@ -80,7 +80,7 @@ def _banners(bench: Bench) -> list[Banner]:
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """Return the fastest family for each error, with its lead: among those that close loops, then among the others."""
+    """Return the fastest family for each error level, with its lead: first families that close loops, then the rest."""
     lines, table = list[Row](), [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity]
     for (given, level), (best, *others) in grouped(table, "given", "error").items():
         cost = best["seconds_per_sample"]
@@ -93,7 +93,7 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 
 def headline(bench: Bench) -> str:
-    """Name the fastest methods at nine digits: one that closes the loops, and one with prescribed joint motion."""
+    """Name the fastest methods at nine digits: one that closes the loops, and one that gets the joint motion."""
     for quantity in SHOWN:
         cheapest = [row for row in _cheapest(bench, quantity) if row["error"] == NINE]
         if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
@@ -102,7 +102,7 @@ def headline(bench: Bench) -> str:
 
 
 def _remarks(bench: Bench) -> list[str]:
-    """Count rows, slopes as expected, and failures."""
+    """Count the rows, the slopes that match theory, and the failures."""
     table_rows = rows(bench_table(bench.rows))
     parts = [f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods."]
     if bench.fits:
@@ -113,7 +113,7 @@ def _remarks(bench: Bench) -> list[str]:
 
 
 def _nine_digits(bench: Bench) -> list[Row]:
-    """Return times to nine digits of each family, for the quantities shown on a terminal."""
+    """Return the run times of each family at nine digits, for the quantities shown on a terminal."""
     return [
         {**row, "family": row["family"] + " †" * row["given"], "who": f"{row['contestant']}: {row['setting']}"[:42]}
         for row in rows(reach(bench.rows))
@@ -122,7 +122,7 @@ def _nine_digits(bench: Bench) -> list[Row]:
 
 
 def _narrow(bench: Bench) -> list[Row]:
-    """Return digits of contestants in float32, the digits that rounding may leave, and run times."""
+    """Return the digits of float32 contestants, the digits that rounding may leave, and run times."""
     return [
         {
             **{name: getattr(row.contestant, name) for name in ("setting", "family")},
@@ -149,7 +149,7 @@ def _failures(bench: Bench) -> list[Row]:
 
 
 def _cut_short(bench: Bench) -> list[Row]:
-    """Return a row for each family with rows that were cut short, and one row for omissions."""
+    """Return the number of rows that were cut short for each family, and for omissions."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
     cut = [row for row in [*rows(bench_table(bench.rows)), *left_out] if row["status"] == CUT]
     families = ((name, [row["contestant"] for row in group]) for (name,), group in grouped(cut, "family").items())
@@ -173,7 +173,7 @@ def _reach(bench: Bench) -> list[Block]:
 
 
 def _savings(bench: Bench) -> list[Block]:
-    """Return tables of the savings of each engine, with the remaining numbers."""
+    """Return tables of the time saved by omitting quantities, by engine, with changes in the remaining numbers."""
 
     def line(row: Row) -> Row:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
@@ -187,7 +187,7 @@ def _savings(bench: Bench) -> list[Block]:
 
 
 def _simulated_headline(bench: Bench) -> str:
-    """Name the first family to reach six digits, or the most digits reached, its lead, and the failures."""
+    """Name the first family to reach six digits, or the most digits reached, with its lead, and the failures."""
     t, rows = bench.scene.t, [row for row, _ in pairs(bench.rows)]
     parts, cheapest = list[str](), {row["digits"]: row for row in _cheapest(bench, "observable")}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
@@ -202,7 +202,7 @@ def _simulated_headline(bench: Bench) -> str:
 
 
 def _measurements(bench: Bench) -> list[Row]:
-    """Return measurements of a simulation, and published ones."""
+    """Return the measurements of a simulation, and the published ones."""
     lines = list[Row]()
     for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
@@ -229,7 +229,7 @@ def _rows(*status: str) -> Value:
 
 
 def make_plots(bench: Bench) -> list[Picture]:
-    """Draw all pictures of the report; none where there is nothing to draw."""
+    """Draw the plots of the report, skipping empty ones."""
     drawn = _of_simulation(bench) if bench.scene.simulated else _of_given_motion(bench)
     return [replace(one, name=f"{i:02d}-{one.name}") for i, one in enumerate(drawn, 1)]
 
@@ -280,10 +280,10 @@ def _error_and_time(
     notes: Sequence[str],
     others: Sequence[tuple[float, float, str]] = (),
 ) -> Picture:
-    """Draw points of families, connecting lines, and published values: a line if only one number is known.
+    """Draw points of families, connecting lines, and published values, as lines if only one number is known.
 
     Args:
-        axes: Title and names of both axes.
+        axes: Title of the picture, and names of both axes.
     """
     title, across, up = axes
     lines = {family: [p for p in points if p["family"] == family] for family in looks}
@@ -293,7 +293,7 @@ def _error_and_time(
     ]
     shown |= {OTHERS: Look(INK, shape=STAR)} if drawn else {}
     rows = [[p | {"i": i} for i, p in enumerate(line)] for line in lines.values()]
-    # the ends of a line are most informative, and the first labels find room
+    # draw the ends of a line first: they are most informative, and the first labels find room
     drawn += [*(p for line in rows for p in (*line[:1], *line[1:][-1:])), *(p for line in rows for p in line[1:-1])]
     drawn = [p | {"colour": shown[p["family"]].colour, "dash": shown[p["family"]].dash} for p in drawn]
     errors = [p["y"] for p in points]
@@ -309,7 +309,7 @@ def _error_and_time(
 
 
 def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
-    """Draw points over the parameter, and a line of the expected slope through the middle of the fitted ones."""
+    """Draw errors over the parameter, and a line with the expected slope through the centre of the fitted points."""
 
     def panel(fit: SlopeFit) -> Spec:
         x, error, line = fit.x[fit.used], fit.error[fit.used], list[Spec]()

@@ -30,7 +30,7 @@ from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.outcome import Outcome
 from screwgauge.study.runner import Executor
 
-#: Environment variable with the name of the file to which GitHub expects the summary of a job to be appended.
+#: Environment variable with the name of the file to which GitHub expects a job's summary to be appended.
 SUMMARY = "GITHUB_STEP_SUMMARY"
 WORDS: dict[Outcome, str] = {
     "agree": "✓ ok",
@@ -61,7 +61,7 @@ def _banner(check: Check) -> Banner:
     sentences = [f"{sum(row.ok for row in check.rows)} of {len(check.rows)} pass."]
     agree = [row for row in check.rows if row.status == "agree"]
     alone = [row.scene for row in check.rows if row.status == "judged"]
-    judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # a pair of models has no judge
+    judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # pairs of models are not judged
     if check.ok and judged == {True}:
         each = "In each of them" if not alone else "In the others" if len(agree) > 1 else f"In {agree[0].scene}"
         sentences.append(f"{each} all engines agree within tolerance, and the equations of mechanics hold.")
@@ -88,7 +88,7 @@ def _admitted(check: Check) -> list[str]:
 
 
 def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
-    """Return rows for tables, with status and worst error."""
+    """Return a table row for each scene or pair, with its status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
     for row in rows:
@@ -100,7 +100,7 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
 
 
 def _rows(check: Check) -> list[dict[str, Any]]:
-    """Return failed rows first, then the others by closeness to the tolerance."""
+    """Return rows for tables, failed ones first, then sorted by closeness to the tolerance."""
 
     def order(row: GateRow) -> tuple[bool, float]:
         return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
@@ -109,7 +109,7 @@ def _rows(check: Check) -> list[dict[str, Any]]:
 
 
 def _pictures(check: Check) -> list[Picture]:
-    """Draw failed pairs with the values of both engines."""
+    """Draw the worst component of each failed pair, with the values of both engines."""
     bad, drawn = [(row, row.worst) for row in check.rows if row.worst and row.curve], list[Picture]()
     for i, (row, worst) in enumerate(bad[:SHOWN], 1):
         title = f"{row.scene}: {worst.quantity} at {worst.component}"
@@ -118,7 +118,7 @@ def _pictures(check: Check) -> list[Picture]:
 
 
 def _about(check: Check) -> dict[str, Any]:
-    """Return the summary for the top of the page: size of the check, engines, files and date."""
+    """Return the facts for the top of the page: size of the check, engines, files and date."""
     engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
     files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
@@ -132,12 +132,12 @@ def _about(check: Check) -> dict[str, Any]:
 
 
 def _files(check: Check) -> dict[str, str]:
-    """Return owner of each file -> its hash."""
+    """Return the owner of each file -> the hash of the file."""
     return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in check.rows for of, digest in row.files.items()}
 
 
 def _tolerances(check: Check) -> list[str]:
-    """List the largest tolerance of each quantity by its source."""
+    """List the largest tolerance of each quantity, by the source of the tolerance."""
     by: dict[str, dict[str, float]] = {}
     for one in (error for row in check.rows for error in row.errors):
         sizes = by.setdefault(one.reason, {})
@@ -146,7 +146,7 @@ def _tolerances(check: Check) -> list[str]:
 
 
 class CheckReport(Shown, Check):
-    """A check with its report, which a notebook shows."""
+    """A check with its report, which notebooks display."""
 
     __slots__ = ()
 
@@ -176,7 +176,7 @@ class _Page(Report):
     ) -> Path:
         """Write ``check.json``, the report and ``environment.json``; JUnit and baseline on request.
 
-        The summary of a job is appended to the file that `SUMMARY` names.
+        Append the summary of a job to the file that the variable `SUMMARY` names.
         """
         if junit is not None:
             save_file(junit, results.junit(), force=force)
@@ -220,6 +220,6 @@ def sentence_of(results: Comparison) -> str:
 def check_with(
     execute: Executor, what: Sequence[str | Path], *, smoke: bool = False, meshes: bool = False, **options: Any
 ) -> CheckReport:
-    """Check scenes or pairs of models, with a report; options as in `study.gate.check`."""
+    """Check scenes or pairs of models and add a report; for options see `study.gate.check`."""
     settings = GateSettings(sentence_of, smoke, more=more, meshes=meshes)
     return CheckReport.of(check_items_with(execute, what, settings, **options))

@@ -18,7 +18,7 @@ from screwgauge.study.formatting import Row, size
 
 
 def _banners(diagnosis: Diagnosis) -> list[Banner]:
-    """Build banners of the verdict and of content that no real machine can have."""
+    """Build banners for the verdict and for unphysical content."""
     return [_banner(diagnosis), *(Banner(sentence, "Warning") for sentence in diagnosis.doubts)]
 
 
@@ -31,7 +31,7 @@ def _banner(diagnosis: Diagnosis) -> Banner:
 
 
 def _differences(diagnosis: Diagnosis) -> list[Row]:
-    """Return rows of differences with the number of their cause; empty if the causes are the differences."""
+    """Return rows of differences with the number of their cause; empty if every cause is a single difference."""
     if all(len(cause.differences) == 1 for cause in diagnosis.causes):
         return []
     numbers = {i: k for k, cause in enumerate(diagnosis.causes, 1) for i in cause.differences}
@@ -58,7 +58,7 @@ def _causes(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _scale(diagnosis: Diagnosis) -> str:
-    """Return the reference value of the shares."""
+    """Return a sentence on what the shares refer to; empty if no cause has a share."""
     if not any(map(has_share, diagnosis.causes)):
         return ""
     return (
@@ -68,7 +68,7 @@ def _scale(diagnosis: Diagnosis) -> str:
 
 
 def _agreement(diagnosis: Diagnosis) -> list[Row]:
-    """Return torque differences if nothing else differs."""
+    """Return rows for the torque differences that remain when the readings agree."""
     found = diagnosis.found
     both = found.together.row if found.together is not None else None
     pairs = (("torques of the readings", found.agreement), ("torques of the libraries as loaded", both))
@@ -76,7 +76,7 @@ def _agreement(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _torques(diagnosis: Diagnosis) -> list[Row]:
-    """Return torque effects of the differences, the largest first."""
+    """Return the torque effects of the differences, largest first."""
     rows = [{"component": name, "change": change} for name, change in diagnosis.found.by_joint if change > 0.0]
     return sorted(rows, key=lambda row: -row["change"])
 
@@ -102,7 +102,7 @@ def _permutation(diagnosis: Diagnosis) -> str:
 
 
 def _ignored(diagnosis: Diagnosis) -> list[str]:
-    """List content that libraries ignore and that the list of skipped items lacks."""
+    """List content that libraries ignore and that `not_compared` does not mention."""
     whats = [(side, what) for side, model in _sides(diagnosis) for what in model.reading.ignored]
     return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in diagnosis.not_compared]
 

@@ -1,4 +1,4 @@
-"""The report of an identification: identified numbers, unidentifiable ones, and the prediction of measured forces."""
+"""The report of an identification: identified numbers, unidentifiable ones, and the predicted measured forces."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from screwgauge.study.formatting import Row, listed, number
 from screwgauge.study.identify.directions import LIST, MASS
 from screwgauge.study.identify.run import FASTER, Identification
 
-#: Number of rows on the first screen, and of entries of a direction per line.
+#: Number of rows on the first screen, and number of entries per line for a direction.
 SHOWN, ENTRIES = 12, 6
 
 
 def headline(found: Identification) -> str:
-    """State what the data determine, and what any motion and this motion can determine."""
+    """State what the data determine, what any motion can determine, and what this motion can determine."""
     parts, fit, any_motion = list[str](), found.fit, found.structure
     if fit is not None and not fit.explains:
         parts.append(
@@ -51,7 +51,7 @@ def _banner(found: Identification) -> Banner:
 
 
 def _unseen(found: Identification) -> Iterator[str]:
-    """Yield sentences on shifts through joints, by kind of joint, and on numbers that no motion shows separately."""
+    """Yield sentences on shifts through joints, by kind, and on numbers that no motion can determine separately."""
     through = [one for one in found.structure.directions if one.kind != LIST]
     for (joint, kind, bodies), some in groupby(through, lambda one: (one.joint, one.kind, one.bodies)):
         axes = [one.axis for one in some]
@@ -65,7 +65,7 @@ def _unseen(found: Identification) -> Iterator[str]:
 
 
 def _lists(found: Identification) -> Iterator[Row]:
-    """Yield numbers that only change together, those with the largest effect first."""
+    """Yield groups of numbers that only change together, largest effect first."""
     for one in found.structure.directions:
         some = [f"{number(value, 3)} {name}" for name, value in one.entries.items()]
         if one.kind == LIST and len(some) > 1:
@@ -99,7 +99,7 @@ def _seen(found: Identification) -> list[Row]:
 
 
 def numbers_table(found: Identification) -> pd.DataFrame:
-    """Build the table of all numbers, with every bit."""
+    """Build the table of all numbers, in full precision."""
     columns: dict[str, Any] = {"number": found.names, "nominal": found.nominal, "prior": found.prior}
     columns |= {"expected": found.expected}
     if found.fit is not None:
@@ -108,7 +108,7 @@ def numbers_table(found: Identification) -> pd.DataFrame:
 
 
 def directions_table(found: Identification) -> pd.DataFrame:
-    """Build the table of all unidentifiable directions, one row per entry."""
+    """Build the table of all unidentifiable directions, with one row per entry."""
     rows = [
         [i, one.kind, one.joint, one.axis, name, value]
         for i, one in enumerate(found.structure.directions, 1)

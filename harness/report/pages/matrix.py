@@ -22,7 +22,7 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 def _pairs(some: Iterable[Row]) -> str:
-    """List version pairs, grouped by Pinocchio for each MuJoCo."""
+    """List version pairs, with the Pinocchio versions grouped by MuJoCo version."""
     grouped: dict[str, list[str]] = {}
     for row in some:
         grouped.setdefault(row["mujoco"], []).append(row["pin"])
@@ -30,7 +30,7 @@ def _pairs(some: Iterable[Row]) -> str:
 
 
 def _reasons(table: pd.DataFrame) -> list[str]:
-    """List reasons of failures: number of scenes by differing quantities; pairs with the same reason share a line."""
+    """List the reasons of failures, with the number of failing scenes; pairs with the same reason share a line."""
     amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
     for row in rows(table):
         if row["reason"]:

@@ -1,4 +1,4 @@
-"""The report of a run: verdict, then evidence; also its summary, tables, and terminal output."""
+"""The report of a run: verdict, then evidence; and its summary, tables, and terminal output."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _banners(results: Comparison) -> list[Banner]:
 
 
 def _shown(errors: Iterable[Row]) -> list[Row]:
-    """Return rows for tables, with the place of the worst error and marks for those out of tolerance."""
+    """Return rows for tables, with the place of the worst error and a mark if it is out of tolerance."""
     shown = []
     for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
@@ -67,7 +67,7 @@ def _shown(errors: Iterable[Row]) -> list[Row]:
 
 
 def _worst_three(results: Comparison) -> list[Row]:
-    """Return the rows nearest to their tolerance, or farthest beyond it."""
+    """Return the worst row of three quantities: those closest to their tolerance, or farthest beyond it."""
     pairs = [row for row in compared(results) if not has_excuse(row, results.scene.simulated)]
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in pairs]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
@@ -80,7 +80,7 @@ def _worst_three(results: Comparison) -> list[Row]:
 
 
 def _is_open_tree(row: Row) -> bool:
-    """Return True for an open-tree force within tolerance: it never leads, as it does not act in the machine."""
+    """Return True for an open-tree force within tolerance, which comes last because it does not act in the machine."""
     return bool(row["ok"]) and row["what"].removeprefix("judge: ").startswith("tree force")
 
 
@@ -96,7 +96,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 
 def _overview(results: Comparison) -> list[Row]:
-    """Return the digits of agreement of each pair beside those of the tolerance, differences first."""
+    """Return the digits of agreement of each pair and the digits that the tolerance requires, differences first."""
     lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
@@ -106,7 +106,7 @@ def _overview(results: Comparison) -> list[Row]:
 
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
-    """Show pictures of differences; fold those of agreement under a line with its digits."""
+    """Show plots of quantities that differ; fold the others under a line that states the digits of agreement."""
     drawn, pairs, shown, folds = named(results), _pairs(results), list[Block](), list[Block]()
     for picture in pictures:
         drawing, errors = drawn.get(picture.name), pairs.get(picture.name, [])
@@ -123,13 +123,13 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 
 def _pairs(results: Comparison) -> dict[str, list[Row]]:
-    """Return name of a picture -> rows of its pairs, unique components only."""
+    """Return the name of each picture -> rows of its pairs, for unique components only."""
     rows = grouped(compared(results), "quantity", "unit")
     return {name: rows.get((one.quantity, one.unit), []) for name, one in named(results).items() if one.unique}
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
-    """Choose the leading picture: a difference, else actuator forces, else any; then the mechanism."""
+    """Select the leading picture: of a difference, else of actuator forces, else any; then that of the mechanism."""
     drawn, pairs = named(results), _pairs(results)
     shown = [picture for picture in pictures if picture.name in drawn]
     differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
@@ -138,7 +138,7 @@ def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
 
 
 def _parameters(results: Comparison) -> list[Row]:
-    """Return the smallest visible error of each parameter."""
+    """Return the smallest error in each parameter that would be noticed."""
     parameters, hidden = sorted(results.coverage.parameters, key=lambda row: -row["smallest"]), results.coverage.hidden
     untested = {row["parameter"]: "by no motion" if row["parameter"] in hidden else "not tested" for row in parameters}
     return [
@@ -148,7 +148,7 @@ def _parameters(results: Comparison) -> list[Row]:
 
 
 def estimates(results: Comparison) -> list[Row]:
-    """Return the estimated error of each quantity of each engine."""
+    """Return the estimated error of each quantity for each engine."""
 
     def cell(row: Guarded) -> str:
         mark = "" if row.ok else f" ✗ ({row.flagged} of {row.n_sample}, t = {number(row.worst_t)} s)"
@@ -162,7 +162,7 @@ def _estimate(row: Guarded) -> str:
 
 
 def _conditioning(results: Comparison) -> list[Block]:
-    """Summarise the conditioning: no sample flagged, or the worst flagged samples."""
+    """Summarise the conditioning: either no sample is flagged, or describe the worst flagged samples."""
     if not results.guard:
         return []
     bad = [row for row in results.guard if not row.ok]
@@ -179,7 +179,7 @@ def _conditioning(results: Comparison) -> list[Block]:
 
 
 def _engines(results: Comparison) -> Iterator[Row]:
-    """Yield the engines, with the time that each reached."""
+    """Yield the engines, each with its version and the time that it reached."""
     for name, solution in results.solutions.items():
         n, status = solution.n_solved, "given" if solution.engine == REFERENCE else "ran"
         if solution.stopped:
@@ -190,12 +190,12 @@ def _engines(results: Comparison) -> Iterator[Row]:
 
 
 def _times(results: Comparison) -> list[Row]:
-    """Return the timed stages, with the scope of the clock."""
+    """Return the timed stages, with a description of what the clock includes."""
     return [{**asdict(x), "each": number(1e6 * x.median_s / max(x.n_sample, 1), 3)} for x in timings(results)]
 
 
 def published(results: Comparison) -> list[Row]:
-    """Return errors and times of this run beside published ones."""
+    """Return errors and times of this run, and published ones."""
     theirs_, ours = [*map(published_row, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
@@ -212,7 +212,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def published_row(item: Published) -> Row:
-    """Build the row of a published result, with its error beside the measure."""
+    """Build the row of a published result, with its error in the column of its measure."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s
@@ -220,12 +220,12 @@ def published_row(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Return the worst error of each key and unit: out of tolerance first, then the largest; NaN is worst."""
+    """Return the worst error for each key and unit: out of tolerance first, then by size; NaN is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:
-    """Return the row with the fewest digits, out of tolerance first, as in the verdict."""
+    """Return the row with the fewest digits, rows out of tolerance first, as in the verdict."""
     return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
 
 
@@ -264,14 +264,14 @@ VALUES: dict[str, Value] = {
 
 
 def errors_table(results: Comparison) -> pd.DataFrame:
-    """Build the content of ``errors.csv``: empty cells if there is nothing to judge, ``nan`` for NaN."""
+    """Build the content of ``errors.csv``; cells are empty if an error is not judged, and ``nan`` for NaN."""
     table = results.errors[[*ERROR_COLUMNS]].astype({"tolerance": object, "ok": object})
     table.loc[table["ok"].isna(), ["tolerance", "ok"]] = ""
     return table
 
 
 def pictures(results: Comparison) -> list[Picture]:
-    """Draw the mechanism, then each quantity of all engines."""
+    """Draw the mechanism, then each quantity for all engines."""
     return [stage(results.scene, results.solutions), *make_plots(results)]
 
 
@@ -292,8 +292,8 @@ DATA, report = RUN.DATA, RUN.blocks
 
 
 def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
-    """Terminal output of ``screwgauge run``: verdict, the worst pair of each quantity and unit, the worst engine of
-    each residual, conditioning.
+    """Return the blocks for a terminal: verdict, worst pair of each quantity and unit, worst engine of each residual,
+    and conditioning.
     """
     brief: dict[str, Value] = {} if judge else {"worst residuals": lambda results: ()}
     return replace(RUN, values={**VALUES, **brief}).terminal(results)

@@ -1,4 +1,4 @@
-"""The report of a stress run: the rungs at which engines break, with or without a warning, then every ladder."""
+"""The report of a stress run: severities at which engines break, with or without warning, then each series."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NOTES = (
     "Full: ok. Hollow: degraded, and says so. Cross below the axis: refused. Square in a red frame: silently wrong.",
 )
 WORST = ("Of each case the worst that an engine did, in any setting, quantity and rung.",)
-NO_NUMBER, APART = -0.9, 0.55  # position of the first line of crosses, with one line for each camp
+NO_NUMBER, APART = -0.9, 0.55  # position of the first line of crosses, distance of lines, one per colour
 
 
 def _rows(stress: Stress) -> list[Row]:
@@ -39,7 +39,7 @@ def _silent_rows(stress: Stress) -> list[Row]:
 
 
 def _worst(stress: Stress) -> Iterator[Row]:
-    """Count the cases in which each engine keeps its digits, reports that it does not, or is silently wrong."""
+    """Count the cases in which each engine keeps its digits, reports that it loses digits, or is silently wrong."""
     for (engine,), group in grouped(_rows(stress), "who").items():
         cases = grouped(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
@@ -49,7 +49,7 @@ def _worst(stress: Stress) -> Iterator[Row]:
 
 
 def _banner(stress: Stress) -> Banner:
-    """Return an orange banner if anything is silently wrong, a red one if our own solver is."""
+    """Return an orange banner if any engine is silently wrong, and a red one if our own solver is."""
     if not stress.ok:
         return Banner(headline(stress), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
     silent = any(row.verdict == SILENT for row in stress.rows)
@@ -57,7 +57,7 @@ def _banner(stress: Stress) -> Banner:
 
 
 def headline(stress: Stress) -> str:
-    """Name engines that are silently wrong and from which severity, the result of our own solver, and counts."""
+    """Name silently wrong engines with their first severity, state how our own solver does, and count the verdicts."""
     known, parts = {case.name: case for case in stress.cases}, list[str]()
     by_engine, own = grouped(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
     for (engine,), group in grouped(_silent_rows(stress), "who").items():
@@ -76,12 +76,12 @@ def headline(stress: Stress) -> str:
 
 
 def _first(case: StressCase, group: Sequence[Row]) -> str:
-    """Return the first rung of some rows."""
+    """Return the first severity, in order of difficulty, of a group of rows."""
     return number((max if case.falling else min)(row["severity"] for row in group), 3)
 
 
 def _engines(stress: Stress) -> Iterator[Row]:
-    """Yield digits for each case and engine; for each verdict except ok, the number of rows and the first rung."""
+    """Yield digits for each case and engine; for each verdict but ok, the number of rows and the first severity."""
     known = {case.name: case for case in stress.cases}
     for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
@@ -93,7 +93,7 @@ def _engines(stress: Stress) -> Iterator[Row]:
 
 
 def _silent(stress: Stress) -> Iterator[Row]:
-    """Yield each engine of a case once per cause."""
+    """Yield one row for each case, engine and cause of silently wrong results."""
     for group in grouped(_silent_rows(stress), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
         largest = size(np.max([row["error"] for row in group]))
@@ -106,7 +106,7 @@ def _range(group: Sequence[Row]) -> str:
 
 
 def _cases(stress: Stress) -> Iterator[Block]:
-    """Yield heading, text, and a table for each quantity: a line for each severity, a column for each engine."""
+    """Yield heading, text, and a table for each quantity, with a line per severity and a column per engine."""
     by_case = grouped(_rows(stress), "case")
     for case in stress.cases:
         rows = by_case.get((case.name,), [])
@@ -129,7 +129,7 @@ def _digits(row: Row) -> str:
 
 
 def make_plots(stress: Stress) -> list[Picture]:
-    """Draw the overview and the ladders, if there is anything to draw."""
+    """Draw the overview and the series of cases, unless there are no rows."""
     drawn = {
         case: [r for r in stress.rows if r.case == case.name and r.quantity in (case.drawn, "judge")]
         for case in stress.cases
@@ -149,7 +149,7 @@ def make_plots(stress: Stress) -> list[Picture]:
 
 
 def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
-    """Return styles of engines, plot by plot: engines without settings look the same in all plots.
+    """Return the styles of engines in each plot; engines without settings look the same in all plots.
 
     Args:
         plots: Names of the engines in each plot; a setting may follow after a space.
@@ -160,9 +160,9 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
 
 
 def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
-    """Draw the panel of one case; `rows` are those of the quantity drawn."""
+    """Draw the panel of one case; `rows` contains only the quantity drawn."""
     severities = sorted({row.severity for row in rows})
-    zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # position of severity 0
+    zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # where severity 0 is drawn
     camps, points = list(dict.fromkeys(look.colour for look in looks.values())), list[Spec]()
     for row in sorted(rows, key=lambda row: row.severity):
         kept, look = digits(row.error), looks[row.engine]

@@ -18,14 +18,14 @@ from screwgauge.report.layout import Report
 from screwgauge.study.formatting import Row, listed, number
 from screwgauge.study.sweep.run import Effect, Sweep
 
-#: Number of bars of a tornado chart, of rows on the first screen, and of names for the farthest variant.
+#: Number of bars in a tornado chart, of rows on the first screen, and of names for the farthest variant.
 BARS, FIRST, NAMED = 15, 8, 3
 TABLE = "variants.csv"
 NOTES = ("Both ways by one standard deviation, to first order; the longest bar is the number that costs most.",)
 
 
 def headline(sweep: Sweep) -> str:
-    """State the most influential number, the number of variants, and the engines' agreement."""
+    """State the most influential number, the number of variants, and on how many the engines agree."""
     count, lost = len(sweep.why), int(np.sum(sweep.why != ""))
     parts = []
     if sweep.effects:
@@ -53,7 +53,7 @@ def _size(effect: Effect) -> str:
 
 
 def _effects(sweep: Sweep) -> list[Row]:
-    """Return a row for each number, the most influential first."""
+    """Return a row for each number, most influential first."""
     return [
         {
             "name": effect.name,
@@ -67,7 +67,7 @@ def _effects(sweep: Sweep) -> list[Row]:
 
 
 def _columns(sweep: Sweep) -> list[Row]:
-    """Return a row for each statistic: value of the scene, and range over variants."""
+    """Return a row for each statistic: its value in the scene, and its range over variants."""
     lines = list[Row]()
     for k, column in enumerate(sweep.columns):
         row, line = sweep.worst(k), {"name": column.name, "nominal": number(sweep.nominal[k], 4)}
@@ -82,7 +82,7 @@ def _columns(sweep: Sweep) -> list[Row]:
 
 
 def _farthest(sweep: Sweep, row: int, column: int) -> str:
-    """List the most influential numbers of a variant for a statistic."""
+    """List the numbers of a variant that influence a statistic most."""
     order = sorted(sweep.effects, key=lambda effect: -abs(float(effect.changes[column])))
     values = sweep.numbers.iloc[row]
     some = [effect.name for effect in order if effect.name in values.index] or [*values.index]
@@ -113,7 +113,7 @@ def _indices(sweep: Sweep) -> list[Row]:
 
 
 def make_plots(sweep: Sweep) -> list[Picture]:
-    """Draw a tornado chart of the statistic that changes most."""
+    """Draw a tornado chart of the statistic with the largest change."""
     if not sweep.effects:
         return []
     column = sweep.ranked[0][1]
@@ -127,7 +127,7 @@ def make_plots(sweep: Sweep) -> list[Picture]:
 
 
 def effects_table(sweep: Sweep) -> pd.DataFrame:
-    """Build the table of effects of one standard deviation of each number."""
+    """Build the table of the effects of one standard deviation in each number."""
     rows = [effect.changes for effect, _ in sweep.ranked]
     head = pd.DataFrame(
         [[effect.name, effect.kind, effect.deviation] for effect, _ in sweep.ranked],
@@ -159,7 +159,7 @@ PAGE = Report(
     draw=make_plots,
     plots=_plots,
 )
-#: Data files, with the table in either format.
+#: Data files, including the table as CSV.
 DATA, terminal = (*PAGE.DATA, TABLE), PAGE.terminal
 
 
@@ -170,5 +170,5 @@ def _draws(sweep: Sweep) -> str:
 
 
 def write(sweep: Sweep, out: Path, *, samples: bool = False, **writing: Any) -> Path:
-    """Write the report; `samples` writes the table as Parquet instead of CSV. See `Report.write` for the rest."""
+    """Write the report; `samples` writes the table as Parquet instead of CSV. See also `Report.write`."""
     return PAGE.write(sweep, out, more={SAMPLES if samples else TABLE: sweep.table}, **writing)

@@ -1,1 +1,1 @@
-"""The mechanism in 3D: drawn from its description, in motion, with forces and constraints."""
+"""The mechanism in 3D, drawn from its description, in motion, with forces and constraints."""

@@ -25,9 +25,9 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # largest size of the drawing; its margin; size of letters [pixels]
+WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # largest size of the drawing; its margin; font size [pixels]
 LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]
-MOST_NAMES = 45  # above this number, only driven or independent joints are named
+MOST_NAMES = 45  # number above which only driven or independent joints are named
 #: Kind of joint -> name and mark.
 MARKS = {
     "R": ("revolute", '<circle r="5.5"/>'),
@@ -40,7 +40,7 @@ MARKS = {
 }
 WORLD = ("#C62828", "#2E7D32", "#1565C0")  # colours of the world axes
 TOWARDS, AWAY = '<circle r="1.6" fill="#222"/>', '<path d="M-3,-3L3,3M-3,3L3,-3" stroke="#222"/>'
-#: Mark of a driven revolute joint; other marks are along the axis.
+#: Mark of a driven revolute joint; marks of other driven joints are along the axis.
 ROUND = '<path class="drive" d="M-8,8A11.5,11.5 0 1 1 8,8M8,8l1,-6M8,8l-6,-.5"/>'
 ALONG = '<path class="drive" d="M12,0H23M23,0l-5,-4M23,0l-5,4M-12,0H-23M-23,0l5,-4M-23,0l5,4"/>'
 CAGE, FOOT = '<circle class="cut" r="12"/>', '<path class="thin" d="M-12,8H12M-9,8l-5,6M-2,8l-5,6M5,8l-5,6M12,8l-5,6"/>'
@@ -67,14 +67,14 @@ LOOK = f"""
 
 
 def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
-    """Return points that a picture must contain, in its plane. Shape (n, 2)."""
+    """Return the points that a picture must contain, in its plane. Shape (n, 2)."""
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
     points = [*(end for one in rods for end in (one.a, one.b)), *(place for _, place, _ in joints)]
     return np.array(points) @ _view(mechanism).T
 
 
 def _view(mechanism: Mechanism) -> Array:
-    """Return directions to the right and down the page. Shape (2, 3)."""
+    """Return the directions to the right and down the page, as rows. Shape (2, 3)."""
     return across(viewed_from(mechanism)) * [[1.0], [-1.0]]
 
 
@@ -84,11 +84,11 @@ def drawing(
     coils: Sequence[Shape] = (),
     idle: Collection[str] = (),
 ) -> str:
-    """Draw a mechanism in the home pose: bodies as lines, marks for joint kinds, hatching on ground, names, a legend.
+    """Draw a mechanism in the home pose: bodies as lines, marks for joint kinds, hatched ground, names, a legend.
 
     Args:
-        others: Points of another mechanism, in the world.
-        coils: Springs, in the frames of bodies.
+        others: Shapes of a second mechanism, in the world frame.
+        coils: Shapes of springs, in the frames of bodies.
         idle: Labels of coordinates that no actuator drives.
     """
     direction, view, solids = viewed_from(mechanism), _view(mechanism), [*place_shapes(mechanism, coils), *others]
@@ -135,10 +135,10 @@ def drawing(
 
 
 def corner(view: Array, pixels: float, tall: float) -> str:
-    """Draw world axes, and a scale bar of a round length, at the lower left.
+    """Draw world axes, and a scale bar with a round length, at the lower left.
 
     Args:
-        view: Right, and down the page. Shape (2, 3).
+        view: Directions to the right and down the page. Shape (2, 3).
         pixels: Pixels per metre.
         tall: Height of the page.
     """
@@ -164,7 +164,7 @@ def corner(view: Array, pixels: float, tall: float) -> str:
 
 
 def round_length(most: float) -> float:
-    """Return the largest number of the form 1, 2 or 5 times a power of ten, up to a limit."""
+    """Return the largest number of the form 1, 2 or 5 times a power of ten that does not exceed a limit."""
     power = 10.0 ** np.floor(np.log10(most))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-9)))
 
@@ -199,7 +199,7 @@ def _spiral(a: Array) -> str:
 
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
-    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark if it is along the view."""
+    """Draw the mark of a joint and its last axis: an arrow, or a sign in the mark if the axis is along the view."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
     turns = joint.angles == 1 and not joint.fixed
@@ -210,7 +210,7 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
 
 
-#: Kind of further element -> mark.
+#: Kind of additional element -> mark.
 FURTHER = {
     "spring": '<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>',
     "the other": '<path class="other" d="M-12,0H12"/>',
@@ -219,10 +219,10 @@ FURTHER = {
 
 
 def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]:
-    """Draw marks with their meaning; return them with the height of the legend.
+    """Draw marks with their meanings; return them with the height of the legend.
 
     Args:
-        more: Entry of `FURTHER` -> True if there is any.
+        more: Entry of `FURTHER` -> True if the drawing contains such an element.
     """
     there = {joint.kind for joint in mechanism.joints}
     turning = any(joint.angles == 1 and not joint.fixed for joint in mechanism.joints)
@@ -247,12 +247,12 @@ def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]
 def labels(
     wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float, left: float = 0.0
 ) -> list[str]:
-    """Place texts where they cover least, with a leader line if distant; no two overlap.
+    """Place labels where they cover least, with a leader line if they are distant; labels do not overlap.
 
-    Texts without room are omitted.
+    Labels without room are omitted.
 
     Args:
-        wanted: Texts with their colours and targets.
+        wanted: Text, colour and target of each label.
         busy: Points to leave uncovered if possible. Shape (n, 2).
         left, wide, tall: Bounds of the labels.
     """
@@ -281,7 +281,7 @@ def _wanted_labels(
     joints: Sequence[tuple[Joint, Array]],
     idle: Collection[str],
 ) -> list[tuple[str, str, Array]]:
-    """Return labels with their colours and targets; joints at one place share a label."""
+    """Return labels with their colours and targets; joints at the same place share a label."""
     texts = dict[tuple[float, ...], list[str]]()
     label = {name: f"{text}{' (idle)' * (text in idle)}" for text, name in mechanism.independent.items()}
     for joint, place in joints:

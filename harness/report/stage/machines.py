@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Diagnosis
     from screwgauge.diagnosis.model import Model
 
-#: Size of one machine, and of the line above it [pixels]; number of names written, those of the first causes.
+#: Size of one machine, and of the line above it [pixels]; number of names shown, from the first causes on.
 SIDE, HEAD, NAMED = 290.0, 26.0, 8
-#: View direction of both machines, unless they are planar.
+#: Direction to the viewer of both machines, unless they are planar.
 SEEN = np.array([0.62, -0.62, 0.48])
 LOOK = (
     f".two text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
@@ -37,7 +37,7 @@ LOOK = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnMachine:
-    """A machine: its reading seen in A's world, and names of differing bodies and joints by rank of their causes."""
+    """A machine: its reading in A's world frame, and the differing bodies and joints, ranked by their causes."""
 
     title: str
     reading: Reading
@@ -45,7 +45,7 @@ class DrawnMachine:
     differs: tuple[str, ...]
 
     def point(self, at: Array) -> Array:
-        """Return the position of a point in A's world. Shape (3,)."""
+        """Return the position of a point in A's world frame. Shape (3,)."""
         return np.asarray(self.placement[:3, :3] @ at + self.placement[:3, 3])
 
     def joints(self) -> dict[str, Array]:
@@ -53,12 +53,12 @@ class DrawnMachine:
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
     def closures(self) -> Iterator[tuple[str, Array]]:
-        """Yield bodies joined by closures, each with its point of attachment."""
+        """Yield the bodies that closures connect, each with its point of attachment."""
         for name, frame in (end for closure in self.reading.closures for end in self.reading.ends(closure)):
             yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Yield lines of bodies: from the joint that moves each to its further joints and closures, or to its mass."""
+        """Yield lines of bodies: from the joint that moves each body to its other joints and closures, or its mass."""
         at, masses, held = self.joints(), self.masses(), [*self.closures()]
         behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
@@ -74,19 +74,19 @@ class DrawnMachine:
                 yield name, start, end
 
     def masses(self) -> dict[str, tuple[Array, float]]:
-        """Return the position of each body's centre of mass, and its mass [kg]."""
+        """Return the position of each body's centre of mass, and the mass of the body [kg]."""
         bodies = self.reading.bodies.items()
         return {name: (self.point(body.centre), body.mass) for name, body in bodies if body.mass > 0.0}
 
 
 def machines(diagnosis: Diagnosis) -> Picture:
-    """Draw both machines, differing bodies and joints coloured, the first ones named."""
+    """Draw both machines; colour differing bodies and joints, and name the first of them."""
     causes = (cause for cause in diagnosis.causes if cause.kind != "digits")
     order = [diagnosis.differences[i] for cause in causes for i in cause.differences]
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
-    pair = diagnosis.found.pair  # B after undoing the difference of B as a whole
+    pair = diagnosis.found.pair  # here the difference of B as a whole is undone
     one, two = _in_one_pose(diagnosis)
     placement = pair.alignment.placed.get(GROUND, np.eye(4))
     sides = (
@@ -107,7 +107,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
         out.append(f'<g class="{("first", "second")[k]}">{drawn}</g>')
     out.append(f'<g class="foot">{corner(view, scale, tall)}{_legend(2 * SIDE - 300.0, tall - 16.0)}</g>')
     size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
-    size_text += f' style="--below:{tall - CORNER:.0f}"'  # distance by which page.css moves B down on a phone
+    size_text += f' style="--below:{tall - CORNER:.0f}"'  # page.css moves B down by this distance on a phone
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
@@ -116,7 +116,7 @@ def machines(diagnosis: Diagnosis) -> Picture:
 
 
 def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
-    """Return both readings in the home pose of A, or of B if only its file locates the closures."""
+    """Return both readings in the home pose of A, or in that of B if only B's file locates the closures."""
     pair = diagnosis.found.pair
     a, b = pair.a.reading, pair.b.reading
     single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}
@@ -132,7 +132,7 @@ def _title(side: str, model: Model) -> str:
 
 
 def _further_points(side: DrawnMachine) -> Iterator[Array]:
-    """Yield points besides joints that a picture must contain: closures, and centres of mass."""
+    """Yield the points other than joints that a picture must contain: closures and centres of mass."""
     yield from (point for _, point in side.closures())
     yield from (point for point, _ in side.masses().values())
 
@@ -156,7 +156,7 @@ def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
 
 
 def _draw(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
-    """Draw lines, masses by their cube root, joints, and names."""
+    """Draw lines, masses with radii by their cube root, joints, and names."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
     for name, a, b in side.links():

@@ -1,4 +1,4 @@
-"""A mechanism in motion for display: poses and forces at a few samples of a scene."""
+"""A mechanism in motion for display: poses and forces at selected samples of a scene."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from screwgauge.reference.rotations import Array, times
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values
 
-FRAMES = 120  # largest number of pictures of a motion
+FRAMES = 120  # largest number of frames of a motion
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnMotion:
-    """Some samples of a motion; only the home pose if there is none.
+    """Selected samples of a motion, or the home pose if there is no motion.
 
     Attributes:
         q: Joint coordinates. Shape (n, n_q).
         t: Time [s]. Shape (n,).
-        values: Forces that an engine has computed at these samples, quantity -> values.
-        loads: Loads of the scene, at these samples.
-        source: Engine that the poses come from, or ``home pose``.
+        values: Quantity -> values that an engine computed at these samples.
+        loads: Loads of the scene at these samples.
+        source: Engine that computed the poses, or ``home pose``.
     """
 
     lay: Layout
@@ -45,7 +45,7 @@ class DrawnMotion:
 
     @cached_property
     def at(self) -> TreePose:
-        """Poses and screws."""
+        """Poses of bodies, and screws of joints."""
         return pose(self.lay, self.q)
 
 
@@ -55,7 +55,7 @@ class Arrow:
 
     Attributes:
         point: Point of application, in the frame of the body [m]. Shape (3,).
-        vectors: World axes [N or N m]. Shape (n, 3).
+        vectors: Force or moment in world axes [N or N m]. Shape (n, 3).
     """
 
     group: str
@@ -72,7 +72,7 @@ def home_pose(mechanism: Mechanism) -> DrawnMotion:
 
 
 def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
-    """Return the motion of a scene from the first engine with all joints, else from its given motion, loops closed."""
+    """Return the motion of a scene from the first engine with all joints, else close loops along the given motion."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
         q = assembly_of(scene.mechanism, solution)
@@ -86,7 +86,7 @@ def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion
         rows = spread(len(scene.t), FRAMES)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
-        except ScrewgaugeError:  # the report names motions that no engine could follow
+        except ScrewgaugeError:  # the report names a motion that cannot be followed
             return home_pose(scene.mechanism)
         return DrawnMotion(lay, q, scene.t[rows], "screw", loads=_loads(scene, rows))
     return home_pose(scene.mechanism)
@@ -128,7 +128,7 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
                 own = [(columns[f"{joint.name}.{label}"], i) for i, (label, has) in enumerate(labels) if has == unit]
                 part = slice(3, 6) if turns else slice(3)
                 vectors = [size[:, None] * W[:, i, part] for size, i in own]
-                if joint.fixed and turns:  # constraint that holds its hinge
+                if joint.fixed and turns:  # the constraint that locks its hinge
                     vectors.append(columns[f"{joint.name}.mz"][:, None] * motion.at.joint(joint).last)
                 drawn += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
     return [one for one in drawn if np.isfinite(one.vectors).all() and one.vectors.any()]

@@ -1,4 +1,4 @@
-"""Picture of a mechanism, projected and as data for ``stage.js``, with its constraints in words."""
+"""Picture of a mechanism, as projection and as data for ``stage.js``, with its constraints in words."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.formatting import listed
 
-SPRINGS = 8  # springs named in a sentence
+SPRINGS = 8  # number of springs named in a sentence
 HELD = 30  # largest number of samples at which the constraints of a platform are computed
-LONGEST = 0.3  # longest arrow of a group, in lengths of the mechanism
+LONGEST = 0.3  # length of the longest arrow of a group, in lengths of the mechanism
 TONES = {
     "loads": "#D62728",
     "actuators": DRIVEN,
@@ -53,7 +53,7 @@ TONES = {
     "doubts": DOUBT,
 }
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-#: Names of elements by their `_kind`, words before a line and a direction, and the name of all six together.
+#: Nouns for the elements of each `_kind`, prepositions for a line and a direction, and a phrase for all six together.
 WRENCHES = ("force", "couple", "wrench", "along", "about", "every force and couple")
 TWISTS = ("rotation", "translation", "screw", "about", "along", "all six freedoms")
 
@@ -68,7 +68,7 @@ def stage(
 
     Args:
         solutions: Solutions of the scene, whose poses and forces are shown.
-        other: Mechanism to compare with; its differences in the home pose are drawn, too.
+        other: Mechanism for comparison; its differences in the home pose are also drawn.
         unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
@@ -82,7 +82,7 @@ def stage(
 
 
 def remarks(picture: Picture) -> list[Block]:
-    """Return remarks on a picture: differences of another mechanism, constraints, and suspicious entries."""
+    """Return remarks on a picture: differences between two mechanisms, constraints, and suspicious entries."""
     shown = json.loads(picture.stage)
     odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
     there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
@@ -94,10 +94,10 @@ def remarks(picture: Picture) -> list[Block]:
 
 
 def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
-    """Build the input of ``stage.js``, with remarks; lengths are relative to the mechanism's, from its middle.
+    """Build the input of ``stage.js``, with remarks; positions are relative to the centre, in lengths of the mechanism.
 
     Args:
-        more: Springs, and shapes of another mechanism.
+        more: Springs, and shapes of a second mechanism.
     """
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
@@ -135,7 +135,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
 
 
 def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, str]]:
-    """Return the colours of the occurring joint kinds with their meaning."""
+    """Return the colours of the joint kinds that occur, with their meanings."""
     kinds = {one.kind for one in solids if one.group == "joints"}
     driven = "driven joint (turns in the ring)" if "ring" in kinds else "driven joint (slides along its arrows)"
     if {"ring", "arrow"} <= kinds:
@@ -149,7 +149,7 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
 
 
 def _loads(shown: Sequence[Arrow]) -> list[str]:
-    """Describe loads on bodies with their sizes; weights have no arrows."""
+    """Describe the loads on bodies with their sizes; weights are omitted."""
     loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
@@ -192,7 +192,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
 
 
 def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
-    """Return leg wrenches and remaining twists at some samples: point, direction and `kind` of each, flattened."""
+    """Return leg wrenches and remaining twists at selected samples: point, direction and `kind` of each, flattened."""
 
     def row(system: Sequence[ScrewElement], k: int) -> list[float]:
         if k >= len(system):
@@ -209,7 +209,7 @@ def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str
 
 
 def _kind(one: ScrewElement) -> int:
-    """Return the kind of pitch: 0 for zero, 1 for infinite, 2 for any other."""
+    """Return the kind of pitch: 0 for zero, 1 for infinite, 2 for finite nonzero pitch."""
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
 
@@ -217,7 +217,8 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     """Describe the legs' constraints, remaining freedoms, actuator redundancy, and their changes during the motion.
 
     Args:
-        holding: Constraints at some samples; the first sample, the start of the motion, is described.
+        holding: Constraints at selected samples; only the first sample, the start of the motion, is described in
+            detail.
         t: Times of these samples [s].
     """
     lay, at, first, mechanism = motion.lay, motion.at, holding[0], motion.lay.mechanism
@@ -255,7 +256,7 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
 
 
 def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None) -> str:
-    """Describe each leg's constraint forces and couples on a body; equal ones share a clause.
+    """Describe each leg's constraint forces and couples on a body; legs with equal ones share a clause.
 
     For planar mechanisms (`normal` of the plane), only forces and couples that act in the plane are listed.
     """
@@ -265,7 +266,7 @@ def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None)
     for leg, system in zip(first.legs, first.wrenches, strict=True):
         acting = [one for one in system if normal is None or _acts_in_plane(one, normal)]
         alike.setdefault(_screws(acting, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
-    if [*alike] == ["none"] and len(first.legs) == 1:  # a hand at the end of an arm of six joints or more
+    if [*alike] == ["none"] and len(first.legs) == 1:  # e.g. the hand of an arm with six joints or more
         return ""
     clauses = [f"{listed(names)}: {what}" for what, names in alike.items()]
     plane = "" if normal is None else f" in the plane normal to {_way(normal)}"
@@ -282,7 +283,7 @@ def _has_legs(first: Held) -> bool:
 
 
 def _acts_in_plane(one: ScrewElement, normal: Array) -> bool:
-    """Return True for a force in the plane, or a couple about its normal."""
+    """Return True for a force in the plane, or for a couple about its normal."""
     along = abs(float(one.direction @ normal))
     return along > 0.5 if _kind(one) == 1 else along < 0.5
 
@@ -321,6 +322,6 @@ def _vector(v: Array) -> str:
 
 
 def _place(one: ScrewElement, places: Mapping[str, Array]) -> str:
-    """Return the name of a joint at the point, else the coordinates of the point."""
+    """Return the name of the joint at the point, or else the coordinates of the point."""
     near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
     return near[0] if near else f"{_vector(one.point)} m"
