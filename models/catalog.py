@@ -27,17 +27,17 @@ def mechanism_names() -> list[str]:
 def mechanism_path(
     name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = (), *, floating: bool = False
 ) -> Path:
-    """Return the path of a description given by name: built in, in a folder, or imported from a model file.
+    """Return the path of a description, given the name of a built-in mechanism, a description file or a model file.
 
     Args:
-        where: The location to report in errors.
-        allow: Tensors to accept although no physical body has them, in addition to those that the description allows;
-            for a model file, also the further entries of `importing.model.Options`.
+        where: Location to report in errors.
+        allow: Tensors to accept although no physical body has them, in addition to the tensors that the description
+            allows; for a model file, this includes further entries of `importing.model.Options`.
         floating: Give a URDF a floating base.
 
     Raises:
         DescriptionError: A floating base is requested for something other than a URDF.
-        UnknownNameError: It is neither a built-in name nor an existing file, and does not look like a path.
+        UnknownNameError: The name is neither built in nor an existing file, and does not look like a path.
     """
     if floating and not is_model(name):
         remedy = "give a base of a description its own joint of kind F"
@@ -55,7 +55,7 @@ def mechanism_path(
 
 
 def _allowing(path: Path, allow: Sequence[str]) -> Path:
-    """Write a description to a temporary folder that extends another one and allows further tensors."""
+    """Write a description to a temporary folder; it extends the given one and allows further tensors."""
     own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
     if {*allow} <= {*own}:
         return path
@@ -71,10 +71,10 @@ def load_mechanism(name: str | Path, *, closed: bool = True) -> Mechanism:
     """Read a mechanism by built-in name or path.
 
     Args:
-        closed: Solve for the home pose if the loops are open at the written one.
+        closed: Solve for the home pose if the loops are open at the home pose of the file.
 
     Raises:
-        ClosureError: No pose closes the loops.
+        ClosureError: The loops do not close at any pose.
         ScrewgaugeError: The description does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
@@ -102,14 +102,14 @@ def description_files(path: Path) -> list[Path]:
 
 
 def description_source(path: Path) -> Path:
-    """Return the user's own description if a scene extends it, for example with contacts."""
+    """Return the user's own description, even if a scene extends it, e.g. with contacts."""
     from screwgauge.models.importing.model import is_scratch
 
     return next(file for file in description_files(path) if not (is_scratch(file) and "extends" in read_toml(file)))
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:
-    """Return the tables of a description, merged with those it extends; numbers stay text and are not yet rounded.
+    """Return the tables of a description, merged with the tables that it extends; numbers remain unrounded strings.
 
     Raises:
         ScrewgaugeError: The description does not exist or cannot be read.
@@ -125,7 +125,7 @@ def four_bars(n: int, *, driven: bool = False) -> str:
 
     Args:
         n: Number of four-bars, at least one.
-        driven: Whether a motor turns the crank; in the published problem none does.
+        driven: Let a motor turn the crank; the published problem has no motor.
     """
     lines = [
         f"# {n} four-bars in a row, benchmark problem A02 of the IFToMM library; written by models/catalog.py.",

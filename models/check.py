@@ -1,4 +1,4 @@
-"""Checks model files against the description: compares the values that the libraries read, each on its own scale."""
+"""Checks model files against the description: compares each value that the libraries read, on its own scale."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
-#: Tolerance relative to the scale of a value. Reading a number costs 1e-16; roll-pitch-yaw, quaternions and the
-#: products along a chain of ten joints add about 2e-16 each.
+#: Tolerance relative to the scale of a value. Reading a number has an error of 1e-16; roll-pitch-yaw angles,
+#: quaternions #: and the products along a chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
 #: MuJoCo stores principal moments and axes; its diagonalisation has an error of up to 1.1e-14 of the largest moment
 #: (worst of 1200 random tensors, mujoco 4.0.0).
@@ -45,7 +45,7 @@ INERTIA_TOLERANCE = 5e-14
 
 @dataclass(frozen=True, slots=True)
 class CheckRow:
-    """A compared property. `difference` is scaled like `tolerance`, and NaN for names."""
+    """A compared property. `difference` has the scale of `tolerance`; it is NaN for names."""
 
     file: str
     reading: str
@@ -60,7 +60,7 @@ class CheckRow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelComparison:
-    """Collects the rows of one file and reading."""
+    """The rows of one file and reading, collected while they are compared."""
 
     file: str
     reading: str
@@ -77,7 +77,7 @@ class ModelComparison:
         self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
     def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """Add a row for the names of one kind of item; return the items present on both sides."""
+        """Add a row for the names of one kind of item; return the items that are present on both sides."""
         self.names("", f"{what} names", sorted(expected), sorted(actual))
         return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
@@ -94,7 +94,7 @@ def _short(values: Array) -> str:
 def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
     """Add rows for all properties of a reading."""
     length = length_scale(mechanism)
-    actual = collapse(actual, keep=expected.bodies)  # a URDF represents a joint of several freedoms by several joints
+    actual = collapse(actual, keep=expected.bodies)  # a URDF splits a composite joint
     bodies = out.both("body", expected.bodies, actual.bodies)
     joints = out.both("coordinate", expected.joints, actual.joints)
     out.numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
@@ -102,7 +102,7 @@ def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, m
     for name, want, have in joints:
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
         out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
-        # excess amounts in the file are measured in a run; URDF has no element for rotors
+        # a run measures excess amounts in the file; URDF lacks an element for rotors
         amounts = {"rotor": "armature"} if actual.form != "urdf" else {}
         for what, key in (amounts | {"damping": "damping", "friction": "friction"}).items():
             if amount := getattr(want, key):
@@ -149,7 +149,7 @@ def _compare_bodies(
         out.numbers(name, "mass", np.array([want.mass]), np.array([have.mass]), want.mass or total)
         if want.mass:
             out.numbers(name, "centre of mass", want.com, have.com, length)
-            # a point mass has no moments; the mass and the length of the mechanism then define the scale
+            # a point mass has no moments of inertia, so mass and mechanism length define the scale
             scale = float(np.abs(want.inertia).max()) or want.mass * length**2
             out.numbers(name, "inertia tensor", want.inertia, have.inertia, scale, INERTIA_TOLERANCE)
         metres = np.array([1.0, 1.0, 1.0, length])
@@ -210,7 +210,7 @@ def _frames(item: Joint | Closure, length: float) -> list[Array]:
     return [values for frame in frames for values in (frame.p / length, frame.R.ravel())]
 
 
-#: Reader -> suffix of the model file that it reads. The loops file is read by screwgauge itself.
+#: Reader -> suffix of the model file that it reads. Screwgauge itself reads the loops file.
 SUFFIXES = {"loops": ".loops.toml", "yourdfpy": ".urdf", "pinocchio": ".urdf", "mujoco": ".xml"}
 
 
@@ -229,12 +229,12 @@ def check_models(
     """Compare all model files of a mechanism with its description.
 
     Args:
-        folder: The folder with the files that `write_models` wrote.
-        readers: A subset of `SUFFIXES`; by default the readers whose library is installed.
+        folder: Folder with the files that `write_models` wrote.
+        readers: Subset of `SUFFIXES`; by default, the readers whose library is installed.
         gravity: Gravity expected in the MJCF [m/s^2]. Shape (3,).
 
     Raises:
-        UnknownNameError: A reader does not exist.
+        UnknownNameError: A reader is not one of `SUFFIXES`.
     """
     rows = []
     for cut in CUTS:
@@ -251,7 +251,7 @@ def check_file(
 ) -> list[CheckRow]:
     """Compare one model file, as one library reads it, with the description.
 
-    If the file cannot be read or the library is missing, the only row gives the reason.
+    If the file cannot be read or the library is missing, the result is a single row that gives the reason.
     """
     out = ModelComparison(path.name, reader)
     home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
@@ -267,7 +267,7 @@ def check_file(
 
 
 def check_table(rows: Sequence[CheckRow]) -> str:
-    """Format the rows: a line for each file, reading and property with its worst item, then all rows that failed."""
+    """Format rows: for each file, reading and property, a line with the worst item; then all rows that failed."""
     groups: dict[tuple[str, str, str], list[CheckRow]] = {}
     for row in rows:
         groups.setdefault((row.file, row.reading, row.what), []).append(row)
@@ -290,7 +290,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """Return the reading that a model file has if it matches the description exactly, without limits."""
+    """Return the reading, without limits, of a model file that matches the description exactly."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}
@@ -319,7 +319,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
 def _merge_links(
     mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
 ) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
-    """Merge the links of fixed joints into bodies; return the bodies, ground-fixed links and closures."""
+    """Merge the links of fixed joints into bodies; return bodies, links fixed to the ground, and closures."""
     if len(mechanism.moving) == len(mechanism.coordinates):
         return links, {}, closures
     assembly = assemble(
@@ -368,7 +368,7 @@ def _step(value: float, turns: bool, axis: Array) -> Array:
 
 
 def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
-    """Return a reading of each freedom of a joint, for the motion of the outer body relative to the inner one."""
+    """Return a reading of each degree of freedom of a joint, for the outer body's motion relative to the inner body."""
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
     T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}

@@ -1,6 +1,6 @@
 """Classifies content of model files that descriptions cannot express, using ``content.toml`` and ``elements.toml``.
 
-``content.toml`` lists the kinds that affect motion or forces and how a comparison of two models treats each;
+``content.toml`` lists the kinds that affect motion or forces, and how a comparison of two models treats each kind;
 ``elements.toml`` lists every element and attribute of the formats.
 """
 
@@ -22,11 +22,11 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism
 
-#: The kind of content that belongs to no other kind.
+#: Kind of content that does not belong to any other kind.
 OTHER = "not held by the reading"
-#: Labels and values.
+#: Pairs of label and value.
 Values = tuple[tuple[str, float | str], ...]
-#: Number of items of a kind that are named; further ones are only counted.
+#: Number of items of a kind that are named; further items are only counted.
 _NAMED = 3
 
 
@@ -35,14 +35,14 @@ class Kind:
     """A kind of content in ``content.toml``.
 
     Attributes:
-        fate: How a comparison treats it; `content.toml` explains each value.
-        note: The quantity by which it is compared, or the reason why it is not.
-        alone: ``withheld`` or ``aside`` if that treatment applies where only one of the two models can have it or has
-            it.
-        xml: Names that the walk through a file uses for it.
-        of, arrays, when, joints: How a compiled MuJoCo model stores it.
-        run: How a run treats it; `content.toml` explains each value.
-        why, remedy: For a kind that is refused: the error it would cause, and how to avoid it.
+        fate: How a comparison treats this kind; `content.toml` explains each value.
+        note: Quantity by which content of this kind is compared, or the reason why it is not compared.
+        alone: ``withheld`` or ``aside`` if that treatment applies where only one of the two models has, or can have,
+            content of this kind.
+        xml: Names that the walk through a file uses for this kind.
+        of, arrays, when, joints: How a compiled MuJoCo model stores content of this kind.
+        run: How a run treats this kind; `content.toml` explains each value.
+        why, remedy: For a kind that is refused: the error that it would cause, and how to avoid it.
     """
 
     name: str
@@ -61,15 +61,15 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Content of a file that no other entry of a reading represents.
+    """Content of a file that the remaining entries of a reading do not represent.
 
     Attributes:
         kind: Name of a `Kind`.
-        what: A description, or the names of the element and attribute.
-        whose: Its owner, formatted to follow `what`: `` of joint a``, or its own name.
-        of: Each item that it acts on: namespace in the reading (``joints``, ``bodies``, ``actuators``), name, and
+        what: Description, or names of the element and attribute.
+        whose: Owner of the content, formatted to follow `what`: `` of joint a``, or the content's own name.
+        of: Items on which the content acts: namespace in the reading (``joints``, ``bodies``, ``actuators``), name, and
             weight, such as the coefficient of a joint in a tendon.
-        values: Label and number or text of each of its values, in a fixed order; None if the values are unknown.
+        values: Label and number or string of each value, in a fixed order; None if the values are unknown.
     """
 
     kind: str
@@ -84,7 +84,7 @@ class Content:
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
-        """Rename the items that the content acts on. `names`: namespace -> name -> new name."""
+        """Rename the items on which the content acts. `names`: namespace -> name -> new name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))
 
@@ -107,18 +107,18 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def kind_of(element: str) -> str:
-    """Return the name of the kind to which the walk through a file assigns an element."""
+    """Return the name of the kind to which an element belongs in the walk through a file."""
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 
 def force_limits(joint: str, most: float) -> Content:
-    """Build the content for the largest force or torque of a joint, in the form that MuJoCo stores [N or N m]."""
+    """Build the content for the largest force or torque of a joint in the form that MuJoCo stores [N or N m]."""
     values = ("actfrcrange[0]", -most), ("actfrcrange[1]", most)
     return Content("force limits", "limit effort", f" of joint {joint}", (("joints", joint, 1.0),), values)
 
 
 def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
-    """Merge content of the same name into one phrase each, in file order."""
+    """Merge content with the same name into one phrase; keep the file order."""
     owners: dict[str, list[str]] = {}
     for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
@@ -132,13 +132,13 @@ def _whose(owners: list[str]) -> str:
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
 
 
-#: Ending of a model file -> its format in the table.
+#: Suffix of a model file -> name of its format in the table.
 FORMATS = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}
 _ALL, _WITH_ALL_IN_IT = "*", "..."
-#: Kinds in the table, in lookup order, and the kinds that are reported.
+#: Kinds in the table in lookup order, and the kinds that are reported.
 _KINDS = ("compared", "nothing", "measured", "applied", "ignored")
 SAID = ("measured", "ignored", "applied", "unknown", "lost")
-#: Kinds that depend on the library, looked up before the others.
+#: Kinds that depend on the library; they are looked up before all other kinds.
 _OF_READINGS = ("lost", "held")
 
 
@@ -149,8 +149,8 @@ class Extra:
     Attributes:
         kind: One of `SAID`.
         what: Element or attribute.
-        whose: Its owner, formatted to follow `what`: `` of joint a``, or the element's own name.
-        element, attribute: Its location; the attribute is empty for a whole element.
+        whose: Owner, formatted to follow `what`: `` of joint a``, or the element's own name.
+        element, attribute: Location; the attribute is empty for a whole element.
     """
 
     kind: str
@@ -167,13 +167,13 @@ def element_tables() -> Mapping[str, Any]:
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """List the extras of a readable file, except those without effect (damping 0, limits equal to the description's).
+    """List the extras of a readable file; omit extras without effect (damping 0, limits equal to the description's).
 
     Args:
         form: ``urdf`` or ``mjcf``.
 
     Raises:
-        ParseError: The file is not well-formed XML; the parsers used in robotics accept more than that.
+        ParseError: The file is not well-formed XML; some parsers used in robotics accept it nevertheless.
     """
     root = ET.fromstring(read_xml(path))
     if form == "mjcf":
@@ -183,12 +183,12 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
-    """List the content of a file that is lost or not represented when a library reads it.
+    """List the content of a file that is lost, or not represented in the reading, when a library reads the file.
 
     Args:
         root: Root element of the file.
         form: ``urdf``, ``mjcf`` or ``sdf``.
-        library: A library that reads the format.
+        library: Library that reads the format.
     """
     known = element_tables()[form]
     reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
@@ -196,7 +196,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
 
 def unread_rows(library: str) -> list[str]:
-    """List the properties of a loops file, named as in the model check, that engines built on a library ignore."""
+    """List the properties of a loops file (by their names in the model check) that a library's engines ignore."""
     rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
     return rows
 
@@ -213,7 +213,7 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 
 def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Return coordinate -> attribute -> value of the description, formatted as in the files that are written."""
+    """Return coordinate -> attribute -> value of the description, formatted as in written model files."""
     values = {}
     for joint in mechanism.joints:
         numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
@@ -231,7 +231,7 @@ class _ElementWalk:
 
     Attributes:
         table: Element table of the file's format.
-        flags: All flags that the file enables or disables.
+        flags: Flags that the file enables or disables.
         own: See `_of_coordinates`.
         kinds: Kinds in lookup order.
     """
@@ -242,10 +242,10 @@ class _ElementWalk:
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
-        """Yield all extras of a file; iterates, since elements may be nested deeper than Python's call stack."""
+        """Yield all extras of a file; iterate because elements may be nested deeper than Python's call stack."""
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):
-            bare = {}  # default classes may give it further attributes
+            bare = {}  # default classes may give the element further attributes
         joined = self.table.get("joined", "").split()
         waiting = [(root, ET.Element(""), "")]  # element, its parent, tag and name of the nearest named ancestor
         while waiting:
@@ -264,7 +264,7 @@ class _ElementWalk:
             owner = f"{tag} {name}" if name and parent else owner  # the model itself is not reported as an owner
             for attribute, value in {**self._absent(element, around), **element.attrib}.items():
                 kind = self._kind(attribute, kinds)
-                if attribute.partition(":")[0] == "xmlns":  # its elements are reported
+                if attribute.partition(":")[0] == "xmlns":  # the elements of that namespace are reported
                     continue
                 if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
                     what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
@@ -287,13 +287,13 @@ class _ElementWalk:
         return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
-        """Return the attributes that the table lists under a kind; None if it does not list the element."""
+        """Return the attributes that the table lists under a kind, or None if the table does not list the element."""
         entries = self.table.get(kind, {})
         names = entries.get(f"{parent}/{tag}", entries.get(tag))
         return None if names is None else names.split()
 
     def _is_nothing(self, element: ET.Element) -> bool:
-        """True if the file's flags or the element's own attributes make it mechanically irrelevant."""
+        """True if the file's flags or the element's own attributes make the element mechanically irrelevant."""
         has = {**self.flags, **element.attrib}
         cases, text = self.table.get("unless", {}).get(element.tag, ()), (element.text or "").strip()
         if text and self._has_no_effect(element.tag, text, ""):

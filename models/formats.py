@@ -17,15 +17,15 @@ from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, rotation, skew
 
-#: Limits of a joint without limits. URDF requires them; "continuous" needs none, but Pinocchio then uses two
-#: coordinates (cosine and sine) for the angle.
+#: Limits to write for a joint without limits. URDF requires limits except for "continuous" joints, but Pinocchio uses
+#: two coordinates (cosine and sine) for the angle of those.
 WIDE = 1e3
 #: Entries of an inertia tensor, in MJCF order; the order in URDF differs.
 TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def number_text(value: float) -> str:
-    """Format a number as the shortest text that reads back as the same float64; at most 17 digits."""
+    """Format a number as the shortest decimal that reads back as the same float64; it has at most 17 digits."""
     text = repr(float(value) + 0.0)  # + 0.0 makes -0 a plain zero
     return text.removesuffix(".0")
 
@@ -51,8 +51,8 @@ def tensor(entries: Iterable[float]) -> Array:
 def rpy(R: Array) -> Array:
     """Compute the angles of ``R = Rz(yaw) Ry(pitch) Rx(roll)`` [rad], as in URDF. Shape (3, 3) -> (3,).
 
-    Pitch and roll are computed after removing yaw; the three angles therefore reproduce `R` even where yaw and roll
-    turn about nearly the same axis.
+    Pitch and roll are computed after removing yaw; therefore, the three angles reproduce `R` even where yaw and roll
+    are rotations about nearly the same axis.
     """
     yaw = math.atan2(R[1, 0], R[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
@@ -62,7 +62,7 @@ def rpy(R: Array) -> Array:
 
 
 def of_rpy(angles: Array) -> Array:
-    """Compute ``Rz(yaw) Ry(pitch) Rx(roll)``, see `rpy`. Shape (3,) -> (3, 3)."""
+    """Compute ``Rz(yaw) Ry(pitch) Rx(roll)``, the inverse of `rpy`. Shape (3,) -> (3, 3)."""
     x, y, z = (rotation(axis, angle) for axis, angle in zip(np.eye(3), angles, strict=True))
     return z @ y @ x
 
@@ -89,9 +89,9 @@ def floats(words: Iterable[Any], n: int, what: str, where: str, *, infinite: boo
     """Parse n numbers of a model file. Shape (n,).
 
     Args:
-        words: Texts or numbers.
-        what: Name and owner of the attribute or element that contains them.
-        infinite: Whether infinite values are accepted.
+        words: Strings or numbers.
+        what: Name and owner of the attribute or element that contains the numbers.
+        infinite: Accept infinite values.
 
     Raises:
         ModelFileError: A word is not a number or not finite, or the count differs from `n`.
@@ -120,13 +120,13 @@ Table = tuple[str, Mapping[str, Any]]
 
 
 def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], last: Sequence[Table] = ()) -> str:
-    """Assemble the TOML text: `top`, then the tables of independent coordinates, `parts`, couplings and `last`."""
+    """Assemble the TOML text: `top`, followed by the tables of independent coordinates, `parts`, couplings, `last`."""
     tables: list[Table] = [("[independent]", mechanism.independent)]
     if mechanism.axial:
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
     tables += parts
     for one in mechanism.couplings:
-        if not isinstance(one, Fixing):  # implied by the kind of its joint
+        if not isinstance(one, Fixing):  # the kind of the joint implies a fixing
             tables.append((f"[couplings.{key(one.name)}]", {"coordinate": one.coordinate, **_law(one.function)}))
     out = [*top]
     for title, entries in (*tables, *last):
@@ -147,7 +147,7 @@ def lines(entries: Mapping[str, Any]) -> list[str]:
 
 
 def value_text(value: Any) -> str:
-    """Format a text, number, frame, array or table as TOML, numbers with full precision."""
+    """Format a string, number, frame, array or table as TOML. Numbers keep full precision."""
     match value:
         case bool():
             return str(value).lower()
@@ -168,7 +168,7 @@ def key(name: str) -> str:
 
 
 def body_entries(body: Body) -> dict[str, Any]:
-    """Return the entries of a body of a description, without zeros."""
+    """Return the entries of a description for a body; omit zeros."""
     if not body.mass:
         return {"mass": 0.0}
     tensor = {name: body.inertia[place] for name, place in TENSOR.items() if body.inertia[place]}
@@ -176,7 +176,7 @@ def body_entries(body: Body) -> dict[str, Any]:
 
 
 def joint_entries(joint: Joint) -> dict[str, Any]:
-    """Return the entries of a joint of a description, without defaults."""
+    """Return the entries of a description for a joint; omit defaults."""
     names = ("kind", "parent", "child", *(() if joint.fixed else ("axes",)))
     entries: dict[str, Any] = {name: getattr(joint, name) for name in names}
     if joint.coordinates != (joint.name,):

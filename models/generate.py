@@ -28,11 +28,12 @@ def stem(name: str, cut: str) -> str:
 def model_texts(
     mechanism: Mechanism, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> dict[str, str]:
-    """Write every model file as text; return file name -> text.
+    """Return the text of each model file by file name.
 
     Args:
         gravity: Gravity in world axes [m/s^2], written to the MJCF. Shape (3,).
-        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`; ``yaml``: see `write_loops_yaml`.
+        include: Parts to write in addition to the mechanics: `screwgauge.models.mjcf.PARTS`, or ``yaml`` for
+            `write_loops_yaml`.
 
     Raises:
         UnknownNameError: A part does not exist.
@@ -51,7 +52,7 @@ def model_texts(
     return texts
 
 
-@lru_cache(maxsize=4)  # a scene is often run again, or in part
+@lru_cache(maxsize=4)  # a scene is often run several times or in parts
 def _texts(mechanism: Mechanism, gravity: tuple[float, ...], include: frozenset[str]) -> dict[str, str]:
     return model_texts(mechanism, gravity=gravity, include=include)
 
@@ -65,7 +66,7 @@ def keep_models(
     gravity: Sequence[float] | Array = GRAVITY,
     include: Set[str] = frozenset(),
 ) -> list[Path]:
-    """Write the model files for the user to keep, each with its digest.
+    """Write the model files for the user to keep; each file contains its digest.
 
     Args:
         inputs: Files that were read and must not be overwritten.
@@ -83,7 +84,7 @@ def keep_models(
 def write_models(
     mechanism: Mechanism, out: Path, *, gravity: Sequence[float] | Array = GRAVITY, include: Set[str] = frozenset()
 ) -> list[Path]:
-    """Write the model files into a folder; they are moved there only after all have been written.
+    """Write the model files into a folder; move them there only after all have been written.
 
     Raises:
         OutputError: The folder cannot be written.

@@ -1,4 +1,4 @@
-"""Checks that the loops of a description close in its home pose, and solves for a home pose where they do not."""
+"""Checks that the loops of a description close at its home pose; solves for a home pose if they do not."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ from screwgauge.reference.rotations import Array, nearest_turn
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 
-#: Largest gap of a closed loop [rad or lengths of the mechanism]: home is given in closed form or to ten digits.
+#: Largest gap of a closed loop [rad or mechanism lengths]: home poses are given in closed form or to ten digits.
 CLOSED = 1e-9
-#: Number of starts once a good pose is found, and bound on starts times coordinates: all starts but the first serve to
-#: find further closing poses.
+#: Number of starts once a good pose is found, and bound on starts times coordinates: all starts except the first
+#: serve to find further poses that close the loops.
 FEW, WORK = 12, 240
-#: Smallest singular value of the loop equations at a good pose; at a pose found next to a singular pose it is about the
-#: square root of `CLOSED`.
+#: Smallest singular value of the loop equations at a good pose; at a pose found next to a singular pose, the singular
+#: value is about the square root of `CLOSED`.
 CLEAR = 1e-4
-#: Poses of bodies that differ by less are the same [rad or lengths].
+#: Poses of bodies that differ by less count as equal [rad or lengths].
 SAME = 1e-6
-#: Number of other closing poses that are named.
+#: Number of further closing poses that a remark names.
 NAMED = 3
 
 
 def check_home(mechanism: Mechanism) -> Layout:
-    """Refuse a mechanism whose loops are open at home, or whose chosen independent coordinates are not independent.
+    """Reject a mechanism whose loops are open at home, or whose chosen independent coordinates are not independent.
 
     Raises:
-        ClosureError: A loop stays open in the home pose, or a coupling is violated there.
+        ClosureError: A loop is open at the home pose, or a coupling is violated there.
         DescriptionError: The independent coordinates do not determine the motion.
-        SingularPoseError: They fail to determine it only in the home pose.
+        SingularPoseError: The independent coordinates fail to determine the motion only at the home pose.
     """
     lay = layout(mechanism)
     check_closed(lay)
@@ -62,10 +62,10 @@ def check_home(mechanism: Mechanism) -> Layout:
 
 
 def check_closed(lay: Layout) -> None:
-    """Refuse a mechanism whose loops are open at home.
+    """Reject a mechanism whose loops are open at the home pose.
 
     Raises:
-        ClosureError: A loop stays open, or a coupling is violated.
+        ClosureError: A loop is open, or a coupling is violated.
     """
     mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
     for joint, gap in zip(lay.cuts, np.abs(gaps(lay, mechanism.home[None])[0]).reshape(-1, 2, 3), strict=True):
@@ -95,14 +95,14 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 
 
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism unchanged if its loops close at home, otherwise with a solved home pose and a remark.
+    """Return the mechanism unchanged if its loops close at home, or else with a solved home pose and a remark.
 
-    Independent coordinates keep their values unless no regular pose within limits closes there; the other coordinates
-    move as little as possible.
-    A singular home pose of all zeros is taken as unspecified, as where all links lie on a line.
+    Independent coordinates keep their values if a regular pose within limits closes the loops there; the remaining
+    coordinates move as little as possible.
+    A singular home pose of all zeros counts as unspecified, e.g. a pose where all links lie on a line.
 
     Raises:
-        ClosureError: No pose closes the loops.
+        ClosureError: The loops do not close at any pose.
     """
     lay = layout(mechanism)
     try:
@@ -115,19 +115,20 @@ def at_closed_home(mechanism: Mechanism) -> Mechanism:
     return moved if _is_regular(moved) else mechanism
 
 
-#: Largest change of a coordinate in one step towards changed parameters [rad or lengths], and the shortest step.
+#: Largest change in a coordinate in one step towards changed parameters [rad or lengths], and the shortest step.
 FAR, SHORTEST = 0.1, 1.0 / 64.0
 
 
 def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Mechanism:
-    """Find the home pose for changed parameters on the same assembly, keeping the independent coordinates.
+    """Find the home pose for changed parameters in the same assembly mode, keeping the independent coordinates.
 
     Args:
-        mechanism: A mechanism whose loops close at home.
-        changed: Maps the fraction of the parameter change, 0 to 1, to the mechanism there, with its home unsolved.
+        mechanism: Mechanism whose loops close at its home pose.
+        changed: Function that returns the mechanism at a fraction (0 to 1) of the parameter change; its home pose need
+            not close the loops.
 
     Raises:
-        ClosureError: The assembly mode ends on the way, or no pose nearby closes the loops.
+        ClosureError: The assembly mode ends before the full change is reached, or the loops do not close near home.
     """
     home, reached, step = mechanism.home, 0.0, 1.0
     while reached < 1.0:
@@ -143,7 +144,7 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
 
 
 def _is_regular(mechanism: Mechanism) -> bool:
-    """True if the independent coordinates determine the motion at home."""
+    """True if the independent coordinates determine the motion at the home pose."""
     try:
         check_independent(layout(mechanism), mechanism.home[None])
     except DescriptionError:
@@ -152,7 +153,7 @@ def _is_regular(mechanism: Mechanism) -> bool:
 
 
 def _solve_home(mechanism: Mechanism) -> Mechanism:
-    """Return the mechanism with its home at the best pose that closes its loops."""
+    """Return the mechanism with the best pose that closes its loops as home pose."""
     free = Loops(tree_of(with_limits(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
     solved, open_by = list[tuple[int, Mechanism]](), list[str]()
@@ -178,11 +179,11 @@ def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
     """Find the poses that close all loops, best first, and the pose that comes nearest to closing them.
 
     Args:
-        held: The loops with the independent coordinates held; their condition ranks the poses.
+        held: Loops with locked independent coordinates; the condition of these loops ranks the poses.
     """
     poses, nearest, smallest = list[Home](), loops.home, np.inf
     (first, *others), few = starts(loops, {}), min(FEW, 1 + WORK // len(loops.size))
-    for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # the farthest starts lead to other poses
+    for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # far starts find different poses
         q, error = loops.newton(begin)
         if (size := float(np.linalg.norm(loops.system(q)[0]))) < smallest:
             nearest, smallest = q, size
@@ -203,13 +204,13 @@ def _is_fine(pose: Home) -> bool:
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
-    """Return a sort key for poses: nearness to home, preceded by the condition if all coordinates are free."""
+    """Return a sort key for poses: distance from home, preceded by the condition if all coordinates are free."""
     *regular, condition, distance = pose.key()
     return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
 
 
 def _near_turns(loops: Loops, q: Array) -> Array:
-    """Remove whole turns away from home from uncoupled hinges."""
+    """Move uncoupled hinges by whole turns to the angle nearest to home, if limits allow this."""
     coupled = {name for one in loops.reading.couplings.values() for name in one.named}
     q = q.copy()
     for name, place in loops.tree.places.items():
@@ -221,14 +222,14 @@ def _near_turns(loops: Loops, q: Array) -> Array:
 
 
 def _places(loops: Loops, q: Array) -> Array:
-    """Return the orientations of all bodies, and their origins over the length of the mechanism. Shape (12 n_body,)."""
+    """Return the orientations of all bodies, and their origins in lengths of the mechanism. Shape (12 n_body,)."""
     rest = np.zeros((1, len(loops.size)))
     bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
     return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])
 
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
-    """Convert coordinates of the reading to the mechanism's; fixed and loop-free ones stay. Shape (n_q,)."""
+    """Convert a reading's coordinates to the mechanism's; keep home values of joints outside loops. Shape (n_q,)."""
     names, moved = [*loops.tree.places], mechanism.home.copy()
     values = np.where(loops.closing, q, loops.home)
     moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
@@ -236,13 +237,13 @@ def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
 
 
 def _at_home(mechanism: Mechanism, q: Array) -> Mechanism:
-    """Return the mechanism with its home at the given joint coordinates, shape (n_q,)."""
+    """Return the mechanism with the given joint coordinates, shape (n_q,), as home."""
     joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
     return replace(mechanism, joints=tuple(joints))
 
 
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
-    """Close the loops of a nearly closed home to rounding by adjusting the moved coordinates. Shape (n_q,)."""
+    """Close the loops of a nearly closed home pose to rounding by adjusting the moved coordinates. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
     closed = system.correct(home, home[mechanism.independent_columns])
     home = home if closed is None else np.where(moved, closed[0], home)
@@ -250,7 +251,7 @@ def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
 
 
 def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
-    """Report how far home moved, and which other poses close all loops."""
+    """Report how far the home pose moved, and which other poses close all loops."""
     size, names = loop_equations(layout(mechanism)).sizes, mechanism.coordinates
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))

@@ -1,1 +1,1 @@
-"""Reads and edits the text of model files, with one module per format."""
+"""Reads and edits the text of model files; each format has its own module."""

@@ -1,4 +1,4 @@
-"""Loops files, which close the loops of a URDF: writes and reads them, and applies them to a reading."""
+"""Writes and reads loops files, which close the loops of a URDF, and applies them to a reading."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from screwgauge.reference.tables import check_keys, check_name, read_toml, requi
 OWN = ".loops.toml"
 _TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "couplings", "closures")
 _SIDES = ("parent", "child")
-#: Type of a closure -> the entries that locate it on each side, and their number.
+#: Type of a closure -> entry that locates it on each side, and the number of points or frames in that entry.
 _CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 1)}
 
 
@@ -38,11 +38,11 @@ class LoopsFile:
     Attributes:
         mechanism: Name of the mechanism.
         cut: ``minimal`` or ``full``.
-        bodies: Bodies of the description, without ground and copies.
+        bodies: Bodies of the description, without the ground and copies.
         tree: Coordinates of the tree, in tree order.
-        joints: All joints of the description, cut ones included.
+        joints: All joints of the description, including cut joints.
         independent: Label -> coordinate.
-        axial: Joint and direction (in child axes, shape (3,)) of the rule ``spherical_axial``.
+        axial: Joint and direction (in child axes, shape (3,)) for the rule ``spherical_axial``.
         couplings: Tree coordinates that are polynomials of other coordinates.
     """
 
@@ -58,7 +58,7 @@ class LoopsFile:
 
     @property
     def home(self) -> dict[str, float]:
-        """Coordinates of all joints in the home pose [rad or m]."""
+        """Coordinates of all joints at the home pose [rad or m]."""
         return {name: float(q) for joint in self.joints for name, q in zip(joint.coordinates, joint.home, strict=True)}
 
 
@@ -102,7 +102,7 @@ def read_loops(path: Path) -> LoopsFile:
     """Read a loops file.
 
     Raises:
-        ModelFileError: The file cannot be read, or an entry is missing, unknown or wrong.
+        ModelFileError: The file cannot be read, or an entry is missing, unknown or invalid.
     """
     where = str(path)
     try:
@@ -197,7 +197,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
 
 
 def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
-    """Convert closures to readings, named like the constraints in the exported MJCF; a pair of points yields two."""
+    """Convert closures to readings, named like the constraints in the exported MJCF; two point pairs yield two."""
     found = {}
     for closure in closures:
         kind = "weld" if closure.type == "weld" else "point"
@@ -224,7 +224,7 @@ def with_loops_file(reading: Reading, path: Path) -> Reading:
 
 
 def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    """Return the body that contains a link, or the link that a joint carries, and the link's frame in that body."""
+    """Return the body that contains a link, given the link or the joint that carries it, and the frame in that body."""
     place = reading.place(name)
     if place is None:
         links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]

@@ -16,7 +16,7 @@ from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 
-#: Property of a joint's reading -> attribute.
+#: Property in the reading of a joint -> attribute.
 JOINT = {
     "home": "ref",
     "limits": "range",
@@ -26,21 +26,21 @@ JOINT = {
     "stiffness": "stiffness",
     "rest": "springref",
 }
-#: Attribute -> its slice of a constraint's softness.
+#: Attribute -> slice of a constraint's softness.
 SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
-#: Compiler settings that change mass properties after reading them.
+#: Compiler settings that change mass properties after they are read.
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
 _AXES = np.eye(3)
 #: Attributes that define an orientation; an element may have only one of them.
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
-#: Sections whose elements refer to bodies, joints or their content, and would dangle once these are removed.
+#: Sections whose elements refer to bodies, joints or their content; these references dangle if their target is removed.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
 
 
 def links(xml: XmlText) -> list[TextLink]:
-    """List the bodies of an MJCF, each after its parent; the first is the world."""
+    """List the bodies of an MJCF, parents first; the first entry is the world."""
     compiler = compilers(xml)
     worlds = [element for element in xml.root.children if element.tag == "worldbody"]
     numbers_ = {element: i for i, element in enumerate(_bodies(worlds), 1)}
@@ -115,7 +115,7 @@ def _rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
 
 
 def _matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
-    """Return the mass properties of a body, None if geoms define them, and the orientation of the written tensor."""
+    """Return a body's mass properties (None if geoms define them), and the orientation in which the file gives J."""
     inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
     if inertial is None or (setting == "true" and geoms is not None):
         return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
@@ -139,7 +139,7 @@ def place(xml: XmlText, link: TextLink, T: Array) -> None:
 
 
 def orient(xml: XmlText, element: Element, R: Array) -> None:
-    """Set the orientation of an element as a quaternion, in whatever form it was written."""
+    """Set the orientation of an element as a quaternion, replacing any form in which the file gives it."""
     xml.set(element, **dict.fromkeys(name for name in ORIENTATIONS if name in element.attributes))
     xml.set(element, quat=vector_text(quaternion(R)))
 
@@ -150,10 +150,10 @@ def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
 
 
 def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
-    """Set the mass properties of a body, writing only those that differ.
+    """Set the mass properties of a body; write only the properties that differ.
 
     Args:
-        plain: Write all of them, with the tensor in the axes of the body.
+        plain: Write all properties, with the tensor in the axes of the body.
     """
     J, inertial, old = matter.inertia, link.element.find("inertial"), link.matter
     mass, pos = number_text(matter.mass), vector_text(matter.com)
@@ -177,7 +177,7 @@ def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
 
 
 def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
-    """Write a tensor in the axes of the body, in any form MuJoCo accepts; a full tensor excludes an orientation.
+    """Write a tensor in the axes of the body; remove its orientation, which MuJoCo rejects next to a full tensor.
 
     Args:
         J: Shape (3, 3).
@@ -188,10 +188,10 @@ def put_tensor(xml: XmlText, inertial: Element, J: Array) -> None:
 
 
 def check_matter(xml: XmlText) -> None:
-    """Refuse an MJCF whose compiler changes written mass properties.
+    """Reject an MJCF whose compiler settings change the mass properties in the file.
 
     Raises:
-        UnpatchableError: The mass properties in use are not those written.
+        UnpatchableError: The compiler takes mass properties from geoms, or changes them after reading them.
     """
     settings = compilers(xml)
     if settings.get("inertiafromgeom") == "true":
@@ -246,7 +246,7 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 
 def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
-    """Return joint -> its element in the fixed tendon that an equality keeps constant; empty for other equalities."""
+    """Return joint -> element in the fixed tendon that an equality keeps constant; empty for all other equalities."""
     if equality.tag != "tendon" or equality.get("tendon2"):
         return {}
     tendons = (each for part in xml.root.iter("tendon") for each in part.children if each.tag == "fixed")
@@ -269,8 +269,8 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
     """Set the frames of a closure.
 
     Args:
-        ends: Closure -> its two frames in the world. Shape (4, 4) each.
-        frames: Body -> its frame in the world. Shape (4, 4).
+        ends: Closure -> two world frames. Shape (4, 4) each.
+        frames: Body -> world frame. Shape (4, 4).
     """
     entry = _entry(xml, "equality", name)
     if "site1" in entry.attributes:
@@ -290,14 +290,14 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
 
 
 def _differ(one: Array, other: Array, tag: str) -> bool:
-    """True if two frames differ; for a connect, if their origins differ."""
+    """True if two frames differ, or, for a connect constraint, if their origins differ."""
     return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
 
 def _put_site(
     xml: XmlText, name: str, T: Array, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]
 ) -> None:
-    """Move a site to a pose in the world if only closures that require this pose use it."""
+    """Move a site to a world pose, provided that only closures that require this pose use the site."""
     site = next((element for element in xml.root.iter("site") if element.get("name") == name), None)
     if site is None or site.parent is None or site.parent.tag == "frame" or "fromto" in site.attributes:
         raise UnpatchableError(f"site '{name}' does not stand in a body of the file itself, or not by its pos")
@@ -312,7 +312,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Return actuators or constraints by name; in a single file, unnamed ones are numbered as in `files.parts`."""
+    """Return actuators or constraints by name; in a file without includes, unnamed ones are numbered as in `parts`."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)
@@ -326,7 +326,7 @@ def _entry(xml: XmlText, section: str, name: str) -> Element:
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Keep the default class of a body whose parent is removed; the body itself stays in the same place in the text."""
+    """Keep the default class of a body whose parent is removed; the body keeps its place in the text."""
     element, above = link.element, link.element.parent
     while above is not None and above is not near.element and not element.get("childclass"):
         if above.get("childclass"):
@@ -336,7 +336,7 @@ def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
 
 
 def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Remove bodies with everything in them."""
+    """Remove bodies and everything in them."""
     names = set()
     for link in gone:
         xml.replace(link.element)
@@ -345,7 +345,7 @@ def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
 
 
 def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Remove bodies but keep their child bodies."""
+    """Remove bodies, but keep their child bodies."""
     names = set()
     for link in gone:
         xml.unwrap(link.element)
@@ -362,13 +362,13 @@ def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
 
 
 def _names(elements: Iterable[Element]) -> set[str]:
-    """Return the names of elements that other elements may refer to."""
+    """Return the names of elements to which other elements may refer."""
     kinds = ("body", "joint", "freejoint", "geom", "site", "camera")
     return {element.get("name") for element in elements if element.tag in kinds} - {""}
 
 
 def _forget(xml: XmlText, names: set[str]) -> None:
-    """Remove all elements that refer to the given names, and in turn all that refer to removed elements."""
+    """Remove all elements that refer to the given names or, in turn, to removed elements."""
     parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
     while lost := [part for room, part in parts if room.tag == "keyframe" or names & _references(part)]:
         parts = [(room, part) for room, part in parts if part not in lost]
@@ -378,7 +378,7 @@ def _forget(xml: XmlText, names: set[str]) -> None:
 
 
 def _references(part: Element) -> set[str]:
-    """Return the names that an element and its children contain, without its own."""
+    """Return the names that an element and its children contain, without the element's own name."""
     return set().union(*map(_values, (part, *part.children)))
 
 

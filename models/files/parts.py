@@ -57,7 +57,7 @@ def joints_in(body: ET.Element) -> list[ET.Element]:
     return joints
 
 
-#: Elements that generate bodies of an MJCF without naming them.
+#: Elements of an MJCF that generate bodies without naming them.
 MAKERS = ("replicate", "composite", "flexcomp")
 
 
@@ -72,7 +72,7 @@ class Part:
     """A file with its includes merged.
 
     Attributes:
-        models: Name under which it attaches another file (empty if that file defines the name) -> path of that file.
+        models: Name under which this file attaches a second file (empty if the latter defines the name) -> its path.
         included: Names of included files.
     """
 
@@ -83,11 +83,11 @@ class Part:
 
 
 def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part]:
-    """List a file and all files that it attaches, each once and after the files that it attaches itself.
+    """List a file and all files that it attaches, directly or indirectly; attached files come first, each once.
 
     Args:
         root: Root element of the file.
-        folder: The folder that must contain all files; by default that of the file.
+        folder: Folder that must contain all files; by default, the folder of the file.
 
     Raises:
         ScrewgaugeError: A file lies outside the folder, cannot be read, is not an MJCF, or includes or attaches itself.
@@ -102,8 +102,8 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
     """Append a file after the files that it attaches.
 
     Args:
-        folder: The folder that must contain all files.
-        above: Chain of files that attach this one.
+        folder: Folder that must contain all files.
+        above: Chain of files that attach this file.
     """
     part = Part(path, root, included=_include(root, path, folder))
     above = (*above, path.resolve())
@@ -123,7 +123,7 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
 
 
 def _check_size(collected: Mapping[Path, Part]) -> None:
-    """Refuse files that attach each other so often that the model would have too many bodies or other elements."""
+    """Reject files that attach each other so often that the model would have too many bodies or elements."""
     bodies = dict[Path, float]()
     for path, part in collected.items():
         names = {name or collected[file].root.get("model", ""): file for name, file in part.models.items()}
@@ -132,13 +132,13 @@ def _check_size(collected: Mapping[Path, Part]) -> None:
 
 
 def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = MappingProxyType({})) -> float:
-    """Count the bodies that MuJoCo generates from an MJCF, and refuse too many bodies or copies.
+    """Count the bodies that MuJoCo generates from an MJCF, and reject too many bodies or copies.
 
     Args:
         attached: Name of an attached model -> number of bodies that MuJoCo generates from it.
 
-    Raises:
-        DescriptionError: There are too many.
+        Raises:
+            DescriptionError: MuJoCo would generate too many bodies or copies.
     """
     bodies = copies = 0.0
     waiting = [(root, 1.0)]
@@ -158,20 +158,20 @@ def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = 
 
 
 def check_made(path: Path) -> None:
-    """Refuse an MJCF from which MuJoCo would generate too much, counting what it includes and attaches anywhere.
+    """Reject an MJCF from which MuJoCo would generate too many elements, counting included and attached files.
 
     Raises:
-        ScrewgaugeError: The MJCF is too large, or cannot be read.
+        ScrewgaugeError: The MJCF is too large or cannot be read.
     """
     for part in parts(parse(path), path, Path("/")):
         _check_sizes(part.root, str(part.path))
 
 
 def _check_sizes(root: ET.Element, where: str) -> None:
-    """Refuse an MJCF that reserves too many numbers for each of its elements.
+    """Reject an MJCF that reserves too many numbers per element.
 
     Raises:
-        DescriptionError: There are too many.
+        DescriptionError: The file reserves too many user entries or keyframes.
     """
     for key, value in (item for size in root.iter("size") for item in size.items()):
         if (key.startswith("nuser") or key == "nkey") and value.isdecimal():
@@ -179,14 +179,14 @@ def _check_sizes(root: ET.Element, where: str) -> None:
 
 
 def _count(maker: ET.Element) -> float:
-    """Return an upper bound on the copies of an element's content; MuJoCo itself refuses non-numeric counts."""
+    """Return an upper bound on the number of copies of an element's content; MuJoCo rejects non-numeric counts."""
     words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
     counts = [max(float(word), 1.0) for word in words if word.isdecimal()]
     return max(math.prod(counts), len(maker.get("point", "").split()) / 3)
 
 
 def _include(root: ET.Element, path: Path, folder: Path) -> list[str]:
-    """Replace each ``<include>`` with the elements of the included file, as MuJoCo does; return their names."""
+    """Replace each ``<include>`` with the elements of the included file, as MuJoCo does; return the file names."""
     waiting, seen = [root], list[str]()
     while waiting:
         element = waiting.pop()
@@ -210,7 +210,7 @@ _ALLOWED: ContextVar[tuple[Path, ...]] = ContextVar("_ALLOWED", default=())
 
 @contextmanager
 def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
-    """Allow a model, inside the block, to refer to these files, or to files in these folders, wherever they lie.
+    """Allow models, within a `with` block, to refer to these files or to files in these folders, wherever they lie.
 
     Args:
         names: Paths relative to the folder; a name without ``/`` is not a path and is ignored.
@@ -223,17 +223,17 @@ def files_allowed(folder: Path, names: Iterable[str]) -> Iterator[None]:
 
 
 def inside(path: Path, name: str, folder: Path, verb: str) -> Path:
-    """Resolve the path of a file that another file names.
+    """Resolve the path of a file that a model file names.
 
     Args:
-        verb: How the naming file uses it.
+        verb: How the model file uses the named file, for the error message.
 
     Raises:
-        ModelFileError: No such file can exist, or it lies outside `folder`.
+        ModelFileError: The path is invalid or lies outside `folder`.
     """
     try:
         file = (path.parent / name).resolve()
-    except (OSError, RuntimeError, ValueError):  # path too long, or symbolic links in a circle
+    except (OSError, RuntimeError, ValueError):  # path too long, or circular symbolic links
         file = Path()
     if not any(map(file.is_relative_to, (folder, *_ALLOWED.get()))):
         what = f"{verb} '{name}', which lies outside its folder"

@@ -31,7 +31,7 @@ _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
 
 
 def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the kind of each closed loop, as in `ClosureReading`, and the names of two links or joints."""
+    """Return the kind of each closed loop, as in `ClosureReading`, and the names of its two links or joints."""
     loops = data.get("closed_loop") or []
     if not isinstance(loops, list):
         raise ModelFileError(
@@ -49,7 +49,7 @@ def _loops(data: Mapping[str, Any], where: str) -> list[tuple[str, tuple[str, ..
 
 
 def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
-    """Return joint -> the type that replaces the URDF's, in capitals."""
+    """Return joint -> type in capitals, which replaces the type in the URDF."""
     joints = _texts(data.get("joint_name"), f"{where}, joint_name")
     turned = _texts(data.get("joint_type"), f"{where}, joint_type")
     if len(joints) != len(turned):
@@ -61,7 +61,7 @@ def _types(data: Mapping[str, Any], where: str) -> dict[str, str]:
 
 
 def _texts(value: Any, where: str) -> tuple[str, ...]:
-    """Check that an entry is a list of texts and return it; empty if the entry is missing."""
+    """Check that an entry is a list of strings and return it; return an empty tuple if the entry is missing."""
     if value is None:
         return ()
     if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
@@ -73,7 +73,7 @@ def with_robot_yaml(reading: Reading, path: Path) -> Reading:
     """Add the closures, motors and spherical joints of a ``robot.yaml`` to a reading.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, or an entry is missing or wrong.
+        ScrewgaugeError: The file cannot be read, or an entry is missing or invalid.
     """
     where, data = str(path), read_yaml(path, _KEYS[:3])
     loops, types, driven = _loops(data, where), _types(data, where), data.get("name_mot")
@@ -98,7 +98,7 @@ def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     return place_in(reading, name, path)
 
 
-#: Unquoted scalars that are not text, as in JSON; ``~`` and an empty scalar are null, too.
+#: Unquoted scalars that are not strings, as in JSON; ``~`` and an empty scalar also stand for null.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _NUMBER = re.compile(r"[-+]?(\d{1,18}|\d{1,18}\.\d{0,18}([eE][-+]?\d{1,3})?)")
 
@@ -107,10 +107,10 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
     """Read the entries of a YAML file.
 
     Args:
-        keys: The entries to suggest if there are none.
+        keys: Entries that the error message suggests if the file is empty.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, is not a mapping of names, or contains unsupported YAML (see above).
+        ScrewgaugeError: The file cannot be read, is not a mapping of names, or contains unsupported YAML.
     """
     import yaml
 
@@ -127,7 +127,7 @@ def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
 
 
 def _nesting(text: str) -> int:
-    """Return the depth of nested brackets in a text."""
+    """Return the largest depth of nested brackets in a text."""
     steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
     return max(accumulate(steps), default=0)
 
@@ -135,7 +135,7 @@ def _nesting(text: str) -> int:
 class _Composer:
     """Composes values from the events of a YAML parser.
 
-    An alias refers to its value without copying it; many aliases cost no more than one.
+    An alias refers to its value without copying it; therefore, many aliases do not take more memory than one.
     """
 
     def __init__(self, events: Iterator[yaml.Event], where: str) -> None:
@@ -176,7 +176,7 @@ class _Composer:
         return value
 
     def scalar(self, event: yaml.ScalarEvent) -> Any:
-        """Convert a scalar: to text if quoted, otherwise also to a number or a JSON literal."""
+        """Convert a scalar: to a string if it is quoted, or else to a number, a JSON literal or a string."""
         text: str = event.value
         if event.style is not None or event.tag == "!":
             return text
@@ -191,7 +191,7 @@ class _Composer:
         return [self.value(item, depth + 1) for item in self.inside("SequenceEndEvent")]
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
-        """Compose a mapping, refusing duplicate names."""
+        """Compose a mapping; reject duplicate names."""
         entries: dict[str, Any] = {}
         for key in self.inside("MappingEndEvent"):
             name = self.value(key, depth + 1)

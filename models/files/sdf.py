@@ -1,4 +1,4 @@
-"""Reads SDF 1.5 to 1.12 as text: merges included models and locates the frames of all models."""
+"""Reads SDF 1.5 to 1.12: merges included models and locates the frames of all models."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, is_file
 from screwgauge.reference.rotations import Array, quaternion_rotation
 
-#: Supported versions; older versions in which a joint may share the name of a link.
+#: Supported versions, and the older ones among them, in which a joint may share the name of a link.
 _VERSIONS, _OLD = tuple(f"1.{minor}" for minor in range(5, 13)), ("1.5", "1.6")
 #: Separator between the name of a model and the name of its part.
 OF = "::"
-#: Parts of models that are frames; children of an include that define which model is included and where.
+#: Parts of models that are frames; and children of an include that define which model is included and where.
 _FRAMES, _OF_INCLUDES = ("link", "joint", "frame", "model"), ("uri", "name", "placement_frame")
 _ROTATIONS = ("euler_rpy", "quat_xyzw")
 
@@ -34,13 +34,13 @@ def is_true(text: str | None) -> bool:
 
 
 def base_of(element: ET.Element) -> str:
-    """Return the name of the frame relative to which an element is placed; empty if the element names none."""
+    """Return the name of the frame relative to which an element is placed; empty if the element does not name one."""
     pose = element.find("pose")
     return "" if pose is None else pose.get("relative_to") or pose.get("frame") or ""
 
 
 def expand(root: ET.Element, path: Path, folder: Path, depth: int = 0) -> tuple[list[Content], list[str]]:
-    """Replace includes with the models that they name; return what was included, and warnings about renamed joints.
+    """Replace includes with the models that they name; return the content found, and warnings about renamed joints.
 
     Raises:
         ModelFileError: The version is unknown, or an included model lies outside `folder` or is not a model.
@@ -81,7 +81,7 @@ def _included_file(path: Path, uri: str, folder: Path) -> Path:
 
 
 def _merge_include(include: ET.Element, root: ET.Element, file: Path) -> ET.Element:
-    """Return the only model of a file with the name, pose and further elements of its include."""
+    """Return the only model of a file, with the name, pose and further elements of its include."""
     models = root.findall("model")
     if len(models) != 1:
         raise ModelFileError(f"holds {len(models)} models, and is included as one", str(file), "let it hold one")
@@ -99,12 +99,12 @@ class Frame:
     """A link, joint, frame or model as a frame. All names are full names, except for the placement frame of a model.
 
     Attributes:
-        scope: Prefix of the names that it uses; `model`: the frame that these names call ``__model__``.
-        carrier: Frame with which it moves; for a link, the link itself.
-        base: Frame relative to which it is placed; empty for the world.
-        placed: Frame whose pose relative to `base` is given: the frame itself, except for models with a placement
-            frame.
-        still: Whether its model is static.
+        scope: Prefix of the names that the element uses.
+        model: Frame to which ``__model__`` refers in these names.
+        carrier: Frame with which the frame moves; for a link, the link itself.
+        base: Frame relative to which the frame is placed; empty for the world.
+        placed: Frame whose pose relative to `base` is given: the frame itself, or a model's placement frame.
+        still: True if the model of the frame is static.
     """
 
     element: ET.Element
@@ -116,7 +116,7 @@ class Frame:
     still: bool
 
     def named(self, name: str | None) -> str:
-        """Return the full name of a frame that the element refers to."""
+        """Return the full name of a frame to which the element refers."""
         name = (name or "").strip()
         return {"world": WORLD, "__model__": self.model}.get(name, f"{self.scope}{name}")
 
@@ -127,7 +127,7 @@ class Frames:
 
     Attributes:
         alone: Common prefix of the names if only one model moves.
-        poses: Full name -> pose in the world, available after `place`. Shape (4, 4) each.
+        poses: Full name -> world pose, available after `place`. Shape (4, 4) each.
     """
 
     where: str
@@ -136,7 +136,7 @@ class Frames:
     poses: dict[str, Array] = field(default_factory=dict)
 
     def add(self, owner: ET.Element, scope: str = "", model: str = WORLD, *, still: bool = False) -> None:
-        """Add all frames in a model, or in the world."""
+        """Add all frames in a model or in the world."""
         for e in (each for each in owner if each.tag in _FRAMES):
             own = name = f"{scope}{e.get('name', '')}"
             attached, tip = "__model__", e.get("placement_frame")
@@ -178,7 +178,7 @@ class Frames:
             raise ModelFileError(f"places the frame '{lost}' by itself", self.where, "place it by another frame")
 
     def key(self, name: str) -> str:
-        """Return the key of a frame in `by_name`; a model's name stands for the model's frame."""
+        """Return the key of a frame in `by_name`; the name of a model stands for the frame of that model."""
         model = f"{name}{OF}__model__"
         key = name if name in self.by_name or model not in self.by_name else model
         if key and key not in self.by_name:
@@ -190,7 +190,7 @@ class Frames:
         return name.removeprefix(self.alone)
 
     def at(self, name: str) -> Array:
-        """Return the pose of a frame in the world. Shape (4, 4)."""
+        """Return the world pose of a frame. Shape (4, 4)."""
         return self.poses[self.key(name)]
 
     def link(self, name: str) -> str:
@@ -226,7 +226,7 @@ class Frames:
 
 
 def _links_of(model: ET.Element) -> Iterator[str]:
-    """Yield the names of the links of a model in its own scope, those of nested models last."""
+    """Yield the names of a model's links in the model's scope; links of nested models come last."""
     yield from (link.get("name", "") for link in model.iterfind("link"))
     for nested in model.iterfind("model"):
         inner = "" if is_true(nested.get("merge")) else f"{nested.get('name')}{OF}"

@@ -1,7 +1,7 @@
-"""URDF: writes the tree of a mechanism, reads any text link by link, and edits it.
+"""Writes the tree of a mechanism as URDF, reads any URDF link by link, and edits its text.
 
-In written files a link's frame is the description's body frame, and the intermediate links of composite joints have no
-inertial. A file beside the URDF closes the loops: see `files.loops`.
+In written files, the frame of a link is the body frame of the description, and the intermediate links of composite
+joints lack an inertial. A separate file in the same folder closes the loops: see `files.loops`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rigid import inverse
 from screwgauge.reference.rotations import Array
 
-#: The part of the model files that includes it, see `screwgauge.models.generate`.
+#: Part of the model files that includes ``robot.yaml``, see `screwgauge.models.generate`.
 PART = "yaml"
 STRONG = 1e9
 
 
 def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
-    """Write the tree of a cut mechanism as URDF; its closures go to the loops file.
+    """Write the tree of a cut mechanism as URDF; the loops file contains the closures.
 
     Args:
         cut: ``minimal`` or ``full``.
@@ -82,7 +82,7 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
 
 
 def frame_link(link: Link) -> str:
-    """Return the name of the massless link at the joint's frame on the far body."""
+    """Return the name of the massless link at the frame of the joint on the far body."""
     return f"{link.original}@{link.joint.name}.frame"
 
 
@@ -117,22 +117,22 @@ def moments(I: Array) -> dict[str, str]:
     return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}
 
 
-#: Placements or directions that differ by less are equal [m or 1]: products of frames have errors of this size.
+#: Placements or directions that differ by less count as equal [m or 1]: products of frames have errors of this size.
 SAME = 1e-14
-#: Name of the joint of a floating base, the same as Pinocchio uses.
+#: Name of the joint of a floating base, as in Pinocchio.
 FLOATING = "root_joint"
-#: Coefficients of `<mimic>`, lowest first, with their defaults.
+#: Coefficients of `<mimic>` and their defaults, lowest degree first.
 _MIMIC = (("offset", 0.0), ("multiplier", 1.0))
-#: Property of a joint's reading -> element and attribute; limits have two attributes.
+#: Property in the reading of a joint -> element and attribute; limits have two attributes.
 JOINT = {"limits": ("limit", ""), "damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")}
 
 
 def check_tree(root: ET.Element, where: str) -> None:
-    """Refuse a URDF whose joints do not connect all its links into a tree.
+    """Reject a URDF whose joints do not connect all its links into a tree.
 
     Raises:
-        ModelFileError: A joint has no parent or child, a link is the child of two joints, or there is not exactly one
-            root.
+        ModelFileError: A joint lacks a parent or child, a link is the child of two joints, or the number of roots is
+            not one.
         UnknownNameError: A joint connects a missing link, or mimics a missing joint.
     """
     links = [link.get("name", "") for link in root.iterfind("link")]
@@ -167,13 +167,13 @@ def carried_link(joint: ET.Element) -> str:
 
 
 def root_link(root: ET.Element) -> str:
-    """Return the name of the root link of a URDF, which is the child of no joint."""
+    """Return the name of the root link of a URDF, which is not the child of any joint."""
     children = {carried_link(joint) for joint in root.iterfind("joint")}
     return next((link.get("name", "") for link in root.iterfind("link") if link.get("name") not in children), "")
 
 
 def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
-    """Return the couplings of mimicking joints by name; a joint that mimics a fixed one, which stays at 0, is held."""
+    """Return the couplings of mimicking joints by name; a joint that mimics a fixed joint is locked at its offset."""
     couplings = {}
     moving = {joint.get("name", ""): joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"}
     for name, joint in moving.items():
@@ -189,7 +189,7 @@ def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
     """Read a URDF and replace each fixed joint of a description with a hinge.
 
     Raises:
-        ModelFileError: The file cannot be read, or see `with_hinges`.
+        ModelFileError: The file cannot be read, or `with_hinges` rejects it.
     """
     return with_hinges(read_model(urdf), joints, str(urdf))
 
@@ -197,7 +197,7 @@ def tree_urdf(urdf: Path, joints: Iterable[Joint]) -> str:
 def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
     """Replace each fixed joint of a description with a hinge about the joint's z axis.
 
-    A coupling of the description keeps the hinge at rest.
+    A coupling of the description keeps the hinge at a constant angle.
 
     Raises:
         ModelFileError: The location of a fixed joint on the link that it carries differs from the description's.
@@ -255,7 +255,7 @@ def without_shapes(root: ET.Element) -> list[Content]:
 
 
 def links(xml: XmlText) -> list[TextLink]:
-    """List the links of a URDF, each after its parent; the first is the root.
+    """List the links of a URDF, parents first; the first entry is the root.
 
     Raises:
         DescriptionError: A joint names a missing link.
@@ -270,7 +270,7 @@ def links(xml: XmlText) -> list[TextLink]:
         towards.setdefault(ends[0], []).append(joint)
         children.add(ends[1])
     found = [TextLink(name, elements[name]) for name in elements if name not in children][:1]
-    for i, near in enumerate(found):  # the list grows meanwhile
+    for i, near in enumerate(found):  # the list grows during the loop
         near.matter, near.turn = _matter(near.element)
         for joint in towards.get(near.name, []):
             name = child.get("link") if (child := joint.find("child")) else ""
@@ -288,7 +288,7 @@ def origin(element: Element) -> Array:
 
 
 def _matter(link: Element) -> tuple[Matter, Array]:
-    """Return the mass properties of a link, and the orientation of the written tensor."""
+    """Return a link's mass properties, and the orientation of the frame in which the file gives the tensor."""
     inertial = link.find("inertial")
     if inertial is None:
         return NOTHING, np.eye(3)
@@ -315,15 +315,15 @@ def _set_origin(xml: XmlText, element: Element, T: Array) -> None:
 
 
 def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
-    """Set the axis of a joint, in the frame of its link; the axis passes through the link's origin."""
+    """Set the axis of a joint in the frame of its link; the axis passes through the origin of the link."""
     xml.set_in(joint, "axis", xyz=vector_text(axis))
 
 
 def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
-    """Set the mass properties of a link, writing only those that differ.
+    """Set the mass properties of a link; write only the properties that differ.
 
     Args:
-        plain: Write all of them, with the tensor in the axes of the link.
+        plain: Write all properties, with the tensor in the axes of the link.
     """
     inertial, old = link.element.find("inertial"), link.matter
     T = np.eye(4) if inertial is None or plain else origin(inertial)
@@ -360,7 +360,7 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
-    """Set the rule of a joint that mimics another joint."""
+    """Set the coefficients of a joint that mimics a second joint."""
     function = coupling.function
     if joint.find("mimic") is None or len(function.terms) > 1 or not function.linear:
         raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not one alone linearly")
@@ -369,22 +369,22 @@ def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
 
 
 def check_matter(xml: XmlText) -> None:
-    """Accept any URDF: its mass properties are always those written."""
+    """Accept any URDF: libraries use its mass properties unchanged."""
 
 
 def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
-    """Attach a link to another link."""
+    """Attach a link to a different link."""
     if link.mount is not None:
         xml.set_in(link.mount, "parent", link=near.name)
 
 
 def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
-    """Remove links with their joints."""
+    """Remove links and their joints."""
     for link in gone:
         xml.replace(link.element)
         if link.mount is not None:
             xml.replace(link.mount)
 
 
-#: Links that hung on the removed ones have been attached to others by now.
+#: The children of removed links have already been attached to other links.
 splice = drop

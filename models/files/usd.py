@@ -1,4 +1,4 @@
-"""Opens USD stages whose layers lie in their folder, and lists their physics as XML elements."""
+"""Opens USD stages whose layers lie in the folder of the stage, and lists their physics as XML elements."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ PACKAGE = ".usdz"
 AXES = "XYZ"
 #: Number of characters of a usd-core error message that are shown.
 _SAID = 160
-#: Prefixes of attributes that are not purely visual; after some of them, the name specifies a freedom.
+#: Prefixes of attributes that are not purely visual; after some of them, the name specifies a degree of freedom.
 _PHYSICS = ("physics", "physx", "newton", "mjc", "drive", "limit", "state", "omniphysics")
 _INSTANCES = ("drive", "limit", "state", "physxLimit", "physxMimicJoint", "physxJointAxis")
 
 
 def is_usd(path: Path) -> bool:
-    """True if a file has a suffix of USD."""
+    """True if a file has a USD suffix."""
     return path.suffix.lower() in USD
 
 
@@ -51,7 +51,7 @@ def stage_of(path: Path) -> Any:
                 continue
             seen.add(file.resolve())
             check_count(len(seen), "links", str(path))
-            digest(file)  # refuses anything but a regular file, and records what was read
+            digest(file)  # rejects all but regular files, and records that the file was read
             names = [] if file.suffix == PACKAGE else Sdf.Layer.FindOrOpen(str(file)).GetCompositionAssetDependencies()
             for name in filter(None, names):
                 other = inside(file, name, path.parent.resolve(), "references")
@@ -59,7 +59,7 @@ def stage_of(path: Path) -> Any:
                     raise ModelFileError(f"references '{name}', which does not exist", str(file), "put it there")
                 waiting.append(other)
         return Usd.Stage.Open(str(path))
-    except (Tf.ErrorException, AttributeError) as error:  # for a layer that is None, which cannot be read
+    except (Tf.ErrorException, AttributeError) as error:  # AttributeError: an unreadable layer is None
         words = " ".join(str(error).rpartition(" : '")[2].partition("matching pxr")[0].split()).strip("' ")
         said = words[:_SAID] if isinstance(error, Tf.ErrorException) else "no layer"
         raise ModelFileError(f"cannot be read as USD ({said})", str(path), "correct the file") from None
@@ -75,14 +75,14 @@ def prims(top: Any) -> Iterator[Any]:
 
 
 def is_joint(prim: Any) -> bool:
-    """True for a joint, and for a prim of an unknown type whose name ends in Joint."""
+    """True for a joint, and for a prim of an unknown type whose type name ends in ``Joint``."""
     from pxr import UsdPhysics
 
     return bool(prim.IsA(UsdPhysics.Joint)) or str(prim.GetTypeName()).endswith("Joint")
 
 
 def names_of(some: list[Any]) -> list[str]:
-    """Return the names of prims; names that occur several times are replaced by full paths."""
+    """Return the names of prims; replace names that occur several times by full paths."""
     short = [prim.GetName() for prim in some]
     return [
         n if short.count(n) == 1 else str(p.GetPath())[1:].replace("/", ".") for n, p in zip(short, some, strict=True)
@@ -99,13 +99,14 @@ def value(prim: Any, name: str, default: Any = None) -> Any:
 
 
 def numbers(prim: Any, *names: str, default: Sequence[float]) -> Array:
-    """Return the numbers of the first attribute that has a value; 32-bit numbers are read from their shortest decimals.
+    """Return the numbers of the first attribute that has a value; round 32-bit values to their shortest decimals.
 
     Args:
-        default: Values to use if no attribute has one; if one is infinite, values of the file may be, too. Shape (n,).
+        default: Values to use if no attribute has a value; infinite values in the file are accepted only if a default
+            is infinite. Shape (n,).
 
     Raises:
-        ModelFileError: The value is not that many numbers.
+        ModelFileError: The value does not consist of n numbers, or a number is not finite where it must be.
     """
     for name in names:
         if (found := value(prim, name)) is not None and np.size(found):
@@ -126,7 +127,7 @@ def axis_of(prim: Any, name: str, default: str) -> str:
     """Return the axis ``X``, ``Y`` or ``Z`` that an attribute names.
 
     Raises:
-        UnknownNameError: The attribute has another value.
+        UnknownNameError: The attribute has a different value.
     """
     found = str(value(prim, name, default))
     if found not in AXES:
@@ -141,7 +142,7 @@ def triangles_of(prim: Any, n: int) -> Array:
         n: Number of points of the mesh.
 
     Raises:
-        ModelFileError: Faces refer to missing points.
+        ModelFileError: A face refers to a missing point, or the face counts do not match the indices.
     """
     corners, counts = (np.array(value(prim, f"faceVertex{what}", ()), dtype=int) for what in ("Indices", "Counts"))
     if counts.sum() != len(corners) or counts.min(initial=0) < 0 or not ((corners >= 0) & (corners < n)).all():
@@ -154,7 +155,7 @@ def triangles_of(prim: Any, n: int) -> Array:
 
 
 def elements(stage: Any) -> ET.Element:
-    """Convert prims with authored physics to elements: body, joint, collider, material, scene, prim."""
+    """Convert prims with authored physics to elements: body, joint, collider, material, scene or prim."""
     from pxr import UsdPhysics
 
     default = stage.GetDefaultPrim()
@@ -179,5 +180,5 @@ def elements(stage: Any) -> ET.Element:
 def _without_instance(name: str) -> str:
     """Replace the instance in the name of an attribute: ``drive:angular:physics:stiffness`` -> ``drive:*:...``."""
     first, *rest = name.split(":")
-    known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # limits of distance joints are not read
+    known = first in _INSTANCES and len(rest) > 1 and rest[0] != "distance"  # limits of distance joints are ignored
     return ":".join([first, "*", *rest[1:]]) if known else name

@@ -1,4 +1,4 @@
-"""Handles untrusted XML: parses it, checks its numbers, locates its elements and edits its text."""
+"""Parses untrusted XML, checks its numbers, locates its elements and edits its text."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def parse(path: Path) -> ET.Element:
         raise ModelFileError(f"is not a model: not well-formed XML ({error})", str(path), "correct the file") from None
 
 
-#: Attributes that hold text, even if it looks like a number.
+#: Attributes that are strings, even if the value looks like a number.
 _TEXT = ("name", "link", "class", "childclass", "filename", "file", "model")
 #: Attributes that may be infinite: limits.
 _UNLIMITED = re.compile("lower|upper|effort|velocity|.*range")
@@ -59,7 +59,7 @@ _NAN, _INFINITE = re.compile(r"[+-]?nan(\(.*\))?"), re.compile("[+-]?inf(inity)?
 
 
 def check_numbers(root: ET.Element, where: str) -> None:
-    """Refuse attributes that are NaN, and attributes other than limits that are infinite.
+    """Reject attributes that are NaN, and infinite attributes that are not limits.
 
     Raises:
         ModelFileError: The file has such an attribute.
@@ -74,7 +74,7 @@ def check_numbers(root: ET.Element, where: str) -> None:
 
 
 def number(element: ET.Element, attribute: str, default: float, where: str) -> float:
-    """Return an attribute as a number, or the default if it is missing.
+    """Return an attribute as a number, or the default if the attribute is missing.
 
     Raises:
         ModelFileError: The value is not a finite number.
@@ -120,15 +120,15 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def get(self, name: str, default: str = "") -> str:
-        """Return an attribute as read, without later changes."""
+        """Return an attribute as it was read, without later changes."""
         return self.attributes.get(name, default)
 
     def find(self, tag: str) -> Element | None:
-        """Return the first child with a tag."""
+        """Return the first child with the given tag, or None."""
         return next((child for child in self.children if child.tag == tag), None)
 
     def iter(self, *tags: str) -> Iterator[Element]:
-        """Yield the element and all its descendants with one of these tags (any by default), in text order."""
+        """Yield the element and all its descendants that have one of the given tags (any by default), in text order."""
         waiting = [self]
         while waiting:
             element = waiting.pop()
@@ -141,8 +141,8 @@ class XmlText:
     """An XML text and the pending edits.
 
     Attributes:
-        root: Its outermost element.
-        spell: Maps the value of an attribute to its written form.
+        root: Outermost element.
+        spell: Function that maps the value of an attribute to the string to write.
     """
 
     root: Element
@@ -191,7 +191,7 @@ class XmlText:
             raise DescriptionError(f"is not well-formed XML ({error})", where, "correct the file") from None
 
     def _stop(self, start: int) -> int:
-        """Return the end of a start tag; its attributes may contain any character except their own quote and ``<``."""
+        """Return the end of a start tag; an attribute may contain any character except its own quote and ``<``."""
         at = start
         while self._text[at] != ">":
             at = self._text.index(self._text[at], at + 1) + 1 if self._text[at] in "\"'" else at + 1
@@ -210,7 +210,7 @@ class XmlText:
         self.put(element, f"<{tag}{''.join(f' {name}={quoteattr(value)}' for name, value in values.items())}/>")
 
     def set_in(self, element: Element, tag: str, **values: str) -> None:
-        """Set attributes of the first child with a tag, adding the child if it is missing."""
+        """Set attributes of the first child with a tag; add the child if it is missing."""
         child = element.find(tag)
         if child is not None:
             self.set(child, **values)
@@ -218,7 +218,7 @@ class XmlText:
             self.add(element, tag, **values)
 
     def put(self, element: Element, text: str) -> None:
-        """Insert an element, given as text, as the first child."""
+        """Insert an element, given as XML text, as the first child."""
         spelled = re.sub(r'"([^"]*)"', lambda value: f'"{self.spell(value[1])}"', text)
         self._inserted.setdefault(element, []).append(spelled)
 
@@ -240,7 +240,7 @@ class XmlText:
             edits.append((element.start, element.stop, self._start_tag(element)))
         out, at = list[str](), 0
         for start, stop, new in sorted(edits, key=lambda edit: (edit[0], -edit[1])):
-            if start >= at:  # otherwise the edit lies in an element that was replaced
+            if start >= at:  # skip edits inside a replaced element
                 out += [self._text[at:start], new]
                 at = stop
         return "".join([*out, self._text[at:]])
@@ -282,14 +282,15 @@ class TextLink:
     """A link of a URDF or a body of an MJCF.
 
     Attributes:
-        element: Its element in the text.
-        near: Index of its parent link; -1 for the ground itself.
-        joints: Name -> element of each joint that moves it relative to `near`, from the parent outwards.
-        mount: The element that holds its placement: the joint of a URDF, the body of an MJCF.
-        frame: Its pose in the world at the file's initial coordinates. Shape (4, 4).
-        matter: Its mass properties in its frame; None where the file derives them from geoms.
-        turn: Orientation of the axes of the written inertia tensor. Shape (3, 3).
-        base: Pose in `near` of the frame relative to which `mount` is placed; differs for MJCF bodies in a ``<frame>``.
+        element: Element of the link in the text.
+        near: Index of the parent link; -1 for the ground itself.
+        joints: Name -> element of each joint that moves the link relative to `near`, from the parent outwards.
+        mount: Element that defines the placement of the link: the joint of a URDF, the body of an MJCF.
+        frame: World pose at the file's initial coordinates. Shape (4, 4).
+        matter: Mass properties in the frame of the link; None if the file derives them from geoms.
+        turn: Orientation of the axes in which the file gives the inertia tensor. Shape (3, 3).
+        base: Pose of the frame relative to which `mount` is placed, in `near`; not the identity for MJCF bodies in a
+            ``<frame>``. Shape (4, 4).
     """
 
     name: str

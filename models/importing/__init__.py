@@ -9,7 +9,7 @@ USD = (".usd", ".usda", ".usdc", ".usdz")
 SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world", *USD)
 #: Entry of ``allow`` that permits computing mass and inertia from meshes.
 MESHES = "meshes"
-#: Suffixes of files from which models are generated; they are recognised in order to report this.
+#: Suffixes of files from which models are generated; they are recognised so that the error message can say so.
 SOURCES = (".xacro",)
 
 

@@ -1,4 +1,4 @@
-"""Finds a home pose with closed loops, the independent coordinates there, and the driven joints."""
+"""Finds a home pose with closed loops, independent coordinates at that pose, and the driven joints."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ FREE = (-float("inf"), float("inf"))
 def assemble(
     reading: Reading, where: str, keyframes: Mapping[str, Mapping[str, float]]
 ) -> tuple[Reading, tuple[str, ...]]:
-    """Find a closed home near the file's own, within limits and well conditioned if such a pose exists.
+    """Find a closed home pose near the file's own; it is within limits and well conditioned if possible.
 
     Args:
-        keyframes: See `homes.chosen`.
+        keyframes: See `homes.choose_home`.
 
     Returns:
-        The reading with that home, and sentences on the coordinates that moved and why.
+        The reading with that home pose, and sentences on which coordinates moved and why.
 
     Raises:
-        ClosureError: Some loops do not close from any start.
+        ClosureError: A loop does not close from any start.
     """
     loops = Loops(tree_of(reading))
     home, why = choose_home(loops, keyframes, where)
@@ -70,22 +70,22 @@ def _sentences(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, .
     return tuple(sentences)
 
 
-#: A preferred coordinate is chosen while this share of its motion is independent of those already chosen; for a driven
-#: coordinate, whose stroke may be short compared with the machine, the share is relative to its own stroke. A driven
-#: coordinate that moves less at home is at a dead centre.
+#: A preferred coordinate is chosen if more than this share of its motion is independent of already chosen coordinates;
+#: for a driven coordinate, whose stroke may be short compared with the machine, the share is relative to its own
+#: stroke. A driven coordinate that moves less than the third value at home is at a dead centre.
 PREFERRED, OWN_SHARE, DEAD = 0.05, 1e-3, 1e-6
 
 
-#: Singular values of the loop equations below this are probably zeros obscured by rounding in the file.
+#: Singular values of the loop equations below this value are probably zeros obscured by rounding in the file.
 HIDDEN = 1e-4
 
 
-#: Remedy suggested for such values.
+#: Remedy to suggest for such values.
 FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
 
 
 def rounding_sentence(hidden: Array) -> str:
-    """Explain how many loop equations are independent only because of rounding."""
+    """State how many loop equations are independent only because of rounding."""
     return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
 
@@ -93,8 +93,8 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
     """Compute the dimensionless motions that the loops allow at home.
 
     Returns:
-        Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are nearly,
-        but not exactly, redundant.
+        Orthonormal basis of admissible joint velocities, shape (n_q, k); and the small singular values, which belong to
+        equations that are nearly, but not exactly, redundant.
     """
     at = loop_equations(layout(replace(mechanism, independent={}))).closed(mechanism.home[None])
     G = at.system.A[0]
@@ -116,8 +116,8 @@ def choose(
         independent: Label -> coordinate, as chosen by the user.
 
     Raises:
-        DescriptionError: The loops consist of coupled joints only, nothing moves, or the chosen coordinates do not
-            determine the motion.
+        DescriptionError: The loops consist of coupled joints only, the mechanism cannot move, or the chosen coordinates
+            do not determine the motion.
     """
     check_connected(mechanism, where)
     K, hidden = motions(mechanism)
@@ -152,7 +152,7 @@ DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
-    """Return the columns of coordinates in order of preference: free joints, driven joints, simple joints, others."""
+    """Return columns of coordinates in order of preference: free joints, driven joints, simple joints, remaining."""
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
@@ -163,7 +163,7 @@ def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]
 
 
 def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
-    """Select independent rows, early tiers first, with rank-revealing QR (modified Gram-Schmidt with pivoting).
+    """Select independent rows, early tiers first, by rank-revealing QR (modified Gram-Schmidt with pivoting).
 
     Rows of the tier `DRIVEN` are compared relative to their own length. Shape (n, k) -> k rows, ascending.
     """
@@ -175,7 +175,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
         while len(chosen) < K.shape[1] and candidates:
             sizes = np.linalg.norm(rest[candidates], axis=1)
             shares = sizes / strokes[candidates] if i == DRIVEN else sizes
-            best = int(np.argmax(np.round(shares, 9)))  # the first one in case of a tie
+            best = int(np.argmax(np.round(shares, 9)))  # the first row in case of a tie
             if not shares[best] > least:
                 break
             row = candidates.pop(best)
@@ -186,7 +186,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
 
 
 def _passed_sentence(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
-    """List the driven coordinates that are not independent, with reasons; empty if all are independent."""
+    """List the driven coordinates that are not independent, and why; return an empty string if all are independent."""
     followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
         reason = "at a dead centre at home"

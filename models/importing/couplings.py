@@ -1,4 +1,4 @@
-"""Chooses the dependent joint of each coupling: not a driven joint, no joint twice, and no cycles."""
+"""Chooses the dependent joint of each coupling; avoids driven joints, repeated joints and cycles."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from screwgauge.reference.couplings import PolynomialSum, circle
 from screwgauge.reference.rotations import Array
 
 Couplings = Mapping[str, CouplingReading]
-#: Costs of making a joint dependent: it differs from the file's choice, it drives the machine, it cannot depend.
+#: Costs of making a joint dependent that differs from the file's choice, drives the machine, or cannot be dependent.
 _OTHER, _LEADS, _CANNOT = 1.0, 1e3, 1e9
-#: Coefficients below this share of the largest are rounding errors of zero.
+#: Coefficients below this share of the largest coefficient are rounding errors of zero.
 _NOTHING = 1e-12
 
 
 def solve_couplings(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
-    """Solve couplings for other joints where the file's choice cannot depend or drives the machine; report the changes.
+    """Solve couplings for a different joint if the file's choice cannot depend or drives the machine; report changes.
 
     Args:
-        leading: Joints that should not depend on others: driven and independent joints.
+        leading: Joints that should not depend on other joints: driven and independent joints.
     """
     if not couplings:
         return couplings, []
@@ -42,7 +42,7 @@ def _leads(couplings: Couplings) -> dict[str, Collection[str]]:
 
 
 def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
-    """Solve each coupling for a different one of its joints; None if this is impossible."""
+    """Solve each coupling for a joint of its own; return None if this is impossible."""
     from scipy.optimize import linear_sum_assignment
 
     joints = list(dict.fromkeys(joint for one in couplings.values() for joint in one.named))
@@ -61,7 +61,7 @@ def _solve_each(couplings: Couplings, leading: Collection[str]) -> Couplings | N
 
 
 def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:
-    """Solve linear couplings together for joints that depend on independent joints; drop redundant couplings."""
+    """Solve linear couplings together such that dependent joints depend on independent ones; drop redundant ones."""
     linear = [name for name, one in couplings.items() if one.function.linear]
     kept = {one.joint for one in couplings.values() if not one.function.linear}
     joints = list(dict.fromkeys(joint for name in linear for joint in couplings[name].named))
@@ -83,14 +83,14 @@ def _solve_linear(couplings: Couplings, leading: Collection[str]) -> Couplings:
 
 
 def _reduce(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
-    """Bring rows to reduced echelon form in place, with the largest entry of the highest rank as each pivot.
+    """Reduce rows to echelon form in place; each pivot is the largest entry in a column of the highest rank.
 
     Args:
-        system: Equations, with a constant in the last column. Shape (m, n + 1).
-        ranks: Rank of each column but the last.
+        system: Equations; the last column has the constants. Shape (m, n + 1).
+        ranks: Rank of each column except the last.
 
     Returns:
-        Column of each row's pivot; -1 for a row that vanishes.
+        Pivot column of each row; -1 for a row that vanishes.
     """
     pivots = []
     sizes = np.abs(system[:, :-1]).max(axis=1)

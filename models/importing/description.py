@@ -1,4 +1,4 @@
-"""Writes descriptions with a solved home, keeping the user's text where possible."""
+"""Writes descriptions with a solved home pose, keeping the user's text where possible."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from screwgauge.models.importing.model import Imported, description
 from screwgauge.reference.files import is_path, read_file
 from screwgauge.reference.rotations import Array
 
-#: Patterns for the text before a joint's home, or before the position where it can be inserted, in each way of writing
-#: a table; the first group is kept.
+#: Patterns, for each way of writing a table, of the text before a joint's ``home`` entry or before the position where
+#: that entry can be inserted; the first group is kept.
 _HOME = r"[ \t]*\[[^\[\]]*\]"
 _PLACES = (
     (rf"(^[ \t]*\[[ \t]*joints[ \t]*\.[ \t]*{{0}}[ \t]*\](?:(?!^[ \t]*\[).)*?^[ \t]*home[ \t]*=){_HOME}", " {}"),
@@ -32,7 +32,7 @@ def import_description(path: Path) -> tuple[Imported, str]:
     """Load a description with a home pose that closes its loops; return the mechanism and its text.
 
     Raises:
-        ScrewgaugeError: The file is not a description, or no pose closes its loops.
+        ScrewgaugeError: The file is not a description, or its loops do not close at any pose.
     """
     mechanism, written = load_mechanism(path), load_mechanism(path, closed=False)
     pairs = zip(mechanism.joints, written.joints, strict=True)
@@ -52,7 +52,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
     """Replace the homes of joints in the text of a description; return None if the text cannot be kept."""
     text = read_file(path)
     tables = tomllib.loads(text)
-    if is_path(str(tables.get("extends", ""))):  # the name may refer to another file from another folder
+    if is_path(str(tables.get("extends", ""))):  # the relative path may not be valid in a different folder
         return None
     wanted = deepcopy(tables)
     for name, home in homes.items():
@@ -65,7 +65,7 @@ def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
 
 
 def _texts(text: str, name: str, home: str) -> Iterator[str]:
-    """Yield texts with the home of a joint at each possible location, finally in a table of its own."""
+    """Yield texts with the home of a joint at each possible location; the last text adds a separate table."""
     quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
     for place, new in _PLACES:
         for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):

@@ -1,4 +1,4 @@
-"""Finds poses that close all loops of a reading, and chooses the best of them as home."""
+"""Finds poses that close all loops of a reading, and chooses the best pose as home."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import equations, stepped
 from screwgauge.witness.tree import TreeStates
 
-#: Number of Newton starts near home, and their largest distance from it [rad or lengths of the model]; every second
-#: start is followed by one anywhere within the limits.
+#: Number of Newton starts near home, and their largest distance from home [rad or lengths of the model]; every second
+#: start is followed by a start anywhere within the limits.
 STARTS, FARTHEST, EVERY = 40, np.pi, 2
-ENOUGH = 8  # closed poses within limits, if none is well conditioned
-#: Largest residual of loops that count as closed in a file with few digits [rad or lengths]; the rest is its rounding.
+ENOUGH = 8  # number of closed poses within limits to find, if none is well conditioned
+#: Largest residual of loops that count as closed in a file with few digits [rad or lengths]; it is due to rounding.
 ROUNDING = 1e-5
-#: Smallest singular value of the loop equations that counts as regular; below the second value an equation is
+#: Smallest singular value of the loop equations that counts as regular; below the second value, an equation counts as
 #: redundant.
 REGULAR, REDUNDANT = 2e-3, 1e-8
-#: Smallest singular value that counts as well conditioned: rounding of these equations is multiplied by the cube of its
-#: inverse on the way to accelerations and then stays below 1e-11, the tolerance to which engines are compared.
+#: Smallest singular value that counts as well conditioned: accelerations contain rounding errors of these equations,
+#: multiplied by the cube of its inverse; they stay below 1e-11, the tolerance to which engines are compared.
 WELL = float(np.cbrt(ROUNDED * EPS / 1e-11))
-#: Margin of coordinates to their limits, as a share of the range and at most [rad]: a motion needs some.
+#: Margin between coordinates and their limits, as a share of the range, and its maximum [rad]: a motion needs room.
 MARGIN, ROOM = 0.15, 0.3
 CENTRINGS = 40
 #: Number of closures or joints that a sentence names.
@@ -41,13 +41,13 @@ class Home:
     """A closed pose.
 
     Attributes:
-        start: Where the search for it began, as text.
+        start: Name of the starting pose of the search.
         q: Coordinates. Shape (n_coordinate,).
         error: Largest residual of the loop equations [rad or lengths of the model].
         rank: Rank of the loop equations.
-        least: Their smallest singular value, ignoring redundant equations; infinite without loops.
+        least: Smallest singular value of the loop equations, ignoring redundant equations; infinite without loops.
         beyond: Joints outside their limits.
-        distance: Dimensionless distance from the file's own home; hinges and slides only.
+        distance: Dimensionless distance of hinges and slides from the file's own home.
     """
 
     start: str
@@ -64,7 +64,7 @@ class Home:
         return not self.beyond and self.least > WELL
 
     def key(self) -> tuple[int, bool, int, float, float]:
-        """Sort key, smallest for the best home."""
+        """Return a sort key, which is smallest for the best home pose."""
         singular = self.least <= REGULAR
         return -self.rank, singular, len(self.beyond), -min(self.least, WELL), self.distance
 
@@ -73,13 +73,13 @@ def choose_home(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], wher
     """Choose the best closed pose: regular, within limits, well conditioned, near; the file's own if it is closed.
 
     Args:
-        keyframes: Further poses in the file, name -> joint -> coordinate [rad or m].
+        keyframes: Further poses in the file: name -> joint -> coordinate [rad or m].
 
     Returns:
-        The pose, and why it is not the closed pose nearest to the file's own home, as sentences.
+        The pose, and sentences that explain why it is not the closed pose nearest to the file's own home.
 
     Raises:
-        ClosureError: Some loops do not close from any start.
+        ClosureError: A loop does not close from any start.
     """
     homes, nearest, tried = list[Home](), (loops.home, np.inf), 0
     for start, begin in starts(loops, keyframes):
@@ -119,7 +119,7 @@ def _reasons(best: Home, homes: Sequence[Home]) -> Iterator[str]:
 
 
 def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
-    """Yield named starting coordinates for closing the loops; joints on no loop stay at home."""
+    """Yield named starting coordinates for closing the loops; joints outside loops stay at home."""
     yield OWN, loops.home
     for name, pose in keyframes.items():
         q = loops.home.copy()
@@ -140,7 +140,7 @@ def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterat
 
 
 def _interpolate(loops: Loops, names: Sequence[str], share: Array) -> Array:
-    """Return home with some joints moved to a fraction of the range between their limits. `share`: shape (n,)."""
+    """Return home with the named joints moved to a fraction of the range between their limits. `share`: shape (n,)."""
     q = loops.home.copy()
     for name, part in zip(names, share, strict=True):
         low, high = loops.reading.joints[name].limits
@@ -203,7 +203,7 @@ def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
         if np.abs(wish).max() < 1e-6:
             break
         trial, left = loops.newton(loops.stepped(q, wish))
-        # within limits, a good condition is worth more than the margin, but at a limit nothing moves
+        # within limits, good conditioning outweighs the margin, but a joint at a limit cannot move
         floor = REGULAR if _is_at_limit(loops, q) else min(least, WELL)
         worse = rank and _rank(loops, trial)[1] < floor
         if not left <= max(error, 1e-9) or worse or _lack(loops, trial) >= _lack(loops, q):
@@ -213,7 +213,7 @@ def _centre(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
 
 
 def _wish(loops: Loops, q: Array) -> Array:
-    """Return the dimensionless step that would give all coordinates their margin to the limits. Shape (n,)."""
+    """Return the dimensionless step that would give all coordinates the required margin to their limits. Shape (n,)."""
     wish = np.zeros(len(loops.size))
     for name, x in loops.values(q).items():
         joint = loops.reading.joints[name]
@@ -230,13 +230,13 @@ def _lack(loops: Loops, q: Array) -> float:
     return float(np.linalg.norm(_wish(loops, q)))
 
 
-#: Largest residual of a closed loop [rad or lengths of the model]; descriptions are checked to 1e-9.
+#: Largest residual of a closed loop [rad or lengths of the model]; descriptions are only checked to 1e-9.
 CLOSED = 1e-11
-MINOR = 1e-3  # share of a gap below which the part in the other unit is not mentioned
+MINOR = 1e-3  # share of a gap below which its part in the second unit (rad or m) is not mentioned
 STEPS = 100
-STUCK = 8  # steps without an improvement of 1 %, after which the iteration stops
+STUCK = 8  # number of steps without an improvement of 1 % after which the iteration stops
 LARGEST = 0.4  # step [rad or lengths]
-LATEST = 8  # number of poses whose equations are cached: evaluating a step asks for them again
+LATEST = 8  # number of poses whose equations are cached: evaluating a step needs them again
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +244,7 @@ class Loops:
     """The loop equations of a tree, in lengths of the model; coordinates have shape (n_coordinate,).
 
     Attributes:
-        held: Joints that are held at home.
+        held: Joints that are locked at home.
     """
 
     tree: ReadingTree
@@ -257,7 +257,7 @@ class Loops:
 
     @cached_property
     def home(self) -> Array:
-        """Coordinates in the home pose."""
+        """Coordinates at the home pose."""
         return np.asarray(home(self.reading).q[0])
 
     def values(self, q: Array) -> dict[str, float]:
@@ -288,7 +288,7 @@ class Loops:
 
     @cached_property
     def free(self) -> Array:
-        """Mask of velocities: 0 for held joints, 1 for others. Shape (n_freedom,)."""
+        """Mask of velocities: 0 for locked joints, 1 for all others. Shape (n_freedom,)."""
         free = np.ones(len(self.size))
         for name in self.held:
             free[self.tree.freedoms[name]] = 0.0
@@ -296,7 +296,7 @@ class Loops:
 
     @cached_property
     def closing(self) -> Array:
-        """Mask of velocities: 1 for free joints in a loop or coupling, 0 for others. Shape (n_freedom,)."""
+        """Mask of velocities: 1 for free joints in a loop or coupling, 0 for all others. Shape (n_freedom,)."""
         moves = dict(zip(self.reading.bodies, self.tree.moves, strict=True))
         out, still = np.zeros(len(self.size)), np.zeros(len(self.size))
         for closure in self.reading.closures.values():
@@ -312,7 +312,7 @@ class Loops:
         return dict(zip(self.units, np.split(self.system(q)[0], ends[:-1]), strict=True)) if self.units else {}
 
     def gaps(self, q: Array, least: float) -> list[str]:
-        """Describe the gap of each open closure and coupling as text, the widest first."""
+        """Describe the gap of each open closure and coupling as text, widest gap first."""
         widest_first = sorted(self.residuals(q).items(), key=lambda entry: -np.abs(entry[1]).max())
         return [self._gap(name, r) for name, r in widest_first if np.abs(r).max() > least]
 
@@ -346,14 +346,14 @@ class Loops:
         return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
-        """Return the coordinates after a dimensionless step of all velocities, shape (n_freedom,)."""
+        """Return the coordinates after a dimensionless step, shape (n_freedom,), along all velocities."""
         return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
-        """Close the loops from given coordinates, taking the shortest steps (Levenberg-Marquardt).
+        """Close the loops from given coordinates with the shortest steps (Levenberg-Marquardt).
 
         Returns:
-            The coordinates reached and their largest residual.
+            Final coordinates and their largest residual.
         """
         r, J = self.system(q)
         damping, stuck = 1e-3, 0

@@ -1,4 +1,4 @@
-"""Converts links of a machine to joints of a description: R, P, and U, S, C, F where axes meet exactly."""
+"""Converts links of a machine to joints of a description: R and P, or U, S, C and F where axes meet exactly."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
-#: Largest cosine between orthogonal axes, and largest distance of meeting axes as a share of the length; descriptions
-#: are checked to 1e-12.
+#: Largest cosine between orthogonal axes, and largest distance between intersecting axes as a share of the length;
+#: descriptions are only checked to 1e-12.
 RIGHT, MEET = 1e-13, 1e-14
-#: Names of joints with several freedoms.
+#: Names of joints with several degrees of freedom.
 COMPOSITE = {"S": "a ball joint", "U": "a universal joint", "C": "a cylindrical joint", "F": "a free joint"}
-#: Entries of unit vectors and rotations below this are rounding errors of zero.
+#: Entries of unit vectors and rotations below this value are rounding errors of zero.
 NOTHING = 4e-16
-#: Value of the missing limit of a joint that has only one [rad, m].
+#: Value of the missing limit of a joint with only one limit [rad, m].
 FAR = 1e10
-#: Sine of a spherical joint's second angle at home above which its axes are nearly coplanar; at 1 they lie in a plane.
+#: Sine of a spherical joint's second angle at home above which the axes are nearly coplanar; at 1 they are coplanar.
 STEEP = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Consecutive freedoms of a link, hinges or slides, that form one joint.
+    """Consecutive hinges or slides of a link that form one joint.
 
     Attributes:
         kind: One of `KINDS`.
-        freedoms: Name -> freedom, from the near body outwards.
+        freedoms: Name -> hinge or slide, from the near body outwards.
         point: Intersection of all axes. Shape (3,).
-        name: Name of the joint; empty if it takes the name of its freedoms.
+        name: Name of the joint; empty if the joint takes the name of its hinges and slides.
     """
 
     kind: str
@@ -48,12 +48,12 @@ class Group:
 
     @property
     def axes(self) -> tuple[JointReading, ...]:
-        """All freedoms."""
+        """All hinges and slides of the group."""
         return tuple(self.freedoms.values())
 
 
 def prune(machine: Machine, followed: Collection[str]) -> Machine:
-    """Remove massless bodies that carry nothing, except those of joints on which couplings depend."""
+    """Remove massless bodies that do not carry other bodies, unless couplings depend on their joints."""
     bodies, links, remarks = dict(machine.bodies), list(machine.links), list(machine.remarks)
     while True:
         bare = [name for name, body in bodies.items() if name != GROUND and not body.local.mass]
@@ -83,9 +83,9 @@ def graph_of(reading: Reading) -> Machine:
 def groups(
     link: Link, machine: Machine, driven: Collection[str], coupled: Collection[str]
 ) -> tuple[list[Group], list[str]]:
-    """Group the freedoms of a link into joints of a description; report which composite joints were divided.
+    """Group the degrees of freedom of a link into joints of a description; report divided composite joints.
 
-    Driven freedoms stay separate, and coupled freedoms do not become part of S and F.
+    Driven hinges and slides stay separate, and coupled ones do not become part of S and F joints.
     """
     out, remarks, i = list[Group](), list[str](), 0
     while i < len(link.elements):
@@ -110,12 +110,12 @@ def groups(
 
 
 def _single(part: tuple[Element, ...]) -> bool:
-    """True if every element is a joint of one freedom."""
+    """True if every element is a joint with one degree of freedom."""
     return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 
 def _single_joint(element: Element, link: Link, machine: Machine) -> Group:
-    """Make a single element a joint of its own: hinge, slide, ball, free joint, or a freedom of closures."""
+    """Make a single element a separate joint: hinge, slide, ball, free joint, or the hinge that closures form."""
     name = element.joint or pin_name(element.closures)
     if FREEDOMS[element.kind] > 1:
         kind = "S" if element.kind == "ball" else "F"
@@ -138,7 +138,7 @@ def _freedoms(part: Iterable[Element], reading: Reading) -> dict[str, JointReadi
 
 
 def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Merge consecutive freedoms into one joint of a description, or return the reason why this is impossible."""
+    """Merge consecutive hinges and slides into one joint of a description, or return why this is impossible."""
     freedoms, length = _freedoms(part, machine.reading), machine.length
     axes = [*freedoms.values()]
     if kind == "F":
@@ -159,7 +159,7 @@ def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group 
 
 
 def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machine: Machine) -> Group | str:
-    """Build a free joint from three perpendicular slides and a ball, or return the reason why this is impossible."""
+    """Build a free joint from three perpendicular slides and a ball, or return why this is impossible."""
     axes = [*freedoms.values()]
     E = np.array([axis.direction for axis in axes[:3]])
     serial = [axis.kind == "hinge" for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
@@ -170,7 +170,7 @@ def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machi
 
 
 def _from_home(names: Iterable[str], point: Array) -> Group:
-    """Build a spherical joint whose angles count from home, since its own axes are nearly in gimbal lock there."""
+    """Build a spherical joint with angles measured from home, where the original axes are nearly in gimbal lock."""
     axes = zip(names, np.eye(3), strict=True)
     return Group("S", {f"{n}.from-home": JointReading("hinge", screw(True, e, point), point) for n, e in axes}, point)
 
@@ -180,10 +180,10 @@ def _orthogonal(E: Array) -> bool:
 
 
 def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
-    """Return the axes at zero coordinates, in the axes of the joint's child at home, and the total rotation.
+    """Return the joint axes at zero coordinates, in the axes of the child at home, and the total rotation.
 
-    In the serial product of rotations the last axis is expressed in the child; each earlier axis is expressed in the
-    frame that results when the rotations after it are undone.
+    In the serial product of rotations, the last axis is expressed in the child frame; each earlier axis is expressed in
+    the frame that results from undoing the subsequent rotations.
     """
     E, P = np.empty((len(axes), 3)), np.eye(3)
     for i in reversed(range(len(axes))):
@@ -211,10 +211,10 @@ def frame(pose: Array, R: Array, point: Array, length: float) -> Frame:
 
 
 def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Array], length: float) -> Joint:
-    """Build a joint of a description; its coordinates and their values are those of the freedoms.
+    """Build a joint of a description with the coordinates and home values of the grouped hinges and slides.
 
     Args:
-        near, far: The bodies that it connects, and their poses. Shape (4, 4).
+        near, far: Bodies that the joint connects, and their poses. Shape (4, 4).
     """
     (parent, before), (child, behind) = near, far
     R = behind[:3, :3]
@@ -241,7 +241,7 @@ def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Arra
 
 
 def bounds(limits: tuple[float, float]) -> tuple[float, float]:
-    """Convert limits to those of a description: both finite, or both infinite."""
+    """Convert limits to the form of a description: both finite or both infinite."""
     low, high = limits
     if not low < high or np.isinf(limits).all():
         return -np.inf, np.inf
@@ -249,10 +249,10 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
 
 
 def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
-    """Build a ball (S) or free joint (F) with zero angles at home; a free joint has the axes of its parent.
+    """Build a ball (S) or free joint (F) with zero angles at home; the axes of a free joint are its parent's.
 
     Args:
-        near, far: Poses of the bodies that it connects. Shape (4, 4).
+        near, far: Poses of the bodies that the joint connects. Shape (4, 4).
     """
     R = (near if kind == "F" else far)[:3, :3]
     home = near[:3, :3].T @ (point - near[:3, 3])
@@ -280,7 +280,7 @@ def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...
 
 
 def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
-    """Describe the omitted content, with the names of its owners."""
+    """Describe the omitted content and name its owners."""
     gone = {n: joint for n, joint in reading.joints.items() if n not in mechanism.coordinates}
     names_by = {
         f"{what} of": [name for name, joint in gone.items() if getattr(joint, what)]
@@ -296,7 +296,7 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")
-    held = ("mimic of", "include ", RESISTS)  # couplings, includes and resistances of actuators are reported elsewhere
+    held = ("mimic of", "include ", RESISTS)  # couplings, includes and resistances of actuators are reported separately
     return (*phrases, *(phrase for phrase in reading.ignored if not phrase.startswith(held)))
 
 

@@ -1,4 +1,4 @@
-"""Content of a model file that descriptions lack: converted to data that a run measures, or refused by name."""
+"""Converts content of a model file that descriptions lack to data that a run measures, or rejects it by name."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from screwgauge.reference.rotations import Array
 
 #: Number of items of a kind that a sentence names.
 NAMED = 3
-#: Moments of inertia per mass below which MuJoCo's box has no extent [m^2].
+#: Moments of inertia per mass below which MuJoCo's equivalent box has zero size [m^2].
 NO_WIDTH = 1e-15
-#: Entries of rotations below this are rounding errors of zero.
+#: Entries of rotations below this value are rounding errors of zero.
 ROUNDING = 4e-16
-#: Equalities that every library reads as closures; whether it reads others depends on the library.
+#: Equalities that every library reads as closures; support for other equalities depends on the library.
 CLOSURES = ("connect", "weld")
 
 
 def check_whole(reading: Reading, source: Source) -> None:
-    """Refuse a file whose content has effects that neither a description can express nor a run can measure.
+    """Reject a file whose content has effects that neither a description can express nor a run can measure.
 
     Raises:
         ModelFileError: Such content exists; the message names it and the remedy.
@@ -57,7 +57,7 @@ def check_whole(reading: Reading, source: Source) -> None:
 
 
 def _equalities(source: Source) -> list[str]:
-    """List the active equalities of an MJCF other than connect and weld."""
+    """List the active equalities of an MJCF that are neither connect nor weld."""
     root = source.root
     if any(flag.get(name) == "disable" for flag in root.iter("flag") for name in ("equality", "constraint")):
         return []
@@ -66,17 +66,17 @@ def _equalities(source: Source) -> list[str]:
 
 
 def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
-    """Return the forces of a file other than rigid bodies, joints, closures and gravity; for an MJCF, use MuJoCo.
+    """Return the forces of a file that do not stem from rigid bodies, closures and gravity; use MuJoCo for an MJCF.
 
     Raises:
-        ModelFileError: Some of them cannot be measured.
+        ModelFileError: A run cannot measure one of these forces.
     """
     where = str(source.path)
     if source.form != "mjcf":
         return _everything(reading, None, where)
     try:
         own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
-    except ModelFileError:  # another library reads it, and its reading holds all that is known
+    except ModelFileError:  # a different library read the file; only its reading is available
         return _everything(reading, None, where)
     check_whole(own, source)
     with collect_phrases():
@@ -84,17 +84,17 @@ def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
 
 
 def left_out_of_model(reading: Reading, where: str) -> tuple[LeftOut, ...]:
-    """Return the forces of a model without a file other than rigid bodies, joints, closures and gravity."""
+    """Return the forces of a model without a file that do not stem from rigid bodies, closures and gravity."""
     return _everything(reading, None, where)
 
 
 def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
-    """Return all omitted forces, with the names used in the file.
+    """Return all omitted forces, by the names used in the file.
 
     Args:
         reading: Reading of the file.
         model: The file as compiled by MuJoCo; None if MuJoCo does not read it.
-        where: Name of the file, for errors.
+        where: Name of the file, for error messages.
     """
     found = list[LeftOut]()
     for name, joint in reading.joints.items():
@@ -132,12 +132,12 @@ def _spring(model: Any, owner: str, i: int) -> Powers:
 
 
 def _damper(model: Any, owner: str, i: int) -> Powers:
-    """Return the polynomial of a freedom's, tendon's or actuator's damper; empty if dampers are disabled."""
+    """Return the damper polynomial of a degree of freedom, tendon or actuator; empty if dampers are disabled."""
     return () if is_disabled(model, "DAMPER") else _law(model, f"{owner}_damping", i)
 
 
 def _law(model: Any, array: str, i: int) -> Powers:
-    """Return the coefficients of a force law; since version 4.0 MuJoCo has several."""
+    """Return the coefficients of a force law; since version 4.0, MuJoCo has several coefficients."""
     arrays = [getattr(model, name) for name in (array, f"{array}poly") if hasattr(model, name)]
     return _powers(float(x) for values in arrays for x in np.ravel(values[i]))
 
@@ -165,7 +165,7 @@ def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
-    """Return the bodies of the reading that a tendon passes, and the points on them."""
+    """Return the bodies of the reading through which a tendon runs, and its points on these bodies."""
     sites = sites_along(model, tendon)
     if sites is None:
         what = f"tendon {model.tendon(tendon).name} pulls, and runs over geoms or pulleys, which is not measured"
@@ -220,10 +220,10 @@ def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
-    """True if actuators compensate a body's weight along all joints before it: then no force is left out.
+    """True if actuators compensate a body's weight along all its ancestor joints; then no force is omitted.
 
     Raises:
-        ModelFileError: Actuators compensate it along some of these joints only.
+        ModelFileError: Actuators compensate the weight along some but not all of these joints.
     """
     borne, name = set[bool](), model.body(body).name
     while body:
@@ -243,11 +243,11 @@ def convert(
     names: Mapping[str, Mapping[str, str]],
     where: str,
 ) -> tuple[LeftOut, ...]:
-    """Convert left-out forces to names and frames of the description; drop those of joints that it lacks.
+    """Convert omitted forces to names and frames of the description; drop forces of joints that it lacks.
 
     Args:
-        left_out: Forces with the names used in the file.
-        graph: The machine from which the mechanism was made.
+        left_out: Forces by the names used in the file.
+        graph: Machine from which the mechanism was made.
         names: ``bodies`` and ``joints`` -> name in the file -> name in the description.
 
     Raises:
@@ -271,7 +271,7 @@ def convert(
 def with_resistance(
     mechanism: Mechanism, left_out: Sequence[LeftOut], actuators: Mapping[str, ActuatorReading]
 ) -> tuple[Mechanism, list[str]]:
-    """Move forces along a single coordinate into the joints of the mechanism; keep all others as left out.
+    """Add forces along a single coordinate to the joints of the mechanism; keep the remaining forces separate.
 
     Args:
         left_out: See `convert`.
@@ -309,8 +309,8 @@ def _add_resistance(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) ->
 
 
 def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:
-    """Map the forces on a ball or free joint in the file to the joint it was imported as."""
-    made = (joint for joint in mechanism.joints if joint.angles == 3)  # its coordinates identify the original joint
+    """Map the forces on a ball or free joint in the file to the joint as which it was imported."""
+    made = (joint for joint in mechanism.joints if joint.angles == 3)  # the coordinates identify the original joint
     yield from (replace(one, of=f"joint {name}", joint=j.name) for j in made if j.coordinates[-1] == f"{name}.q3")
 
 
@@ -330,7 +330,7 @@ def _along_coordinates(
 
 
 def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[LeftOut]:
-    """Express the force in the frame of the machine's body; yield nothing if that body is the ground."""
+    """Express a force in the frame of the machine's body; omit it if that body is the ground."""
     part = graph.part_of(body)
     if part == GROUND:
         return
@@ -342,7 +342,7 @@ def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[Lef
 
 
 def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple[str, Array]:
-    """Convert a point of a body of the reading to a point of the machine's body."""
+    """Convert a point on a body of the reading to a point on the machine's body."""
     if body == GROUND:
         return GROUND, point
     part = next((name for name, each in graph.bodies.items() if body in each.members), None)
@@ -356,7 +356,7 @@ def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple
 
 
 def _clean(R: Array) -> Array:
-    """Round the nearly zero entries of a rotation, as when a description is read."""
+    """Round the nearly zero entries of a rotation, as the reader of descriptions does."""
     return np.where(np.abs(R) < ROUNDING, 0.0, R)
 
 
