@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import agreed
-from support.mechanism import DATA, load_mechanism
+from support.mechanism import load_mechanism
 from support.models import lay_out
 from support.scene import GIVEN
 from support.tolerances import LINEAR
@@ -213,7 +214,7 @@ def test_a_free_joint_counts_as_no_constraint(tmp_path):
     assert not [name for name in free.components("reaction") if name.startswith("pose")]
 
 
-FLYING = (DATA / "flying.toml").read_text(encoding="utf-8")
+FLYING = data("flying.toml")
 
 
 TWIN = '[joints.twin]\nkind = "F"\nparent = "ground"\nchild = "stone"'

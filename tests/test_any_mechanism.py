@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import DATA, data
 from support.engines import IN_DOUBLES
 from support.judging import agreed
-from support.mechanism import DATA
 from support.scene import GivenMotion
 from support.tolerances import LINEAR, ROUNDING
 
@@ -53,7 +53,7 @@ def test_a_hanging_pendulum_carries_its_weight():
 
 
 def test_a_body_that_mujoco_cannot_load_is_a_row_and_no_crash(tmp_path):
-    text = (DATA / "pendulum.toml").read_text(encoding="utf-8")
+    text = data("pendulum.toml")
     light = text.replace("{ xx = 0, yy = 0, zz = 0 }", "{ xx = 3e-16, yy = 3e-16, zz = 3e-16 }")
     (tmp_path / "pendulum.toml").write_text(light, encoding="utf-8")
     shutil.copy(DATA / "pendulum-scene.toml", tmp_path)

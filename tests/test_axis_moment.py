@@ -4,6 +4,7 @@ import pytest
 
 import screwgauge
 from support.command import main
+from support.data import data
 from support.engines import IN_DOUBLES, ask, model_files
 from support.equations import Dynamics
 from support.errors import DescriptionError, UnknownNameError
@@ -41,33 +42,8 @@ second_point = [0.1, 0, 0]
 stiffness = 90
 """
 #: A bar that hangs down at home, and turns about y.
-PENDULUM = """
-name = "pendulum"
-independent = { angle = "pivot" }
-[bodies.bar]
-mass = 2
-com = [0, 0, -0.5]
-inertia = { xx = 0.3, yy = 0.3, zz = 0.01 }
-[joints.pivot]
-kind = "R"
-parent = "ground"
-child = "bar"
-axes = [[0, 1, 0]]
-actuated = true
-"""
-SWING = """
-mechanism = "pendulum.toml"
-motion = { angle = { offset = 0.2, harmonics = [[3, 0.1, 0.4]] } }
-time = { duration = 1, step = 0.1 }
-[[springs]]
-coordinate = "pivot"
-stiffness = 3
-rest = 0.5
-damping = 0.7
-[[motors]]
-coordinate = "pivot"
-harmonics = [[2, 1, 0]]
-"""
+PENDULUM = data("hanging-bar.toml")
+SWING = data("hanging-bar-scene.toml")
 
 
 def few(name: str):

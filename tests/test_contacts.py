@@ -9,6 +9,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.biped import BASE, LINK, SOLE, biped, contact, gait
+from support.data import data
 from support.engines import IN_DOUBLES
 from support.gate import Item, files_in
 from support.judging import agreed
@@ -185,16 +186,7 @@ def test_contacts_that_cannot_be_are_refused_by_name(stand, lines, says):
     assert says in str(caught.value)
 
 
-ROD = """
-[bodies.{0}]
-mass = 1
-inertia = {{ xx = 1, yy = 1, zz = 1 }}
-[joints.{0}]
-kind = "R"
-parent = "{1}"
-child = "{0}"
-axes = [[0, 0, 1]]
-"""
+ROD = data("rod-part.toml")
 
 
 @pytest.mark.parametrize(

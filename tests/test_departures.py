@@ -11,11 +11,12 @@ import screwgauge
 from screwgauge.models.content import FORMATS, extras
 from screwgauge.study.mismatches import departures, left_out_of_file
 from support.claims import filled, table
+from support.data import DATA, data
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
 from support.facts import replaced
 from support.judging import reference_values
-from support.mechanism import DATA, load_mechanism, mechanism_names, mechanism_path
+from support.mechanism import load_mechanism, mechanism_names, mechanism_path
 from support.models import CUTS, model_texts, stem
 from support.pages import markdown
 from support.report import conclusion, phrase, report, summary, verdict
@@ -159,7 +160,7 @@ def test_departures_are_told_in_one_sentence(row, scene, texts, write, monkeypat
     monkeypatch.setattr(registry, "further_entries", lambda: {"other": entry})
     monkeypatch.setattr(registry, "_load_description", lambda entry: replace(ENGINES["mujoco"], name="other"))
     cut = "-full" * row["engine"].endswith("-full")
-    own = (DATA / "four-bar.toml").read_text(encoding="utf-8") if row["kind"] == "toml" else ""
+    own = data("four-bar.toml") if row["kind"] == "toml" else ""
     text = filled(replaced(own or texts[f"four-bar{cut}.{row['kind']}"], row["edits"]), {})
     model = write(f"own.{row['kind']}", text)
     files = ModelFiles(model) if own else ModelFiles(model, write("own.loops.toml", texts[f"four-bar{cut}.loops.toml"]))
@@ -167,7 +168,7 @@ def test_departures_are_told_in_one_sentence(row, scene, texts, write, monkeypat
 
 
 def test_a_reference_goes_by_the_description_whatever_the_solver_reads(scene, write):
-    text = (DATA / "four-bar.toml").read_text(encoding="utf-8").replace("mass = 1.1", "mass = 2.2")
+    text = data("four-bar.toml").replace("mass = 1.1", "mass = 2.2")
     one, other = (
         reference_values(replace(scene, models=models), scene.t, ["actuator_force"]).values["actuator_force"].array
         for models in ({}, {"screw": write("own.toml", text), "truth": write("own.toml", text)})
@@ -251,7 +252,7 @@ def test_a_model_file_whose_engine_does_not_run_is_said(own, scene):
 
 @pytest.fixture
 def simulated(write, own):
-    write("four-bar.toml", (DATA / "four-bar.toml").read_text(encoding="utf-8"))
+    write("four-bar.toml", data("four-bar.toml"))
     motion = "time = { times = [0, 0.05] }\nforward.rates = { crank = 3 }\n"
     text = f'mechanism = "four-bar.toml"\ngravity = [0, "-9.81", 0]\n{motion}'
     forward = screwgauge.load_scene(write("forward.toml", text))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support import robots
+from support.data import data
 from support.diagnosis import ask_library, compare_tree
 from support.mechanics import (
     STANDARD,
@@ -35,20 +36,7 @@ from support.readings import (
 from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 #: Every kind of joint, two on one body, a branch, everything that a joint can have.
-ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>
-<body name="a" pos="0.1 0.2 0.3" euler="10 20 30"><joint name="f" type="free" damping="0.1"/>
- <inertial pos="0.01 0.02 -.1" mass="2" fullinertia="0.02 0.03 0.025 0.001 0.002 -0.003"/>
- <body name="b" pos="0 0 .4" euler="40 0 10"><joint name="h" axis="1 2 3" pos="0.05 0 0.1" armature="0.1"
-   damping=".2" stiffness="3" springref="12" ref="5" range="-90 70"/>
-  <joint name="s" type="slide" axis="0 1 1" damping=".3" stiffness="4" range="-.2 .3"/>
-  <inertial pos="0.1 0 -.1" mass="1.2" diaginertia="0.02 0.03 0.015"/>
-  <body name="c" pos=".3 0 0" {gravcomp}><joint name="ball" type="ball" pos="0 0.1 0" armature="0.03" stiffness="2"
-    damping=".5"/><inertial pos="0.1 0 .1" mass="0.7" diaginertia="0.02 0.03 0.015"/></body></body>
- <body name="d" pos="0 0.3 0"><joint name="h2" axis="0 1 0"/><inertial pos="0.1 0 -.1" mass="1.2"
-   diaginertia="0.02 0.03 0.015"/></body></body></worldbody>
-<equality><connect name="point" body1="c" body2="d" anchor="0.1 0.2 0.1"/>
-<weld name="all" body1="b" body2="d"/></equality>
-</mujoco>"""
+ZOO = data("zoo.xml")
 
 
 @pytest.fixture

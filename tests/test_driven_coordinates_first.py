@@ -4,32 +4,16 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import DATA, data
 from support.models import Imported, Options, description, import_model
 
-DATA = Path(__file__).parent / "data"
 G = 9.81
 
 #: A boom of 4 m, raised by a ram whose line passes the pivot at 50 mm: a radian of the boom is 50 mm of stroke.
-BOOM = """<mujoco model="boom"><worldbody>
-<body name="boom"><joint name="pivot" axis="0 1 0"/><inertial pos="2 0 0" mass="300" diaginertia="1 400 400"/>
-  <site name="eye" pos=".6 0 -.05"/><body name="tip" pos="4 0 0"><joint name="tip" axis="0 1 0"/>
-  <inertial pos="0 0 -.1" mass="10" diaginertia=".1 .1 .1"/></body></body>
-<body name="cylinder" pos="-.4 0 -.05"><joint name="pin" axis="0 1 0"/>
-  <inertial pos="0 0 0" mass="20" diaginertia=".1 1 1"/>
-  <body name="rod" pos=".5 0 0"><joint name="ram" type="slide" axis="1 0 0"/>
-    <inertial pos=".5 0 0" mass="8" diaginertia=".1 1 1"/><site name="end" pos=".5 0 0"/></body></body>
-</worldbody><equality><connect site1="end" site2="eye"/></equality>
-<actuator><motor joint="ram"/><motor joint="tip"/></actuator></mujoco>"""
+BOOM = data("boom.xml")
 
 #: A slider-crank in line, whose slide is at its dead centre.
-IN_LINE = """<mujoco model="in-line"><worldbody>
-<body name="crank"><joint name="crank" axis="0 0 1"/><inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>
-  <body name="rod" pos=".2 0 0"><joint name="pin" axis="0 0 1"/><inertial pos=".2 0 0" mass="1" diaginertia=".1 .1 .1"/>
-  <site name="end" pos=".5 0 0"/></body></body>
-<body name="piston" pos=".7 0 0"><joint name="slide" type="slide" axis="1 0 0"/>
-  <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/><site name="eye"/></body>
-</worldbody><equality><connect site1="end" site2="eye"/></equality>
-<actuator><motor joint="slide"/>{}</actuator></mujoco>"""
+IN_LINE = data("in-line.xml")
 
 
 def held(path: Path, folder: Path, **home: float) -> dict[str, float]:

@@ -6,16 +6,17 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.reciprocal import end_body
 from screwgauge.reference.rigid import without_fixed_joints
+from support.data import data
 from support.engines import Solution, Values
 from support.errors import DescriptionError
-from support.mechanism import DATA, Mechanism, load_mechanism
+from support.mechanism import Mechanism, load_mechanism
 from support.models import CUTS, check_models, description, lay_out, loops_of, read_loops, write_models
 from support.scene import load_scene
 
 G = np.array([0.0, 0.0, -9.81])
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
-ARM = (DATA / "held-arm.toml").read_text(encoding="utf-8")
+ARM = data("held-arm.toml")
 #: The load is turned by 0.7 rad about x of the arm, and held 10 mm beside its own origin.
 HOLD = """[joints.hold]
 kind = "fixed"
@@ -107,7 +108,7 @@ def test_two_bodies_held_together_move_as_one(write, tmp_path):
         assert np.abs(paths[0] - paths[1]).max() < 1e-9
 
 
-LOOP = (DATA / "loop.toml").read_text(encoding="utf-8")
+LOOP = data("loop.toml")
 
 
 def test_loads_and_bases_of_closed_loops_are_held(write):

@@ -6,8 +6,9 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.acting import Applied, JointSpring, PointSpring
+from support.data import DATA, data
 from support.errors import DescriptionError, SingularPoseError, UnknownNameError
-from support.mechanism import DATA, load_mechanism
+from support.mechanism import load_mechanism
 from support.solve import NewtonEuler, layout, moved, under
 from support.tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
@@ -155,38 +156,8 @@ axes = [[0, 0, 1]]
         at.check()
 
 
-SLIDE_AND_WHEEL = """
-name = "slide-and-wheel"
-independent = { x = "slide", a = "axle" }
-[bodies.cart]
-mass = 1e12
-inertia = { xx = 1, yy = 1, zz = 1 }
-[bodies.wheel]
-mass = 1e-12
-inertia = { xx = 1e-14, yy = 1e-14, zz = 1e-14 }
-[joints]
-slide = { kind = "P", parent = "ground", child = "cart", axes = [[1, 0, 0]], actuated = true }
-axle = { kind = "R", parent = "cart", child = "wheel", axes = [[0, 0, 1]], actuated = true }
-"""
-ELBOW = """
-name = "elbow"
-independent = { a = "shoulder", b = "elbow" }
-[bodies.arm]
-mass = 0
-[bodies.bob]
-mass = 1
-com = [1, 0, 0]
-inertia = {}
-[joints]
-shoulder = { kind = "R", parent = "ground", child = "arm", axes = [[0, 0, 1]], actuated = true }
-[joints.elbow]
-kind = "R"
-parent = "arm"
-child = "bob"
-axes = [[0, 0, 1]]
-parent_frame = { position = [1, 0, 0] }
-actuated = true
-"""
+SLIDE_AND_WHEEL = data("slide-and-wheel.toml")
+ELBOW = data("elbow.toml")
 
 
 def response(path: Path, *y: tuple[float, float]):

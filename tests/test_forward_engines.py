@@ -7,9 +7,9 @@ import pytest
 import screwgauge
 from screwgauge import Scene
 from support.acting import JointSpring, PointSpring, hold
+from support.data import DATA
 from support.engines import ModelFiles, model_files, simulate, simulate_scene
 from support.errors import ModelFileError, SingularPoseError, UnknownNameError
-from support.mechanism import DATA
 from support.models import write_models
 from support.scene import InitialValue, Integration, observe
 from support.solve import METHODS, SIZES, layout, motion_at

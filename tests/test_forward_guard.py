@@ -6,6 +6,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
+from support.data import data
 from support.engines import get_engine, model_files, stopped_after
 from support.errors import ClosureError
 from support.judging import LIMIT
@@ -13,18 +14,7 @@ from support.pages import markdown
 from support.report import report, verdict
 from support.scene import check_start, doubts
 
-FALL = """
-mechanism = "{mechanism}"
-engines = ["screw"]
-gravity = {gravity}
-[time]
-{time}
-[forward]
-start = {{ {start} }}
-rates = {{ {rates} }}
-{method}
-{more}
-"""
+FALL = data("fall-scene.toml")
 SQUARE = "a02-fourbar-2"
 
 

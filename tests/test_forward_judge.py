@@ -4,40 +4,14 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.engines import Solution, Values, solve
 from support.judging import judge
 from support.scene import States
 
 MOTION = ("joint_position", "joint_velocity", "joint_acceleration")
 
-DRIVEN = """
-mechanism = "a02-fourbar-2"
-engines = ["screw"]
-gravity = [0, -9.81, 0]
-[time]
-times = [0.0, 0.1, 0.2]
-[forward]
-rates = { crank = -1 }
-[[motors]]
-coordinate = "a0"
-offset = 2
-harmonics = [[5, 1, 0]]
-[[springs]]
-coordinate = "a1"
-stiffness = 3
-damping = 0.5
-[[springs]]
-first = "ground"
-first_point = [0.5, 0.3, 0]
-second = "bar1"
-second_point = [0.4, 0.1, 0]
-stiffness = 20
-rest = 0.3
-[[loads]]
-on = "bar1"
-by = "environment"
-force = [1, 2, 0]
-"""
+DRIVEN = data("driven-four-bar-scene.toml")
 
 
 @pytest.fixture

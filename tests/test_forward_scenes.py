@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.engines import Values, ask, model_files, stopped_after
 from support.mechanism import load_mechanism
 from support.scene import check_start, eigenvalues
@@ -21,23 +22,7 @@ OBSERVABLES = {
     "a04-bricard-box": ("P3.x", "P3.y", "P3.z"),
     "a05-governor": ("s",),
 }
-SPRUNG = """
-mechanism = "{mechanism}"
-engines = ["screw"]
-gravity = [0, 0, 0]
-[time]
-duration = {duration}
-step = 0.1
-[forward]
-{forward}
-[[springs]]
-coordinate = "{coordinate}"
-stiffness = {stiffness}
-damping = {damping}
-[[observables]]
-name = "angle"
-coordinate = "{coordinate}"
-"""
+SPRUNG = data("sprung-scene.toml")
 
 
 @pytest.fixture

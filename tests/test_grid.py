@@ -1,5 +1,4 @@
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,29 +7,19 @@ import screwgauge
 from screwgauge.cli import main
 from screwgauge.report.figures.contour import lines
 from screwgauge.report.figures.drawings import unmatched
+from support.data import data
 from support.errors import DescriptionError
 from support.judging import agreed
 
 #: Side -> where its crank is above the ankle, and how long its rod is [m].
 SIDES = {"left": (0.03, 0.20), "right": (-0.03, 0.28)}
-MAP = """
-title = "Torque map"
-mechanism = "ankle.toml"
-quantities = ["jacobian", "actuator_force"]
-[motion.grid]
-pitch = {{ from = -{size}, to = {size}, count = {count} }}
-roll = {{ from = -{size}, to = {size}, count = {count} }}
-[[points]]
-name = "toe"
-body = "foot"
-point = [0.15, 0, -0.08]
-"""
+MAP = data("torque-map.toml")
 FIGURE = '[[figures]]\ntitle = "Map"\nquantity = "jacobian"\ncontour = "toe.vz/left"\n'
 
 
 @pytest.fixture
 def ankle(write):
-    write("ankle.toml", (Path(__file__).parent / "data" / "ankle.toml").read_text(encoding="utf-8"))
+    write("ankle.toml", data("ankle.toml"))
 
     def read(size: float, count: int, more: str = ""):
         return screwgauge.load_scene(write("map.toml", MAP.format(size=size, count=count) + more))

@@ -16,6 +16,7 @@ from screwgauge.engines.features import TASKS
 from screwgauge.report.listing import listing
 from support import guide
 from support.command import GROUPS, main, parser, printed_by
+from support.data import data
 from support.engines import ENGINES, further_engines
 from support.guide import FENCE, ROOT, blocks
 from support.mechanism import load_mechanism
@@ -252,22 +253,7 @@ def test_files_and_modules_that_are_named_exist(page) -> None:
         assert find_spec(module), module
 
 
-MECHANISM = """
-name = "m"
-{top}
-[independent]
-y = "a"
-[bodies.b]
-mass = 1
-inertia = {{ xx = 1, yy = 1, zz = 1{inertia} }}
-{body}
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "b"
-axes = [[0, 0, 1]]
-{joint}
-"""
+MECHANISM = data("any-keys.toml")
 UNKNOWN = "unknown_one = 1"
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import screwgauge
 from support.command import main
+from support.data import data
 from support.errors import ClosureError
 from support.mechanism import at_closed_home, families, load_mechanism, mechanism_names, same_content
 from support.scene import check_home
@@ -16,49 +17,12 @@ from support.tolerances import CLOSED, LINEAR
 
 #: A planar four-bar by its lengths alone [m]: all links lie along x where its angles are zero.
 CRANK, COUPLER, ROCKER, BASE = 0.2, 0.5, 0.45, 0.4
-LENGTHS = """# A four-bar of mine.
-name = "four-bar"
-independent.crank = "a"
-
-[bodies]
-crank = {{ mass = 0.5, com = [0.1, 0, 0], inertia = {{ xx = 1e-4, yy = 2e-3, zz = 2e-3 }} }}
-coupler = {{ mass = 1.2, com = [0.25, 0, 0], inertia = {{ xx = 1e-3, yy = 3e-2, zz = 3e-2 }} }}
-rocker = {{ mass = 0.9, com = [0.2, 0, 0], inertia = {{ xx = 1e-3, yy = 1.3e-2, zz = 1.3e-2 }} }}
-
-[joints]
-a = {{ {a}kind = "R", parent = "ground", child = "crank", axes = [[0, 0, 1]], actuated = true }} # driven
-b = {{ kind = "R", parent = "crank", child = "coupler", axes = [[0, 0, 1]], parent_frame.position = [{crank}, 0, 0] }}
-[joints.c]
-kind = "R"
-parent = "ground"
-child = "rocker"
-axes = [[0, 0, 1]]
-parent_frame.position = [{base}, 0, 0]
-{c}
-[joints.d] # closes the loop
-kind = "R"
-parent = "coupler"
-child = "rocker"
-axes = [[0, 0, 1]]
-parent_frame.position = [{coupler}, 0, 0]
-child_frame.position = [{rocker}, 0, 0]
-"""
+LENGTHS = data("four-bar-by-lengths.toml")
 TURN = """mechanism = "four-bar.toml"
 motion.crank.polynomial = [0, "2*pi"]
 time = { duration = 1, step = 0.05 }
 """
-SLIDER = """name = "slider"
-independent.{label} = "{label}"
-[bodies]
-crank = {{ mass = 0.5, com = [0.1, 0, 0], inertia = {{ xx = 1e-4, yy = 2e-3, zz = 2e-3 }} }}
-rod = {{ mass = 1.2, com = [0.25, 0, 0], inertia = {{ xx = 1e-3, yy = 3e-2, zz = 3e-2 }} }}
-block = {{ mass = 0.9, inertia = {{ xx = 1e-3, yy = 1e-3, zz = 1e-3 }} }}
-[joints]
-a = {{ kind = "R", parent = "ground", child = "crank", axes = [[0, 0, 1]] }}
-b = {{ kind = "R", parent = "crank", child = "rod", axes = [[0, 0, 1]], parent_frame.position = [0.2, 0, 0] }}
-c = {{ kind = "R", parent = "rod", child = "block", axes = [[0, 0, 1]], parent_frame.position = [0.5, 0, 0] }}
-s = {{ kind = "P", parent = "ground", child = "block", axes = [[1, 0, 0]] }}
-"""
+SLIDER = data("slider-by-lengths.toml")
 #: Built-in mechanisms with loops: planar and spatial ones, redundant loops, legs, gears and screws.
 LOOPED = ["slider-crank", "five-bar", "3-rrr", "a03-andrews", "bennett", "rccc", "sarrus", "ruse", "screw-press"]
 LOOPED += ["planetary-gear", "delta", "stewart", "3ups-upu-s", "3ups-upu-s-offset"]

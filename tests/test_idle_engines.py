@@ -6,6 +6,7 @@ import pytest
 
 from screwgauge.problem import ModelFiles
 from support.acting import Applied, Load
+from support.data import data
 from support.engines import ENGINES, Problem, ask, model_files
 from support.idle import CART
 from support.mechanism import load_mechanism, mechanism_path
@@ -64,18 +65,7 @@ TAKEN = {
 }
 
 
-PENDULUM = """
-[bodies.pendulum]
-mass = 0.7
-com = [0.1, 0.0, -0.2]
-inertia = { xx = 2e-3, yy = 3e-3, zz = 1e-3 }
-
-[joints.pendulum]
-kind = "R"
-parent = "platform"
-child = "pendulum"
-axes = [[0, 1, 0]]
-"""
+PENDULUM = data("idle-pendulum.toml")
 
 
 @pytest.mark.parametrize("engine", SOLVE)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.errors import DescriptionError
 from support.geometry import Array
 from support.scene import assumptions
@@ -19,52 +20,8 @@ QUANTITIES = (
     "actuator_force",
 )
 #: Motors drive cranks, from whose ends rods hang down to a foot that turns about two axes.
-FOOT = """
-name = "ankle"
-[independent]
-roll = "foot.q1"
-pitch = "foot.q2"
-{spins}
-[bodies.foot]
-mass = 0.8
-com = [0.03, 0, -0.04]
-inertia = {{ xx = 2e-3, yy = 3e-3, zz = 3e-3 }}
-[joints.foot]
-kind = "U"
-parent = "ground"
-child = "foot"
-axes = [[1, 0, 0], [0, 1, 0]]
-"""
-LEG = """
-[bodies.crank{k}]
-mass = 0.2
-com = [-0.02, 0, 0]
-inertia = {{ xx = 1e-5, yy = 1e-4, zz = 1e-4 }}
-[joints.motor{k}]
-kind = "R"
-parent = "ground"
-child = "crank{k}"
-axes = [[0, 1, 0]]
-parent_frame.position = [-0.02, {y}, 0.2]
-actuated = true
-[bodies.rod{k}]
-mass = 0.1
-com = [0, 0, -0.1]
-inertia = {{ xx = "1/3000", yy = "1/3000", zz = {axial} }}
-[joints."rod{k}.top"]
-kind = "{kind}"
-parent = "crank{k}"
-child = "rod{k}"
-axes = {axes}
-parent_frame.position = [-0.05, 0, 0]
-[joints."rod{k}.low"]
-kind = "S"
-parent = "rod{k}"
-child = "foot"
-axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-parent_frame.position = [0, 0, -0.2]
-child_frame.position = [-0.07, {y}, 0]
-"""
+FOOT = data("ankle-foot.toml")
+LEG = data("ankle-leg.toml")
 SIDES = {1: 0.05, 2: -0.05}
 AXES = {"S": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "U": [[1, 0, 0], [0, 1, 0]]}
 MATTERS = "does not matter"

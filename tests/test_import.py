@@ -11,6 +11,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from screwgauge.models.importing import homes
 from support.command import main
+from support.data import data
 from support.errors import ClosureError, DescriptionError
 from support.judging import agreed
 from support.mechanism import Mechanism, load_mechanism
@@ -113,22 +114,7 @@ def check_same(one: Mechanism, other: Mechanism) -> None:
 
 #: A planar four-bar as grippers have it: a connect between bodies, a driver whose twin is coupled to it by a joint
 #: equality, armature and springs, a home that is closed.
-GRIPPER = """
-<mujoco model="gripper"><compiler angle="radian"/>
-  <default><joint axis="0 1 0"/></default>
-  <worldbody><body name="base">
-    <body name="driver"><joint name="driver" armature="0.01"/>
-      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
-      <body name="coupler" pos="0 0 .2"><joint name="coupler" damping=".02"/>
-        <inertial pos=".1 0 0" mass=".5" diaginertia=".01 .02 .03"/></body></body>
-    <body name="follower" pos=".3 0 0"><joint name="follower" stiffness="2" springref=".5"/>
-      <inertial pos="0 0 .1" mass=".8" diaginertia=".01 .01 .01"/></body>
-    <body name="twin" pos="1 0 0"><joint name="twin"/><inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/></body>
-  </body></worldbody>
-  <equality><connect body1="coupler" body2="follower" anchor="0.3 0 0"/>
-    <joint joint1="twin" joint2="driver" polycoef="0 -1 0 0 0"/></equality>
-  <actuator><motor joint="driver" gear="10"/></actuator>
-</mujoco>"""
+GRIPPER = data("gripper.xml")
 
 
 @pytest.fixture
@@ -192,17 +178,7 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
 
 #: A crank that turns a foot by a rod. Where the file has it rod and crank cross, which is outside the limits however
 #: they turn; the other assembly is within them.
-FOOT = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="shin" pos="0 0 1">
-  <joint name="knee" axis="0 0 1"/><inertial pos="0.1 0 0" mass="0.8" diaginertia="0.004 0.004 0.001"/>
-  <body name="crank"><joint name="crank" axis="0 0 1" range="-2.4 -0.5"/>
-    <inertial pos="0.05 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
-    <body name="rod" pos="0.1 0 0"><joint name="rod" axis="0 0 1"/>
-      <inertial pos="0.15 0 0.01" mass="0.1" diaginertia="1e-5 8e-4 8e-4"/></body></body>
-  <body name="foot" pos="0.3 0 0"><joint name="foot" axis="0 0 1" range="-2.4 -0.5" ref="0.533"/>
-    <inertial pos="0 0.03 0" mass="0.2" diaginertia="2e-4 2e-4 3e-4"/></body>
-</body></worldbody>
-<equality><connect body1="rod" body2="foot" anchor="0.29475 0.05588 0"/></equality>
-<actuator><motor joint="knee"/><motor joint="foot"/></actuator>{}</mujoco>"""
+FOOT = data("leg.xml")
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 
 import screwgauge
 from screwgauge.engines import registry
+from support.data import data
 from support.engines import ENGINES, get_engine, model_files
 from support.errors import ModelFileError
 from support.solve import ScrewModel, layout
@@ -55,26 +56,7 @@ def integrated(scene, integrator, dt):
     return ExudynModel(scene.mechanism, "model", integrator, dt).solve(problem)
 
 
-PUSHED = """
-mechanism = "slider-crank"
-time = { duration = 0.2, step = 0.05 }
-gravity = [0, 0, -9.81]
-[forward]
-start.crank = 0.3
-rates.crank = 2.0
-[[loads]]
-on = "rod"
-by = "environment"
-force = [3, -2, 5]
-[[springs]]
-first = "ground"
-first_point = [0.5, 0.1, 0.3]
-second = "piston"
-second_point = [0, 0, 0]
-stiffness = 40
-rest = 0.2
-damping = 3
-"""
+PUSHED = data("pushed-slider-crank-scene.toml")
 
 
 @pytest.mark.skipif(find_spec("exudyn") is None, reason="exudyn is not installed")

@@ -4,55 +4,15 @@ import numpy as np
 import pytest
 
 from support.acting import Applied, Course, JointSpring, Motor
+from support.data import DATA, data
 from support.errors import DescriptionError, UnknownNameError
-from support.mechanism import DATA, load_mechanism
+from support.mechanism import load_mechanism
 from support.solve import METHODS, BranchPose, integrate, layout, positions
 from support.tolerances import CLOSED, LINEAR
 
 pytestmark = pytest.mark.slow
 
-SLIDER_CRANK = """
-name = "dead-centre"
-[independent]
-x = "x"
-[bodies.crank]
-mass = 1
-com = [0.15, 0, 0]
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[bodies.rod]
-mass = 1
-com = [0.3, 0, 0]
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[bodies.piston]
-mass = 1
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "crank"
-axes = [[0, 0, 1]]
-home = ["pi/2"]
-[joints.b]
-kind = "R"
-parent = "crank"
-child = "rod"
-axes = [[0, 0, 1]]
-parent_frame = { position = [0.3, 0, 0] }
-home = ["-2*pi/3"]
-[joints.c]
-kind = "R"
-parent = "rod"
-child = "piston"
-axes = [[0, 0, 1]]
-parent_frame = { position = [0.6, 0, 0] }
-home = ["pi/6"]
-[joints.x]
-kind = "P"
-parent = "ground"
-child = "piston"
-axes = [[1, 0, 0]]
-home = ["sqrt(27)/10"]
-"""
+SLIDER_CRANK = data("dead-centre.toml")
 
 
 @pytest.fixture(scope="module")

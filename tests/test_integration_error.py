@@ -11,25 +11,17 @@ from screwgauge import Scene
 from screwgauge.judging.allowance import MOST, WITHIN, Left
 from screwgauge.judging.trust import integrated
 from screwgauge.study.simulations import add_observables, loosen
+from support.data import DATA, data
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compared
-from support.mechanism import DATA
 from support.models import write_models
 from support.report import verdict
 from support.solve import Pace, layout
 
 pytestmark = pytest.mark.slow
 
-SIBLING = """
-extends = "cart-pole"
-name = "sibling"
-[bodies.cart]
-mass = 2e-6
-[bodies.pole]
-mass = 1.5
-com = [0, 0, -0.8]
-"""
+SIBLING = data("light-cart.toml")
 FALL = """
 mechanism = "{mechanism}"
 time = {{ duration = {duration}, step = {step} }}

@@ -10,6 +10,7 @@ from screwgauge.engines.registry import get_engine
 from screwgauge.families.draw import families
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.scene.observables import read_header
+from support.data import data
 from support.engines import ask, further_engines, model_files
 from support.judging import agreed
 from support.mechanism import load_mechanism
@@ -19,17 +20,7 @@ OTHERS = ("frozen", "exudyn", "drake")
 ASKED = ("jacobian",)
 #: Numbers that are solved from loops of equations, relative to the largest.
 SOLVED = 1e-12
-SCENE = """
-mechanism = "{}"
-engines = ["screw", "pinocchio", "mujoco"]
-quantities = ["jacobian"]
-{}
-time = {{ times = [0, 0.3] }}
-[[points]]
-name = "tip"
-body = "{}"
-point = [0.1, -0.2, 0.3]
-"""
+SCENE = data("jacobian-scene.toml")
 
 
 @pytest.fixture

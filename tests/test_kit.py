@@ -10,6 +10,7 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
+from support.data import data
 from support.engines import further_engines, get_engine
 from support.frozen_engine import Bodies, FrozenModel
 from support.judging import agreed
@@ -18,43 +19,7 @@ from support.tolerances import AGREE, LINEAR, ROUNDING
 
 #: Joints of all kinds, couplings, rotors, redundant constraints.
 BUILT_IN = ("3ups-upu-s", "bennett", "geared-five-bar", "planetary-gear", "rccc", "ruse", "screw-press", "stewart")
-SPRINGS = """
-mechanism = "3ups-upu-s"
-rule = "{rule}"
-[time]
-times = [0.1, 0.6, 1.3]
-[motion.a]
-harmonics = [[4, 0.2, 0.1]]
-[motion.b]
-harmonics = [[5, -0.1, 0.2]]
-[[loads]]
-on = "platform"
-by = "environment"
-force = [10, -200, 300]
-torque = [1, 20, -3]
-[[springs]]
-coordinate = "leg1.q3"
-stiffness = 3e3
-rest = 0.6
-damping = 50
-[[springs]]
-coordinate = "leg3.q5"
-stiffness = 60
-rest = 0.2
-damping = 5
-[[springs]]
-first = "platform"
-first_point = [0.1, 0.2, 0.05]
-second = "leg3.lower"
-second_point = [0.02, 0, 0.1]
-stiffness = 900
-rest = 0.3
-damping = 20
-[[motors]]
-coordinate = "s.q2"
-offset = 12
-harmonics = [[3, 0, 30]]
-"""
+SPRINGS = data("springs-scene.toml")
 
 
 def solved(scene, *quantities):

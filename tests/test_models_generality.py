@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.data import data
 from support.errors import DescriptionError
 from support.geometry import Array
-from support.mechanism import DATA, GROUND, Frame, Joint, Mechanism, load_mechanism, mechanism_names
+from support.mechanism import GROUND, Frame, Joint, Mechanism, load_mechanism, mechanism_names
 from support.models import (
     check_models,
     check_table,
@@ -23,19 +24,11 @@ from support.models import (
 from support.readings import collapse, read
 from support.tolerances import CLOSED, PLACED
 
-FOUR_BAR = (DATA / "leaning-four-bar.toml").read_text(encoding="utf-8")
+FOUR_BAR = data("leaning-four-bar.toml")
 
-REVERSED = (DATA / "reversed.toml").read_text(encoding="utf-8")
+REVERSED = data("reversed.toml")
 
-BALL = """
-[joints.ball]
-kind = "S"
-parent = "tip"
-child = "ground"
-axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-home = [0.2, -0.4, 0.6]
-parent_frame = { position = [0.2, 0.1, 0.3], rotation = { axis = [0.8, 0.6, 0], angle = 0.4 } }
-"""
+BALL = data("ball-part.toml")
 
 
 @pytest.fixture

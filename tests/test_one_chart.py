@@ -4,33 +4,14 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.engines import Values
 from support.geometry import MIDDLE, rotation, sequence_angles
 from support.judging import agreed, compared, in_one_chart
 from support.tolerances import LINEAR, ROUNDING
 
 #: In the plane, so that the middle angle of the ball passes a right angle and the other two stay zero.
-CRANK = """
-name = "ball-crank"
-independent.crank = "a"
-
-[bodies]
-crank = { mass = 1.0, com = [0.05, 0, 0], inertia = { xx = 1e-3, yy = 2e-3, zz = 2e-3 } }
-rod = { mass = 0.8, com = [0.15, 0.01, 0], inertia = { xx = 1e-3, yy = 8e-3, zz = 8e-3 } }
-slide = { mass = 0.5, com = [0, 0, 0.01], inertia = { xx = 1e-3, yy = 1e-3, zz = 1e-3 } }
-
-[joints]
-a = { kind = "R", parent = "ground", child = "crank", axes = [[0, 1, 0]], actuated = true }
-ball = { kind = "S", parent = "crank", child = "rod", parent_frame.position = [0.1, 0, 0] }
-bore = { kind = "P", parent = "ground", child = "slide", axes = [[1, 0, 0]], home = [0.4] }
-
-[joints.cross]
-kind = "U"
-parent = "slide"
-child = "rod"
-axes = [[0, 1, 0], [0, 0, 1]]
-child_frame.position = [0.3, 0, 0]
-"""
+CRANK = data("ball-crank.toml")
 LOCK = "atan(3)"  # crank angle at which the rod stands across the crank
 RATES = ("joint_velocity", "joint_acceleration")
 

@@ -9,9 +9,10 @@ import tomli_w
 
 import screwgauge
 from screwgauge import Scene
+from support.data import DATA
 from support.geometry import number
 from support.judging import agreed
-from support.mechanism import DATA, load_mechanism, mechanism_path, read_tables
+from support.mechanism import load_mechanism, mechanism_path, read_tables
 from support.models import check_file, check_table, write_models
 from support.scene import GIVEN
 from support.solve import ScrewModel, Settings, layout

@@ -5,11 +5,11 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.planar import normals_of_planes
+from support.data import DATA
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
 from support.models import import_model
 
-DATA = Path(__file__).parent / "data"
 G = 9.81
 
 #: A five-bar of a textbook: pivots 0.3 m apart, cranks of 0.2 m, couplers of 0.35 m, in the plane x-z, which turns.

@@ -12,6 +12,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
+from support.data import data
 from support.errors import ModelFileError
 from support.models import Options, import_model
 from support.readings import collect_warnings, prepare, read, read_source
@@ -143,17 +144,7 @@ def stl(size: float) -> bytes:
 
 
 #: Bodies that weigh what their meshes do: by a class, by a density, together with a sphere, as a fixed part.
-MESHES = """<mujoco model="shells"><compiler meshdir="meshes" angle="radian"{0}/>
-<default><mesh scale="2 2 2"/><default class="shell"><geom type="mesh" mesh="big" density="300"/></default></default>
-<asset><mesh name="big" file="BIG.stl"/><mesh file="small.stl" scale="1 -1 1"/>
-<mesh name="lost" file="gone.stl"/></asset>
-<worldbody><geom type="mesh" mesh="lost" mass="3"/>
-<body name="a"><joint name="j" axis="0 1 0"/><geom class="shell" pos="0.1 0 0"/>
-  <body name="b" pos="0.2 0 0"><joint name="k" axis="0 0 1"/><geom type="mesh" mesh="small" euler="0.1 0.2 0.3"/>
-    <geom size="0.05" pos="0 0.1 0"/><geom type="mesh" mesh="lost" mass="0"/>
-    <body name="c"><geom type="mesh" mesh="small" mass="0.4"/></body>
-    <body name="d"><inertial pos="0 0 1" mass="2" diaginertia="1 1 1"/><geom size="0.1"/></body></body></body>
-</worldbody></mujoco>"""
+MESHES = data("shells.xml")
 
 
 @pytest.fixture

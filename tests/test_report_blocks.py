@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
+from support.data import data
 from support.pages import (
     LONG,
     Banner,
@@ -198,49 +199,7 @@ def test_prose_has_paragraphs_and_lists() -> None:
     assert prose("one\ntwo\n\n- a\n  b\n- c\n") == [Paragraph("one two"), Items(("a b", "c"))]
 
 
-TEXT = """{worst: name}
-{about}
-
-# On a terminal
-
-{said}
-
-{# Last words}
-
-# Prose with {count}
-
-Said of all {count}.
-
-{?many} They are **many**.
-
-{!many}
-They are few.
-
-{rows+ lines: name | size = {size} mm; None.}
-
-# Left out?
-
-{nothing}
-{rows that are not: name}
-
-# Kept
-
-{nothing; Nothing was found.}
-
-# Last words
-
-- Always.
-- {?many} Only of many,
-  as it seems.
-- {!many} Only of few.
-- After all.
-
-# Appendix
-
-# Environment
-
-{environment}
-"""
+TEXT = data("report-text.md")
 
 
 def told(monkeypatch, tmp_path, n: int) -> Report:

@@ -13,6 +13,7 @@ import pytest
 import screwgauge
 from support import robots
 from support.browser import Opened, open_page
+from support.data import data
 from support.errors import OutputError
 from support.pages import Heading, Paragraph, Picture, three_js
 from support.pages import page as page_of
@@ -227,20 +228,7 @@ def test_causes_come_before_the_machine_and_both_sketches_fit_a_phone(opened: Op
 
 
 #: Words in tables that more than one line has a part of; digests may, which are no words.
-BROKEN = """[...document.querySelectorAll('td, th')].flatMap(cell => {
-  const found = [], walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
-  for (let node; (node = walker.nextNode()); )
-    for (const match of node.data.matchAll(/[a-z]{3,20}/gi)) {
-      const range = document.createRange();
-      range.setStart(node, match.index);
-      range.setEnd(node, match.index + match[0].length);
-      const before = node.data[match.index - 1] || '', after = node.data[match.index + match[0].length] || '';
-      const boxes = [...range.getClientRects()];  // the head of a table in two columns has two alike
-      const isBroken = boxes.some(box => Math.abs(box.width - boxes[0].width) > 1);
-      if (isBroken && !/[0-9a-f]/.test(before + after)) found.push(match[0]);
-    }
-  return found;
-})"""
+BROKEN = data("broken-words.js")
 
 
 @pytest.mark.parametrize(("width", "media"), [(PAPER, "print"), (390, "screen"), (1280, "screen")])

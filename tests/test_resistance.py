@@ -6,6 +6,7 @@ import pytest
 import screwgauge
 from screwgauge.problem import Problem, States
 from support.acting import Applied
+from support.data import data
 from support.engines import ask, model_files
 from support.errors import DescriptionError
 from support.judging import reference_values
@@ -16,16 +17,7 @@ ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lag
 #: Numbers that are solved from loops of equations, relative to the largest.
 SOLVED = 1e-12
 
-HINGE = """
-[joints.{name}]
-kind = "R"
-parent = "{parent}"
-child = "{child}"
-axes = [[0, 1, 0]]
-home = [{home}]
-parent_frame = {{ position = [{x}, 0, 0] }}
-{more}
-"""
+HINGE = data("hinge-part.toml")
 ROD = """
 [bodies.{}]
 mass = 1
@@ -91,21 +83,7 @@ def test_a_parallelogram_takes_the_sum_of_its_hinges(what, amounts, torque):
         assert got[name] - plain[name] == pytest.approx(expected, rel=0, abs=SOLVED * np.abs(got[name]).max()), name
 
 
-GEARED = """
-[bodies.wheel]
-mass = 0
-[joints.shaft]
-kind = "R"
-parent = "ground"
-child = "wheel"
-axes = [[0, 1, 0]]
-home = [11]
-parent_frame = { position = [0, 0.2, 0] }
-[couplings.gear]
-coordinate = "shaft"
-of = "a"
-polynomial = [0, 10]
-"""
+GEARED = data("geared-wheel.toml")
 
 
 def test_a_rotor_behind_a_gear_is_a_wheel_that_turns_as_much_faster(torque, write):
@@ -118,48 +96,7 @@ def test_a_rotor_behind_a_gear_is_a_wheel_that_turns_as_much_faster(torque, writ
         assert got == pytest.approx(expected["screw"], rel=0, abs=SOLVED * np.abs(got).max()), name
 
 
-SLIDER = """name = "slider-crank"
-[independent]
-a = "a"
-[bodies.crank]
-mass = 1
-com = [0.1, 0, 0]
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[bodies.rod]
-mass = 1
-com = [0.2, 0, 0]
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[bodies.piston]
-mass = 1
-inertia = { xx = 0.01, yy = 0.01, zz = 0.01 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "crank"
-axes = [[0, 0, 1]]
-home = [1.1]
-actuated = true
-[joints.b]
-kind = "R"
-parent = "crank"
-child = "rod"
-axes = [[0, 0, 1]]
-home = [-1.5]
-parent_frame = { position = [0.2, 0, 0] }
-[joints.c]
-kind = "R"
-parent = "rod"
-child = "piston"
-axes = [[0, 0, 1]]
-home = [0.4]
-parent_frame = { position = [0.5, 0, 0] }
-[joints.s]
-kind = "P"
-parent = "ground"
-child = "piston"
-axes = [[1, 0, 0]]
-home = [0.5]
-"""
+SLIDER = data("planar-slider-crank.toml")
 
 
 @pytest.mark.parametrize("what", ["rotor", "damping", "friction"])

@@ -7,7 +7,7 @@ import pytest
 
 import screwgauge
 from support.claims import table
-from support.mechanism import DATA
+from support.data import DATA
 from support.readings import read
 
 ARM = table("readings")["texts"]["sdf"]

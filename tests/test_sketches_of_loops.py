@@ -5,28 +5,11 @@ import pytest
 
 import screwgauge
 from screwgauge.report.stage.machines import machines
+from support.data import data
 from support.mechanism import load_mechanism
 from support.models import write_models
 
-BAR = """
-name = "bar"
-independent = { crank = "a" }
-[bodies]
-crank = { mass = MASS, com = [0.1, 0, 0], inertia = { xx = 1e-4, yy = 2e-3, zz = 2e-3 } }
-coupler = { mass = 1.2, com = [0.2, 0, 0], inertia = { xx = 1e-3, yy = 2e-2, zz = 2e-2 } }
-rocker = { mass = 0.9, com = [0.15, 0, 0], inertia = { xx = 1e-3, yy = 1e-2, zz = 1e-2 } }
-[joints]
-a = { kind = "R", parent = "ground", child = "crank", axes = [[0, 0, 1]], actuated = true, home = [1.2] }
-b = { kind = "R", parent = "crank", child = "coupler", axes = [[0, 0, 1]], parent_frame.position = [0.2, 0, 0] }
-c = { kind = "R", parent = "ground", child = "rocker", axes = [[0, 0, 1]], parent_frame.position = [0.45, 0, 0] }
-[joints.d]
-kind = "R"
-parent = "coupler"
-child = "rocker"
-axes = [[0, 0, 1]]
-parent_frame.position = [0.4, 0, 0]
-child_frame.position = [0.3, 0, 0]
-"""
+BAR = data("four-bar-of-mass.toml")
 
 
 @pytest.mark.slow

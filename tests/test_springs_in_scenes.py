@@ -3,55 +3,14 @@ import pytest
 
 import screwgauge
 from support.command import main
+from support.data import data
 from support.engines import IN_DOUBLES
 from support.judging import judge
 from support.solve import layout, moved, whole_system
 from support.tolerances import DENSE
 
-ACTING = """
-[[springs]]
-coordinate = "leg1.q3"
-stiffness = 3e3
-rest = 0.6
-damping = 50
-[[springs]]
-coordinate = "leg2.q1"
-stiffness = 40
-damping = 3
-[[springs]]
-coordinate = "{cut}"
-stiffness = 60
-rest = 0.2
-damping = 5
-[[springs]]
-first = "platform"
-first_point = [0.1, 0.2, 0.05]
-second = "leg3.lower"
-second_point = [0.02, 0, 0.1]
-stiffness = 900
-rest = 0.3
-damping = 20
-[[motors]]
-coordinate = "s.q2"
-offset = 12
-harmonics = [[3, 0, 30]]
-[[motors]]
-coordinate = "leg4.q4"
-polynomial = [1, 2]
-"""
-MOTION = """
-mechanism = "3ups-upu-s"
-[time]
-times = [0.1, 0.6, 1.3]
-[motion.a]
-harmonics = [[4, 0.2, 0.1]]
-[motion.b]
-harmonics = [[5, -0.1, 0.2]]
-[[loads]]
-on = "platform"
-by = "environment"
-force = [10, -200, 300]
-"""
+ACTING = data("springs-and-motors.toml")
+MOTION = data("crossing-scene.toml")
 
 
 @pytest.fixture(scope="module")

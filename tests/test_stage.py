@@ -13,6 +13,7 @@ from screwgauge.models.shapes import DOUBT, across, differences, facing, shapes,
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import remarks, stage
+from support.data import data
 from support.mechanism import Joint, Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions
@@ -333,19 +334,7 @@ def test_marks_of_the_legend_are_drawn_and_not_spelled() -> None:
 
 
 #: A body at x that nothing holds: a drone.
-FREE = """
-[bodies.{0}]
-mass = 1.0
-com = [{1}, 0, 0]
-inertia = {{ xx = 0.1, yy = 0.2, zz = 0.25 }}
-[joints.j{0}]
-kind = "F"
-parent = "ground"
-child = "{0}"
-axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-home = [{1}, 0, 0, 0, 0, 0]
-coordinates = [{2}]
-"""
+FREE = data("free-body.toml")
 
 
 @pytest.mark.parametrize("bodies", [{"a": 0.0}, {"a": 0.1}, {"a": 0.0, "b": 0.0}, {"a": 0.0, "b": 0.2}])

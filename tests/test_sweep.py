@@ -7,19 +7,12 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
+from support.data import data
 from support.errors import DescriptionError
 from support.parameters import numbers
 from support.sweep import CHUNK, Draw, consistent, read_plan, sweep, triangle_excess
 
-PLAN = """
-scene = "scene.toml"
-variants = 40
-check = 1
-
-[scatter]
-"left.parent.x" = { normal = 1e-3 }
-"*.mass" = { uniform = "5 %" }
-"""
+PLAN = data("plan.toml")
 SCENE = """
 mechanism = "five-bar"
 time = { duration = 1, step = 0.1 }

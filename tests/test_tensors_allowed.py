@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import data
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
 from support.models import Options, check_models, description, import_model, write_models
@@ -11,32 +12,7 @@ from support.scene import load_scene
 
 #: Moments of the hand exceed the sum by 4e-4 kg m^2, an eighth.
 EXCESS = 4e-4
-ARM = """name = "arm"
-[independent]
-a = "a"
-b = "b"
-[bodies.upper]
-mass = 1
-com = [0.2, 0, 0]
-inertia = { xx = 1e-3, yy = 2e-2, zz = 2e-2 }
-[bodies.hand]
-mass = 0.7
-com = [0.1, 0.05, 0.02]
-inertia = { xx = 1e-3, yy = 2e-3, zz = 3.4e-3, xy = 2e-4 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "upper"
-axes = [[0, 0, 1]]
-actuated = true
-[joints.b]
-kind = "R"
-parent = "upper"
-child = "hand"
-axes = [[0, 1, 0]]
-parent_frame.position = [0.4, 0, 0]
-actuated = true
-"""
+ARM = data("two-hinges.toml")
 ALLOW = 'allow = ["hand.triangle"]\n'
 SCENE = """time = { duration = 0.5, step = 0.1 }
 motion.a.harmonics = [[5, 0, 0.6]]

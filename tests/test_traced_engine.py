@@ -8,6 +8,7 @@ from hypothesis import given
 
 import screwgauge
 from support.acting import Course, JointSpring, Motor
+from support.data import data
 from support.engines import ModelFiles, get_engine
 from support.errors import UnknownNameError
 from support.geometry import rotation
@@ -132,24 +133,7 @@ def test_home_at_rest_has_numbers(backend):
 
 
 #: A slider-crank whose slide might turn, but rests: its angle, 0.3 rad at home, is in the tree.
-RESTING = """
-name = "resting"
-independent.crank = "a"
-bodies.crank = { mass = 0.5, com = [0.1, 0, 0.01], inertia = { xx = 2e-3, yy = 2e-3, zz = 1e-3, xy = 1e-4 } }
-bodies.rod = { mass = 1.2, com = [0.25, 0.02, 0.1], inertia = { xx = 5e-3, yy = 3e-2, zz = 2.6e-2, xz = -1e-3 } }
-bodies.slide = { mass = 2, com = [0.05, 0, 0.2], inertia = { xx = 1.3e-2, yy = 1.3e-2, zz = 1e-2 } }
-joints.a = { kind = "R", parent = "ground", child = "crank", axes = [[0, 1, 0]], actuated = true }
-joints.b = { kind = "S", parent = "crank", child = "rod", parent_frame.position = [0.2, 0, 0] }
-joints.c = { kind = "R", parent = "rod", child = "slide", axes = [[0, 1, 0]], parent_frame.position = [0.6, 0, 0] }
-[joints.s]
-kind = "C"
-parent = "ground"
-child = "slide"
-axes = [[1, 0, 0]]
-home = [0.3, 0.8]
-parent_frame.position = [0, 0, 0.1]
-child_frame = { position = [0, 0, 0.1], rotation = { axis = [1, 0, 0], angle = 0.3 } }
-"""
+RESTING = data("resting.toml")
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -7,9 +7,10 @@ import tomli_w
 from flint import arb, arb_mat, ctx
 
 import screwgauge
+from support.data import data
 from support.errors import DescriptionError
 from support.geometry import rotation
-from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.mechanism import load_mechanism, mechanism_tables
 from support.singular import four_bar
 from support.tolerances import LINEAR, ROUNDING
 from support.truth import Certifier, Linkage, newton_euler, notes, number, required, state, widened
@@ -61,7 +62,7 @@ def turned(text):
 
 @pytest.mark.parametrize("name", ["bennett", "sarrus"])
 def test_redundant_loops_of_exact_text_close(name, scene):
-    results = screwgauge.run(scene((DATA / f"{name}.toml").read_text()), engines=["truth", "screw"])
+    results = screwgauge.run(scene(data(f"{name}.toml")), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
     assert "no proof" in notes(results)
     assert "rounded" not in notes(results)
@@ -69,7 +70,7 @@ def test_redundant_loops_of_exact_text_close(name, scene):
 
 
 def test_bennett_linkage_moves_as_its_closed_form_says(scene):
-    motion = scene((DATA / "bennett.toml").read_text())
+    motion = scene(data("bennett.toml"))
     results = screwgauge.run(motion, engines=["truth"], quantities=["joint_position"])
     j1, j2, j3, j4 = results.values("joint_position").T
     assert j2 == pytest.approx(2 * np.arctan(np.sin(np.pi / 4) / np.sin(np.pi / 12) / np.tan(j1 / 2)), abs=ROUNDING)
@@ -79,7 +80,7 @@ def test_bennett_linkage_moves_as_its_closed_form_says(scene):
 @pytest.mark.slow
 @pytest.mark.parametrize("digits", [15, 16, 17])
 def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
-    text = (DATA / "bennett.toml").read_text()
+    text = data("bennett.toml")
     exact = screwgauge.run(scene(text), engines=["truth"])
     results = screwgauge.run(scene(decimals(text, digits)), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
@@ -92,14 +93,14 @@ def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
 
 
 def test_planar_four_bar_in_turned_frames_is_read_as_rounded(scene):
-    results = screwgauge.run(scene(turned((DATA / "four-bar.toml").read_text())), engines=["truth", "screw"])
+    results = screwgauge.run(scene(turned(data("four-bar.toml"))), engines=["truth", "screw"])
     assert results.pairs["max_scaled"].max() < LINEAR, results.failures
     assert "round to them" in notes(results)
 
 
 @pytest.mark.parametrize("quantity", ["joint_position", "reaction"])
 def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
-    motion = scene(decimals((DATA / "bennett.toml").read_text(), 12))
+    motion = scene(decimals(data("bennett.toml"), 12))
     results = screwgauge.run(motion, engines=["truth"], quantities=[quantity])
     reason = results.failures["truth"].reason
     assert re.search(r"open by \de-1\d \(rad, m.* 'sqrt\(2\)', .*15 digits", reason)
@@ -146,7 +147,7 @@ def scaled(text, size):
 def test_size_does_not_matter(name, size, write):
     forces = []
     for factor in ("1", size):
-        path = write("m.toml", scaled((DATA / f"{name}.toml").read_text(), factor))
+        path = write("m.toml", scaled(data(f"{name}.toml"), factor))
         mechanism = load_mechanism(path)
         with ctx.workprec(192):
             linkage = Linkage(mechanism, mechanism_tables(path))
@@ -162,7 +163,7 @@ def test_size_does_not_matter(name, size, write):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "four-bar"])
 def test_motion_that_nothing_drives_has_a_truth(name, scene):
-    motion = scene(re.sub(r"actuated = true\n", "", (DATA / f"{name}.toml").read_text()))
+    motion = scene(re.sub(r"actuated = true\n", "", data(f"{name}.toml")))
     wanted = ["joint_position", "joint_acceleration", "com_acceleration", "generalized_force"]
     results = screwgauge.run(motion, engines=["truth", "screw", "pinocchio"], quantities=wanted)
     assert not results.failures

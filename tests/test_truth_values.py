@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.data import DATA
 from support.equations import reaction_names
-from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.mechanism import load_mechanism, mechanism_tables
 from support.scene import sampled
 from support.tolerances import AGREE, LINEAR, NEAREST, RADIUS, SOLVER
 

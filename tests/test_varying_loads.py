@@ -5,36 +5,15 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from screwgauge.engines.registry import get_engine
 from screwgauge.families.draw import families
+from support.data import data
 from support.engines import ask, further_engines, model_files
 from support.errors import DescriptionError
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "lagrange")
 #: Numbers that are solved from loops of equations, relative to the largest.
 SOLVED = 1e-12
-BAR = """
-name = "bar"
-[independent]
-a = "pivot"
-[bodies.bar]
-mass = 1
-inertia = { xx = 0.2, yy = 0.2, zz = 0.2 }
-[joints.pivot]
-kind = "R"
-parent = "ground"
-child = "bar"
-axes = [[0, 0, 1]]
-actuated = true
-"""
-TURN = """
-mechanism = "bar.toml"
-gravity = [0, 0, 0]
-motion.a = { harmonics = [[2, 0.3, 0.9]] }
-time = { duration = 1, step = 0.1 }
-[[loads]]
-on = "bar"
-by = "environment"
-point = [0.5, 0, 0]
-"""
+BAR = data("bar.toml")
+TURN = data("bar-scene.toml")
 #: Components that change with time, two of them in no way.
 COMPONENTS = (
     "force = [1, { offset = '1/3', polynomial = [0, 2, -1] }, { harmonics = [[3, 1, 2], [7, 0.2, 0]] }]\n"

@@ -17,27 +17,14 @@ from screwgauge.report import console
 from support import robots
 from support.browser import Opened, open_page
 from support.command import main
+from support.data import data
 from support.mechanism import load_mechanism, suspicious
 from support.models import write_models
 
 pytestmark = pytest.mark.slow
 
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
-STUCK = """
-name = "stuck"
-[independent]
-q = "a"
-[bodies.bob]
-mass = 1
-com = [0.5, 0, 0]
-inertia = { xx = 0.01, yy = 0.02, zz = 0.02 }
-[joints.a]
-kind = "R"
-parent = "ground"
-child = "bob"
-axes = [[0, 0, 1]]
-limits = [[0, 1e-9]]
-"""
+STUCK = data("stuck.toml")
 
 
 def test_the_page_is_written(tmp_path: Path) -> None:

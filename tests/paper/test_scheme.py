@@ -1,7 +1,5 @@
 """Errata 7 and 8, and the paper's own scheme: mended it converges, as printed it ends on a floor."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from paper import scheme
@@ -16,10 +14,10 @@ from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import layout
 from screwgauge.study.bench.scheme import PARTS, chains, integrate, platform_screws
+from support.data import DATA
 from support.tolerances import ROUNDING
 
 SCENE = screwgauge.load_scene("3ups-upu-s")
-DATA = Path(__file__).parents[1] / "data"
 DURATION = 2.0
 
 

@@ -1,54 +1,12 @@
 """A planar biped in space: a torso that floats, and legs of thigh, shank and foot beside each other."""
 
+from support.data import data
+
 #: Length of thigh and shank, the sole in the frame of a foot, and distance of the legs [m].
 LINK, SOLE, STEP = 0.4, (0.05, 0.0, -0.07), 0.2
 BASE = ("base.x", "base.y", "base.z", "base.q1", "base.q2", "base.q3")
-_TORSO = """
-[bodies.torso]
-mass = 10
-com = [0.02, 0, 0.2]
-inertia = { xx = 0.2, yy = 0.3, zz = 0.1 }
-[joints.base]
-kind = "F"
-parent = "ground"
-child = "torso"
-home = [0, 0, 0.9, 0, 0, 0]
-"""
-_LEG = """
-[bodies.thighK]
-mass = 3
-com = [0, 0.01, -0.2]
-inertia = { xx = 0.03, yy = 0.03, zz = 0.005 }
-[bodies.shankK]
-mass = 2
-com = [0.01, 0, -0.2]
-inertia = { xx = 0.02, yy = 0.02, zz = 0.003 }
-[bodies.footK]
-mass = 1
-com = [0.04, 0, -0.03]
-inertia = { xx = 0.002, yy = 0.003, zz = 0.003 }
-[joints.hipK]
-kind = "R"
-parent = "torso"
-child = "thighK"
-axes = [[0, 1, 0]]
-actuated = true
-parent_frame.position = [0, Y, 0]
-[joints.kneeK]
-kind = "R"
-parent = "thighK"
-child = "shankK"
-axes = [[0, 1, 0]]
-actuated = true
-parent_frame.position = [0, 0, -0.4]
-[joints.ankleK]
-kind = "R"
-parent = "shankK"
-child = "footK"
-axes = [[0, 1, 0]]
-actuated = true
-parent_frame.position = [0, 0, -0.4]
-"""
+_TORSO = data("biped-torso.toml")
+_LEG = data("biped-leg.toml")
 
 
 def biped(legs: int = 1) -> str:

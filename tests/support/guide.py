@@ -30,6 +30,7 @@ from screwgauge.quantities import NUMBER_TYPES, QUANTITIES
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.scene.keys import TABLES
 from screwgauge.scene.read import load_scene, scene_names
+from support.data import data
 
 ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "harness/guide"
@@ -165,76 +166,15 @@ def other_wording(shown: str, printed: str) -> list[str]:
 
 # Pages that are made
 
-COMMANDS = """# Commands
+COMMANDS = data("guide/commands.md")
 
-`screwgauge COMMAND --help` says the same. Every command knows `--debug`, which shows the traceback of an error.
-Those that write know `--out`, whose folder is made if need be, and `--force`, which overwrites inputs, files of
-somebody's own, and files that screwgauge wrote and somebody changed since: digests in them tell, that of `values.csv`
-in `.values.csv.sha256` beside it. [Exit status](quantities.md#exit-status)"""
+BUILTIN = data("guide/built-in.md")
 
-BUILTIN = """# Built-in mechanisms and scenes
+ENGINES_PAGE = data("guide/engines.md")
 
-`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in the
-folder of its name under [models](../../models/), and Pinocchio and MuJoCo read the model files of all of them.
-`a02-fourbar-40` is written by `models/catalog.py`, for any number of loops. Springs and motors are forces, and stand
-in the scenes. What every engine reaches on the benchmark problems, and what others have published:
-[reports](../../reports/README.md).
+COMPARED = data("guide/compared.md")
 
-## Mechanisms"""
-
-ENGINES_PAGE = """# What each engine takes and gives
-
-`screwgauge list engines` has their names. An engine that needs an extra is installed by it, say
-`pip install 'screwgauge[truth]'`; the others come with Screwgauge. A dash has its reason below. What an engine lacks or
-refuses by itself is no failure: a run names it, and a mechanism that it refuses costs its own row. [The
-contract](own-engine.md) tests that each engine does what its column says, on built-in and random mechanisms, beside
-`screw`."""
-
-COMPARED = """# What a diagnosis compares, and what it does not
-
-`screwgauge diagnose A B` tells differences by cause, the one with the largest share of the torque difference
-first; with `--all` it prints each difference, too, and `diagnosis.json` has all. Where B as a whole stands
-elsewhere, is turned, mirrored or in other units, that is one cause and comes first, unless there is a single
-one without it; its differences stay listed, and shares of other causes are of what is left.
-
-It calls two models the same only if nothing is present that could make them differ and is not compared; else it
-says **not all compared** with the list (exit status 1). Beside all that is compared, the torques that the
-libraries themselves compute as they load the two files have to agree, passive forces included, contacts and
-limits off, along the motions that loops leave; a description, and a URDF whose `robot.yaml` changes types of
-joints, have the dynamics of what is read in place of a library's.
-[content.toml](../../models/content.toml) has every kind of content that acts on dynamics:"""
-
-FATES = """*Held*: an entry of every reading, compared number by number. *Compared*: item by item, where both models can
-say it; what a format or a reader cannot say is not compared, and withheld. *Withheld*: not compared, and two
-models that have it are not called the same. *Aside*: outside the comparison, which is said. *Irrelevant*: acts
-on nothing that is compared.
-
-## In a run
-
-`import`, `run FILE` and `check` compare engines on one description of a file. *Held*: the description or its scene
-has it. *Measured*: no engine has it, and the run measures what it adds. *Refused*: it acts, and can be neither.
-*Idle*: it exerts nothing along a motion within limits and off contacts.
-
-What acts in a file and is not in a description stays with it as `[[left_out]]`, with the numbers of the file, so
-that a run can measure it when the file is gone: armature, damping and dry friction of tendons and balls (those of
-hinges and slides, and of actuators that drive one, are [entries of
-joints](../../models/README.md#rotors-damping-and-dry-friction)), higher powers of damping, springs (those of hinges
-and slides are `[[springs]]` of the scene that `import` writes; in a
-scene without them they are measured, too), weight that nothing exerts (gravcomp), drag of a medium. The forces are
-those of MuJoCo: of `mj_inverse` without constraints to the last digits, dry friction by the sign of the rate.
-
-The first sentence of a verdict says so: `the file has more: armature of tendon t, up to 6.4 of 7.4 N·m`, the largest
-force that it adds to one of the actuators (along an independent coordinate, where these do not drive all freedoms)
-beside the largest of the whole. Passive forces alone are `✓ AGREE, but` and exit status 0; inertia is
-`✗ INERTIA LEFT OUT` and 1. A table, or an engine on a file of your own, whose numbers contain some of it is compared
-and judged without: what was taken off is said, and whatever is wrong besides is found as ever.
-
-A file is refused, and what acts is named, where it can be neither held nor measured: an equality that is not read
-(of a flex, of a spatial tendon, by powers of a sum of joints) leaves
-other freedoms; so do flexible bodies. Springs that yield, tendons that pull over geoms or pulleys, fluid shapes of
-geoms, and plugins of bodies are refused, too. What is not active (`active="false"`) is not.
-
-An entry of `[[left_out]]`:"""
+FATES = data("guide/fates.md")
 
 #: Keys of an entry of ``[[left_out]]``, their units, and what they mean.
 LEFT_OUT = (
@@ -272,11 +212,7 @@ def made() -> dict[Path, str]:
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
 
 
-SCENE_KEYS = """# Keys of a scene file
-
-Units are SI; numbers, vectors and rotations are written as in a [mechanism](../../models/README.md#the-mechanism-file).
-Unknown keys are errors. A key without a default is required unless its meaning says more.
-[What scenes are](../scenes/README.md)"""
+SCENE_KEYS = data("guide/scene-keys.md")
 OF = {"given": " (given motion alone)", "simulated": " (simulation alone)"}
 
 

@@ -19,8 +19,6 @@ from screwgauge.reference.graph import serial_chains, spanning_tree
 from screwgauge.reference.lint import Solid, all_too_wide, implausible, of_bodies, suspicious, too_wide
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names
 
-#: Descriptions and scenes of toy mechanisms.
-DATA = Path(__file__).parents[1] / "data"
 #: The smallest of all: a body that turns about a fixed axis.
 ROD = (
     'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'

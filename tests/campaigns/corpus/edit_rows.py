@@ -25,6 +25,8 @@ from campaigns.corpus.shares import shares
 from campaigns.corpus.urdf_scrambler import scramble_urdf
 from campaigns.rows import rows_in_turn
 
+from support.data import data
+
 SEED, SINGLE, MULTIPLE = 32, 500, 100
 #: Kinds of edit that torques show, for two or three at once.
 SEEN = ("mass", "com", "inertia", "shift", "rpy", "damping")
@@ -55,17 +57,7 @@ PUBLIC = {
         *(f"{_MJCF}/grippers/{name}.xml" for name in ("panda_gripper", "rethink_gripper", "robotiq_gripper_140")),
     ],
 }
-_GEARED = """<mujoco model="geared"><compiler angle="radian"/><worldbody>
-<body name="input"><joint name="drive" axis="0 1 0" damping="0.1"/>
-<inertial pos="0 0 0.02" mass="0.5" diaginertia="0.002 0.003 0.002"/></body>
-<body name="output" pos="0.2 0 0"><joint name="driven" axis="0 1 0"/>
-<inertial pos="0.05 0 0.01" mass="1.5" diaginertia="0.02 0.03 0.025"/>
-<body name="flap" pos="0.1 0 0.05"><joint name="hinge" axis="1 0 0"/>
-<inertial pos="0 0.04 0.02" mass="0.3" diaginertia="0.001 0.0012 0.0015"/></body></body></worldbody>
-<equality><joint name="mesh" joint1="driven" joint2="drive" polycoef="0 -0.4 0 0 0"/></equality>
-<actuator><motor name="motor" joint="drive" gear="12"/>
-<motor name="flapper" joint="hinge" gear="3"/></actuator></mujoco>
-"""
+_GEARED = data("geared.xml")
 
 
 def own_models(folder: Path) -> dict[str, Path]:

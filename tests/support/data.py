@@ -1,0 +1,10 @@
+"""Files of `tests/data`: descriptions, scenes and models of toy mechanisms, and what is written around them."""
+
+from pathlib import Path
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def data(name: str) -> str:
+    """Text of a file; what stands in braces is filled in by the test."""
+    return (DATA / name).read_text(encoding="utf-8")
