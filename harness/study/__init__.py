@@ -1,6 +1,6 @@
-"""Studies: tasks that engines solve, with a table of rows as result.
+"""Studies: tasks that engines solve, each resulting in a table of rows.
 
-All of them share `runner` and `store`: tasks, executors, and rows on disk. `run` compares one scene;
-`gate` checks many, `bench` measures error against run time, `stress` makes scenes extreme (`cases`),
-and `matrix` varies versions. `screwgauge.report` shows the results.
+All studies share `runner` and `store`: tasks, executors, and rows on disk. `run` compares engines on one scene; `gate`
+checks many scenes, `bench` measures error against run time, `stress` makes scenes extreme (`cases`), and `matrix`
+varies versions. `screwgauge.report` shows the results.
 """

@@ -1,4 +1,4 @@
-"""Addresses: digests of all that the result of some work depends on. Results on disk are found only by address."""
+"""Addresses: digests of everything that affects the result of a computation. Stored results are found by address."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import digest
 from screwgauge.truth.cache import digest as digest_of
 
-#: Packages besides those of `environment` on which results, or pickled data, depend.
+#: Packages, in addition to those in `environment`, on which results or pickled data depend.
 PACKAGES = ("scipy", "llvmlite", "loky", "distributed", "cloudpickle")
 #: Packages that this distribution consists of.
 ROOMS = ("screwgauge", "screwgauge.reference", "screwgauge.models")
@@ -26,17 +26,17 @@ OURS = (".py", ".toml", ".csv", ".urdf", ".xml")
 
 
 def address(*parts: Any, files: Iterable[Path] = ()) -> str:
-    """Compute the digest of some work.
+    """Compute the digest that identifies a computation.
 
     Args:
-        parts: The question: texts, numbers, tables of them.
-        files: All files opened for the work, including those that they include or name.
+        parts: The question: strings, numbers, tables of them.
+        files: All files opened for the computation, including those that they include or name.
     """
     return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of all that results depend on, and digests of this package's code and of external engines."""
+    """Return the versions of all that affects results, and digests of this package's code and of external engines."""
     packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:
@@ -51,7 +51,7 @@ _machine = cache(environment)
 
 @cache
 def _installed() -> list[str]:
-    """List all distributions with their versions: an engine may depend on any of them."""
+    """List all distributions with their versions, because an engine may depend on any of them."""
     return sorted({f"{each.metadata['Name']} {each.version}" for each in distributions()})
 
 
@@ -63,9 +63,9 @@ def _code() -> str:
 
 @cache
 def _engines() -> dict[str, str]:
-    """Return external engine -> version, and digest of the files of its package and of its module.
+    """Return external engine -> version, and a digest of the files of its distribution and of its module.
 
-    The module is located without being imported.
+    The module is located without importing it.
     """
     found = {}
     for name, entry in further_entries().items():

@@ -1,7 +1,7 @@
-"""Reduction of engines' answers to plain data: numbers and texts, nothing else.
+"""Reduction of engines' answers to plain data, which consist only of numbers and strings.
 
-Engines of other packages may return anything. `plain_answer` lets plain data through, which is compared, judged and
-shown without another look, so that a bad answer costs its own row only.
+Engines of other packages may return anything. `plain_answer` lets only plain data through, which need no further checks
+before they are compared, judged and shown, so that a bad answer affects only its own row.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LONG, SHORT, MOST = 2000, 200, 100  # largest length of a note and of a name; la
 
 
 def plain_answer(answer: object, n: int) -> Solution:
-    """Return an answer for n samples that consists of numbers and texts only; long texts are truncated, with a remark.
+    """Return an answer for n samples of only numbers and strings; long strings are truncated, with a remark.
 
     Raises:
         TypeError, ValueError: The answer is malformed; the message names the fault.
@@ -50,16 +50,16 @@ def plain_answer(answer: object, n: int) -> Solution:
 
 
 def plain_failure(failed: Failure) -> Failure:
-    """Return a failure whose texts are truncated to the lengths used in this package."""
+    """Return a failure whose strings are truncated to the lengths used in this package."""
     limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
     return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})
 
 
 def shortened(text: object, most: int) -> str:
-    """Truncate a text to `most` characters, and append the number of characters cut off.
+    """Truncate a string to `most` characters, and append the number of removed characters.
 
     Raises:
-        TypeError: The value is not a text.
+        TypeError: The value is not a string.
     """
     if not isinstance(text, str):
         raise TypeError(f"a text is of type {type(text).__name__}")
@@ -72,7 +72,7 @@ def _texts(what: str, texts: object) -> tuple[str, ...]:
 
 
 def _some(what: str, items: object) -> list[Any]:
-    """Return the items of a tuple or list of at most `MOST`."""
+    """Return the items of a tuple or list; reject more than `MOST` items."""
     if not isinstance(items, (tuple, list)):
         raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
     if len(items) > MOST:
@@ -107,8 +107,8 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
-    """Check an array of doubles, and its shape, in which None stands for any length."""
-    if type(array) is not np.ndarray:  # in a masked array, for example, some numbers do not count
+    """Check that an array contains real numbers and has a given shape, in which None stands for any length."""
+    if type(array) is not np.ndarray:  # e.g. a masked array, in which some numbers do not count
         raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
         raise TypeError(f"its {what} is an array of {array.dtype.name}, not of real numbers")
@@ -119,7 +119,7 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """Check an array with a non-negative number, or NaN, for each sample."""
+    """Check an array that has a non-negative number or NaN for each sample."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
         raise ValueError(f"its {what} has negative numbers")
@@ -148,7 +148,7 @@ def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
 
 
 def _rows(rows: object, n: int) -> Any:
-    """Check ascending indices of samples."""
+    """Check that an array contains ascending indices of samples."""
     if type(rows) is not np.ndarray or rows.dtype.kind not in "iu" or rows.ndim != 1:
         raise TypeError("its rows are not an array of indices")
     if len(rows) and not (rows[0] >= 0 and rows[-1] < n and (np.diff(rows.astype(np.int64)) > 0).all()):
@@ -171,6 +171,6 @@ def _cost(cost: object) -> Cost:
 
 
 def declared(model: EngineModel, engine: Engine | None) -> dict[str, str]:
-    """Return quantity -> reason for each quantity that an engine, or its loaded model, declares not to give."""
+    """Return quantity -> reason for quantities that an engine, or its loaded model, declares not to compute."""
     lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
     return {name: shortened(why, LONG) for name, why in lacks.items()}

@@ -1,8 +1,8 @@
-"""Calls of external code in a fork of this process that ends with the call: only plain data comes back.
+"""Calls of external code in a fork of this process that ends with the call and returns only plain data.
 
-What the code prints, patches, changes, starts or breaks stays in the fork. Its answer is unpickled by a reader that
-knows types of numbers and texts alone, and nothing of it is run here. Only workers fork: their threads wait
-and hold no lock. Other processes ask a worker, see `isolation`.
+Whatever the code prints, patches, changes, starts or breaks stays in the fork. An unpickler that accepts only types of
+numbers and strings reads its answer, so that no code from the answer is run. Only workers fork, because their threads
+wait and hold no lock. Other processes ask a worker, see `isolation`.
 """
 
 from __future__ import annotations
@@ -26,38 +26,38 @@ from screwgauge.reference import errors
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.lifeline import tied
 
-#: Types of an answer: their instances hold only numbers and texts.
+#: Types of an answer, whose instances contain only numbers and strings.
 _PLAIN = {(solution.__name__, name) for name in ("Cost", "Error", "Failure", "Solution", "Timing", "Values")}
-#: Names by which numpy 1 and 2 pickle arrays of numbers.
+#: Names with which numpy 1 and 2 pickle arrays of numbers.
 _PLAIN |= {("numpy", "dtype"), ("numpy", "ndarray")}
 _PLAIN |= {(f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")}
-PRINTED = 2000  # characters kept at the end of the output, which a traceback ends with
+PRINTED = 2000  # number of characters kept from the end of the output, for the end of a traceback
 _ANSWER, _SAID = "answer", "printed"
 _RETURNED, _MEMORY = "returned", "memory"
 
 
 class CrashedError(Exception):
-    """Raised if a call ended its process, or did not return plain data. Notes hold its output."""
+    """Raised if a call ended its process, or did not return plain data. Notes contain the output of the call."""
 
 
 def apart(call: Callable[[], object]) -> tuple[Any, str]:
     """Call a function in a fork; return its result, which must be plain data, and the end of its output.
 
     Raises:
-        ScrewgaugeError: Raised by the call; notes hold its traceback.
+        ScrewgaugeError: The call raised this error; notes contain the traceback.
         MemoryError: The call needs more memory than is available.
-        CrashedError: The call raised another exception, crashed, or returned other data.
+        CrashedError: The call raised a different exception, crashed, or did not return plain data.
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         folder, first = Path(name), tied()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # about forking with threads, which only wait
+            warnings.simplefilter("ignore", DeprecationWarning)  # warns of forks with threads, but these only wait
             child = os.fork()
         if not child:
             _run(call, folder, first)
         _, status = os.waitpid(child, os.WUNTRACED)
         for each in (os.kill, os.killpg) if os.WIFSTOPPED(status) else (os.killpg,):
-            with suppress(OSError):  # it has started no process, or all have ended
+            with suppress(OSError):  # the call started no process, or all have ended
                 each(child, signal.SIGKILL)
         if os.WIFSTOPPED(status):
             os.waitpid(child, 0)
@@ -69,7 +69,7 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
 
 
 def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) -> NoReturn:
-    """Run in the forked child: start a new session, redirect output to a file, and write the answer to another."""
+    """Run a call in the forked child: start a session, redirect output to a file, and write the answer to a file."""
     try:
         first()
         os.setsid()
@@ -90,7 +90,7 @@ def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) ->
 
 
 def _call(call: Callable[[], object]) -> tuple[str, Any]:
-    """Call a function; return the kind of its outcome, and the result or the facts of its error."""
+    """Call a function; return the kind of its outcome, and the result or the data of its error."""
     try:
         return _RETURNED, call()
     except MemoryError:
@@ -120,14 +120,14 @@ def _outcome(folder: Path, status: int) -> Any:
         error = _rebuilt(str(how), *facts)
     except MemoryError:
         raise
-    except Exception as wrong:  # whatever malformed bytes raise in the reader
+    except Exception as wrong:  # malformed bytes may raise anything
         raise CrashedError(f"returned what is no plain data ({wrong})") from None
     error.add_note(text)
     raise error
 
 
 def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
-    """Rebuild an error of this package without its constructor, which may take other arguments."""
+    """Recreate an error of this package without calling its constructor, whose arguments may differ."""
     form = getattr(errors, kind)
     if not issubclass(form, ScrewgaugeError):
         raise TypeError(f"{kind} is no error")
@@ -144,7 +144,7 @@ def _read_output(folder: Path) -> str:
 
 
 class _Plain(pickle.Unpickler):
-    """Unpickler for numbers, texts, arrays and answers; unpickling any other type could run code."""
+    """Unpickler for numbers, strings, arrays and answers; unpickling any other type could run code."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _PLAIN:

@@ -1,4 +1,4 @@
-"""Benches (`run`, `forward_run`) and stress: questions of `cases.toml` that methods answer; measurements and tables."""
+"""Benches (`run`, `forward_run`) and stress: methods answer questions from `cases.toml`; measurements and tables."""
 
 import tomllib
 from pathlib import Path

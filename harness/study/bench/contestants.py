@@ -1,6 +1,6 @@
-"""Contestants of benches: methods paired with questions, and the choice of them.
+"""Contestants of benches, which pair methods with questions, and their selection.
 
-``cases.toml`` lists those of given motions and the engines' own steppers.
+``cases.toml`` lists the contestants for given motions, and the engines' own steppers.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ def count(n: int, word: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contestant:
-    """Method with a setting and a question; yields a row for each of its quantities.
+    """Method with a setting and a question, which yields a row for each of its quantities.
 
     Attributes:
         setting: Description of the setting.
-        covers: Work that the clock covers.
-        series: Line of the family that it belongs to, such as ``1 iteration``.
+        covers: Work that the clock includes.
+        series: Subdivision of the family, such as ``1 iteration``, whose contestants form one line.
         parameter: Name and value of the parameter that varies along that line.
         label: Short name of the setting in diagrams.
-        drawn: True if the work-precision diagram shows it.
-        given: True if the joint motion is prescribed: the time does not include closing the loops.
-        hint: Cause of a likely failure, for the row of that failure.
+        drawn: True if the work-precision diagram shows the contestant.
+        given: True if the joint motion is prescribed, so that the time excludes closing the loops.
+        hint: Likely cause of a failure, for the row of that failure.
     """
 
     family: str
@@ -73,7 +73,7 @@ class Contestant:
 
     @property
     def kind(self) -> NumberType:
-        """Type of number that the method computes in."""
+        """Number type in which the method computes."""
         return NUMBER_TYPES.get(self.method.settings.get("dtype", ""), number_type(self.method.engine))
 
     @property
@@ -86,7 +86,7 @@ class Contestant:
         return self.question(posed, self.method.engine, self.quantities)
 
     def scores(self, trial: Trial, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:
-        """Return quantity -> largest and RMS scaled error, and the reason if there is none."""
+        """Return quantity -> largest and RMS scaled errors, and a reason if there is no error."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
             values = joined(solution.values[quantity] for solution in solutions)
@@ -96,18 +96,18 @@ class Contestant:
         return scores
 
 
-#: Fields of a contestant that are copied from an entry.
+#: Fields of a contestant that are copied from an entry of ``cases.toml``.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
 _COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
 _SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable", "energy"), covers=_COVERS)
-#: Tolerances of a step, rtol = atol. Implicit methods of low order need too many steps for the tighter ones.
+#: Tolerances of a step, rtol = atol. Implicit methods of low order would need too many steps for the smaller ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 LEAST_IMPLICIT = 1e-8
 QUICK_LADDER = (1e-4, 1e-7)
-#: Engines that close loops by constraint forces gain nothing below this tolerance: those forces round to more.
+#: Smallest useful tolerance for engines that close loops by constraint forces, whose rounding errors exceed it.
 LEAST_CONSTRAINED = 1e-10
-#: Fixed steps over the whole motion.
+#: Numbers of equal steps over the whole motion.
 STEPS = (250, 1_000, 4_000, 16_000, 64_000)
 QUICK_STEPS = (100, 400, 1_600)
 
@@ -116,7 +116,7 @@ QUICK_STEPS = (100, 400, 1_600)
 LEAVING_OUT = "leaving-out"
 ENGINES = ("screw", "pinocchio", "mujoco")
 EVERYTHING = "everything"
-#: Quantities that each row requests in addition to the row before.
+#: Quantities that each row requests in addition to those of the previous row.
 WANTED = {
     **{
         what: tuple(name for name in (*OF_JOINTS, *OF_BODIES) if EVERY[name].needs == needs)
@@ -130,12 +130,12 @@ MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
-    """Return the contestants, family by family. `quick`: omit the slowest settings."""
+    """Return the contestants, sorted by family. `quick`: omit the slowest settings."""
     return [*(one for entry in TABLE["lines"] for one in _expand(entry, quick)), *leaving_out()]
 
 
 def _expand(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
-    """Yield the contestants of an entry of ``cases.toml``, whose head explains the entries."""
+    """Yield the contestants of an entry of ``cases.toml``; comments at the top of that file explain its entries."""
     axes = [
         [value if isinstance(value, dict) else {name: value} for value in values]
         for name, values in entry.get("over", {}).items()
@@ -176,7 +176,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
 
 def leaving_out() -> Iterator[Contestant]:
-    """Yield each engine with fewer requests, to show the savings; its first contestant computes everything."""
+    """Yield each engine with reduced requests, to measure the savings; its first contestant computes everything."""
     for engine in ENGINES:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
@@ -188,19 +188,19 @@ def leaving_out() -> Iterator[Contestant]:
             yield trial(step, question=partial(given.omit, computed=wanted), quantities=wanted, series="asked for")
         setting, alone = "actuator forces alone", ("actuator_force",)
         yield trial(setting, question=partial(given.omit, computed=alone), quantities=alone, series="asked for")
-        for absent in ("gravity", "load"):  # omitting them changes forces, but not motion
+        for absent in ("gravity", "load"):  # without them, forces change but motion does not
             yield trial(absent, question=partial(given.omit, absent=absent), quantities=MOTION, series="absent")
-        # parts of the model file that mechanics does not need; a URDF has only limits
+        # parts of the model file that mechanics does not need; a URDF can contain only limits
         for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, given.ALL_PARTS)}[engine]:
             setting = "visuals" if part == "geoms" else part
             yield trial(setting, question=partial(given.omit, part=part), quantities=GIVEN, series="in the model")
-        if engine != "screw":  # joint forces differ between trees
+        if engine != "screw":  # joint forces of the tree differ between cuts
             same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
             yield any_engine("full cut instead of minimal", cut, given.omit, same, series="cut")
 
 
 def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
-    """Return the named families and contestants; by default all whose packages are installed.
+    """Return the contestants with the given names or families; by default all whose packages are installed.
 
     Raises:
         ScrewgaugeError: A name is unknown, or no name is given.
@@ -215,23 +215,18 @@ def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contest
 
 
 def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]:
-    """Return the contestants of the bench of a simulation, family by family, coarse settings first.
-
-    Args:
-        method: Integration method of the scene.
-        duration: Duration of the motion [s].
-    """
+    """Return the contestants for the bench of a simulation, sorted by family, coarse settings first."""
     return [*chain(*_ladders(method, quick), *_step_ladders(duration, quick))]
 
 
 def _ladders(usual: str, quick: bool) -> Iterator[list[Contestant]]:
-    """Yield ladders of tolerances: each engine integrated with one of scipy's methods."""
+    """Yield series of decreasing tolerances, one for each engine and integration method of scipy."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
         for method in METHODS if screw else (usual,):
             least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
             rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
-            if screw and quick and method != usual:  # in a quick bench only the scene's own method climbs
+            if screw and quick and method != usual:  # a quick bench uses all tolerances only for the scene's own method
                 rungs = rungs[:1]
             family, ladder = f"screw-{method}" if screw else engine, list[Contestant]()
             for rtol in rungs:
@@ -242,7 +237,7 @@ def _ladders(usual: str, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _step_ladders(duration: float, quick: bool) -> Iterator[list[Contestant]]:
-    """Yield ladders of fixed steps: each engine with its own stepper, external ones if installed."""
+    """Yield series of decreasing fixed steps, one for each engine's own stepper; external engines must be installed."""
     for stepper in TABLE["steppers"]:
         family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()
         if get_engine(engine).extra and not get_engine(engine).installed:
@@ -254,7 +249,7 @@ def _step_ladders(duration: float, quick: bool) -> Iterator[list[Contestant]]:
 
 
 def _label(dt: float) -> str:
-    """Return the label of a step, with its unit."""
+    """Format a time step with a suitable unit."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
         if dt >= size:
             return f"{dt / size:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""Benches of simulations: every contestant integrates the scene; its errors, energy and time make two rows."""
+"""Benches of simulations: each contestant integrates the scene, which yields a row of errors and a row of energy."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from screwgauge.study.store import Journal
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of `screw` as the reference
-#: Duration [s] below which a contestant is measured `Plan.rounds` times in all; the shortest time counts.
+#: Duration [s] below which a contestant is measured up to `Plan.rounds` times; the shortest time counts.
 SHORT = 1.0
-#: Least assumed ratio of the durations of consecutive rungs, used to predict rungs that would take too long.
+#: Smallest assumed ratio of the durations of consecutive settings, to predict settings that would take too long.
 LONGER = 1.5
 FULL = Plan(samples=41, rounds=3, budget=90.0, quick=False, each=45.0)
 QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
 
 
 def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
-    """Return a simulated scene at the compared times, with notes on its start.
+    """Return a simulated scene at the times of comparison, with notes on its start.
 
     Raises:
         ScrewgaugeError: The scene has no observable, or cannot start.
@@ -58,11 +58,7 @@ def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
 
 
 def choose(scene: Scene, names: Iterable[str] | None, *, quick: bool) -> list[Contestant]:
-    """Return the contestants of the named families and engines, by default all.
-
-    Raises:
-        ScrewgaugeError: A name is unknown.
-    """
+    """Return the contestants of the given families and engines, by default all."""
     start = scene.start
     everyone = simulators(start.integration.name, float(start.t[-1]) - start.since, quick=quick)
     if names is None:
@@ -96,7 +92,7 @@ def measure(
 
 
 def _slow(scene: Scene) -> bool:
-    """Return True if stability costs an explicit method very many steps that compiled code does not make cheap."""
+    """Return True if stability requires so many steps of an explicit method that it is slow without compiled code."""
     if find_spec("llvmlite") is not None:
         return False
     start = scene.start
@@ -106,13 +102,13 @@ def _slow(scene: Scene) -> bool:
 
 
 def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
-    """Prepare a simulated scene, whose observables are measured, for methods.
+    """Prepare a simulated scene, whose observables are compared, for methods.
 
     Args:
         folder: Folder for the model files.
 
     Raises:
-        ScrewgaugeError: The scene has no known solution, and the solver stops early.
+        ScrewgaugeError: The scene lacks a known solution, and the solver stops early.
     """
     write_scene_models(scene, folder)
     if scene.known is not None:
@@ -137,7 +133,7 @@ def _foreseen(contestant: Contestant, took: Mapping[Contestant, float]) -> float
     """Estimate a duration [s] from the previous setting of a family, or else from the first setting of its engine.
 
     Args:
-        took: Seconds of earlier contestants; infinite for those cut short, NaN for failed ones.
+        took: Durations of earlier contestants [s]; infinite if cut short, NaN if failed.
     """
     same = [one for one in took if one.family == contestant.family]
     if not same:
@@ -151,7 +147,7 @@ def _foreseen(contestant: Contestant, took: Mapping[Contestant, float]) -> float
 
 
 def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: float, left: float) -> dict[str, Any]:
-    """Return scores and cost of a contestant, or the reason for a missing answer.
+    """Return scores and cost of a contestant, or the reason why it has no answer.
 
     Args:
         foreseen: Expected duration [s].
@@ -180,7 +176,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
 
 
 def _scores(posed: PreparedScene, problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the error of the observables, and the missing energy, up to the end of an answer."""
+    """Return the errors of the observables and of the energy balance, up to the end of an answer."""
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
     off = deviation(observe(layout(scene.mechanism), scene.observables, q), right)

@@ -1,7 +1,7 @@
 """Questions of benches: the motion of a scene, its true states, or a motion that is modified for a purpose.
 
-Each question is a function of scene, engine and wanted quantities. `functools.partial` binds further arguments, so that
-questions pickle.
+Each question is a function of scene, engine and wanted quantities. Additional arguments are bound by
+`functools.partial`, so that questions can be pickled.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from screwgauge.study.reference_values import PreparedScene, Reference, referenc
 from screwgauge.study.solving import model_files
 
 ALL_PARTS = "all of them"
-EDGE = 2  # samples at each end at which np.gradient, applied twice, is one-sided
+EDGE = 2  # number of samples at each end at which np.gradient, applied twice, is one-sided
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trial:
-    """Problems for one model, with their reference.
+    """Problems for one model, with reference values.
 
     Attributes:
         problems: Problems that one model solves in turn.
         n_sample: Number of samples that the answers deliver.
-        reference: Values that the answers are compared with.
-        rows: Samples of the joined answers that the reference has; all by default.
+        reference: Values with which the answers are compared.
+        rows: Samples of the joined answers for which the reference has values; all by default.
     """
 
     files: ModelFiles
@@ -50,14 +50,14 @@ Question = Callable[[PreparedScene, str, Sequence[str]], Trial]
 
 
 def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Trial:
-    """Solve the prescribed motion. `whole`: at all times of the scene, not only at the compared ones."""
+    """Pose the prescribed motion. `whole`: at all times of the scene, not only at the times of comparison."""
     task = (posed.whole if whole else posed.scene).motion
     rows = np.searchsorted(task.t, posed.t)
     return Trial(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
 def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Solve the prescribed motion, one sample at a time."""
+    """Pose the prescribed motion, one sample at a time."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
     return Trial(posed.files(engine), problems, len(tasks), posed.reference)
@@ -66,18 +66,18 @@ def single_samples(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> 
 def true_states(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
 ) -> Trial:
-    """Compute actuator forces of the true motion of a tree.
+    """Pose the question for actuator forces along the true motion of a tree.
 
     Args:
-        pushed: Compute accelerations under the true forces instead.
-        bare: Compute forces along the tree instead.
+        pushed: Ask for accelerations under the true forces instead.
+        bare: Ask for forces along the tree coordinates instead.
     """
     return Trial(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
 
 
 @lru_cache(maxsize=3)
 def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
-    """Return the problem of `true_states`, which many methods share."""
+    """Return the problem of `true_states`, cached because many methods share it."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
@@ -87,7 +87,7 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
 
 
 def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
-    """Compute accelerations of another mechanism, whose closing rows are redundant."""
+    """Pose the question for accelerations of a four-bar, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
     reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, sizes(right)))
@@ -95,13 +95,14 @@ def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
 
 
 def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
-    """Differentiate the motion numerically, in steps of about a part of its duration.
+    """Pose the motion at evenly spaced times for numerical differentiation.
 
     Args:
-        ends: Also compare the samples at the ends, where differences are one-sided.
+        part: Approximate step, as a fraction of the duration.
+        ends: Compare only the samples at the ends, where differences are one-sided.
 
     Raises:
-        DescriptionError: The compared times are not evenly spaced.
+        DescriptionError: The times of comparison are not evenly spaced.
     """
     t, reference = posed.t, posed.reference
     if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
@@ -122,10 +123,10 @@ def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part
 
 
 def speed_up(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
-    """Solve the motion through the same poses at another speed."""
+    """Pose the motion through the same poses at a different speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
-    # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations
+    # all velocity terms are quadratic: s times the speed at the same poses yields s^2 times the accelerations
     like = {name: reference.values[name] for name in wanted}
     right = {name: Values(v.components, v.units, speed**2 * v.array) for name, v in like.items()}
     problem = posed.problem(*wanted, task=task)
@@ -133,11 +134,11 @@ def speed_up(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed:
 
 
 def step(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
-    """Solve the motion at the steps of a method that starts from the first pose.
+    """Pose the motion at the steps of a method that starts from the first pose.
 
     Args:
         part: Step, as a fraction of the duration.
-        halves: Also give the motion halfway between steps.
+        halves: Also include the times halfway between steps.
     """
     t, parts = posed.t, 2 if halves else 1
     step, n = part * float(t[-1] - t[0]), int((1 + 1e-12) / part)
@@ -146,17 +147,17 @@ def step(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: floa
     met = np.abs(grid[::parts][rows] - t) <= 1e-9 * max(1.0, abs(t[-1]))
     reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-    # the method returns the compared times, whatever the number of steps between them
+    # the method returns the times of comparison, whatever the number of steps between them
     return Trial(posed.files(engine), (problem,), len(t), reference, rows[met])
 
 
 def simulation(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0
 ) -> Trial:
-    """Simulate from the start; the wanted observables follow from the joint coordinates.
+    """Pose a simulation from the start; the wanted observables follow from the joint coordinates.
 
     Args:
-        method, rtol: Method of scipy and its tolerances rtol = atol; those of the scene by default.
+        method, rtol: Method of scipy, and its tolerances rtol = atol; those of the scene by default.
     """
     task = posed.scene.start
     if method:
@@ -174,12 +175,12 @@ def omit(
     absent: str = "",
     part: str = "",
 ) -> Trial:
-    """Solve the prescribed motion with a quantity or force omitted, and compare with the engine's own full answer.
+    """Pose the prescribed motion without a quantity or force, for comparison with the engine's own full answer.
 
     Args:
         computed: Quantities to compute.
         absent: Force to omit, ``gravity`` or ``load``; empty for none.
-        part: Part to add to the model file that mechanics does not need; empty for none.
+        part: Part to add to the model file although mechanics does not need it; empty for none.
     """
     problem, folder, scene = posed.problem(*computed), posed.folder, posed.scene
     if absent == "gravity":
@@ -196,7 +197,7 @@ def omit(
 
 @lru_cache(maxsize=3)
 def _everything(posed: PreparedScene, engine: str) -> Reference:
-    """Return all quantities of a scene from an engine, scaled by the largest magnitude of each unit."""
+    """Return an engine's values of all quantities of a scene, scaled by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)

@@ -1,6 +1,7 @@
 """Stress on closed loops: Pinocchio's proximal settings, redundant constraints, and MuJoCo's soft loops.
 
-Softness puts a floor under loop gap, force and energy, which refinement removes, but no smaller time step.
+Soft constraints limit how small the errors in loop gap, force and energy can get; refinement removes this limit, but a
+smaller time step does not.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ from screwgauge.study.solving import solve
 
 REGULAR_SAMPLES = 3
 _RESIDUAL = "mu times the last change of the multipliers (relative_residual)"
-#: Regular poses (those at crank = pi/2 are singular), in motion.
+#: Regular poses in motion (poses with crank = pi/2 are singular).
 REGULAR_SCENE = """\
 mechanism = "mechanism.toml"
 gravity = [0, -9.81, 0]
@@ -63,7 +64,7 @@ times = [0, 0.05, 0.1]
 
 
 def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions for `constraintDynamics` over mu and iterations, and with the settings that integrate motions."""
+    """Yield questions for `constraintDynamics` over mu and iterations, including settings that integrate motions."""
     posed = loaded_scene(folder)
     yield push(posed, SCREW)
     yield replace(push(posed), by=_RESIDUAL, of="full rank")
@@ -74,7 +75,7 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions with more and more loops, which have three redundant constraints each."""
+    """Yield questions about a mechanism with a given number of loops, each of which has three redundant constraints."""
     (folder / "mechanism.toml").write_text(four_bars(int(loops), driven=True), encoding="utf-8")
     (folder / "scene.toml").write_text(REGULAR_SCENE, encoding="utf-8")
     posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=REGULAR_SAMPLES)
@@ -84,7 +85,7 @@ def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Q
 
 
 def _forces(posed: PreparedScene) -> Question:
-    """Pose the question for forces of a motion, including only the unique reactions."""
+    """Pose the question for the forces of a motion, including only reactions with a unique value."""
     mechanism, motion = posed.scene.mechanism, posed.scene.motion
     lay = layout(mechanism)
     counts = mobility(lay, positions(lay, motion.y[:1], motion.t[:1]))
@@ -106,14 +107,14 @@ def _forces(posed: PreparedScene) -> Question:
         f"unique and compared: {', '.join(kinds[0])}; not unique, left out: {', '.join(kinds[1])} "
         f"({counts.overconstraints} redundant constraints)"
     )
-    # undetermined reactions have no correct digit, and must not excuse the unique ones
+    # undetermined reactions have no correct digit, and must not excuse errors in the unique ones
     return replace(question, admitted=dict.fromkeys(quantities, 0.0), remarks={"reaction": remark})
 
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerances of the reference, whose error after a second is about 1e-11 of the motion, and of `screw`.
 TIGHT, OWN = 1e-12, 1e-11
-INSTANT, SAMPLES = 1.0, 11  # [s] of the default scene, when all terms contribute
+INSTANT, SAMPLES = 1.0, 11  # instant [s] of the default scene at which all terms contribute; number of samples
 DURATION, QUICK_DURATION = 1.0, 0.3  # [s]
 
 
@@ -128,7 +129,7 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Apply the last constraint force as an external one, and solve for the accelerations again."""
+    """Yield questions that apply the last constraint force as an external force and solve for accelerations again."""
     posed = loaded_scene(folder)
     yield push(posed, SCREW)
     yield replace(push(posed), condition=loop_condition(true_velocities(posed)))
@@ -136,11 +137,7 @@ def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]
 
 @lru_cache(maxsize=4)
 def constant_force_motion(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
-    """Pose the default scene from `INSTANT` on under constant actuator forces, with reference values from `screw`.
-
-    Raises:
-        ScrewgaugeError: The motion stops early.
-    """
+    """Pose the default scene from `INSTANT` on under constant actuator forces, with reference values from `screw`."""
     scene = load_scene(SCENE).at([INSTANT])
     mechanism, motion = scene.mechanism, scene.motion
     forces = solve(scene, ("screw",), ("actuator_force",))[0]["screw"].values["actuator_force"].array[0]
@@ -158,7 +155,7 @@ def constant_force_motion(duration: float, samples: int, tolerance: float = TIGH
 
 
 def in_tree(question: Question) -> Reference:
-    """Return reference values of the coordinates of MuJoCo's tree and of the forces that close its loops."""
+    """Return reference values for the coordinates of MuJoCo's tree and for the forces that close its loops."""
     values, mechanism = question.right.values, question.mechanism
     closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
     force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))
@@ -166,7 +163,7 @@ def in_tree(question: Question) -> Reference:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Return loop gap, constraint forces, energy and joint positions, with bodies placed by the tree coordinates."""
+    """Return loop gap, constraint forces, energy and joint positions, placing bodies by the tree coordinates."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
     gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
@@ -179,7 +176,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 
 def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
-    """Build a reference with closed loops, which scales each quantity by its largest magnitude."""
+    """Build a reference with closed loops that scales each quantity by its largest magnitude."""
     gap, force, energy, q = (values[name] for name in QUANTITIES)
     largest = float(np.abs(force.array).max())
     scales = {

@@ -1,4 +1,4 @@
-"""Stress by states that violate loop closure: results of engines for them, raw and after closing the loops."""
+"""Stress by states that violate loop closure: how engines answer them, unmodified and after closing the loops."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 
-#: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
+#: Baumgarte gains: critically damped, with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
 HARD, PASSES = 0.9999, 7
 FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
-#: Proximal settings that are exact to rounding on loops of full rank.
+#: Proximal settings that are exact to rounding for loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
 _TAKEN = "the state is taken for a closed one: the answer is that of a mechanism pulled apart by the gap"
 _SPRINGS = f"{_TAKEN}; springs on the gap make it smaller later, not the answer right"
@@ -56,7 +56,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about joint coordinates and velocities with closure errors, like those of an integration."""
+    """Yield questions about joint coordinates and velocities with closure errors like those of an integration."""
     scene = scene_in_motion(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
@@ -66,7 +66,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     given = Question(mechanism, files, scene.problem(JUDGED), methods, ("generalized_force", "actuator_force"), true)
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
-    # an engine that is not installed still has its rows in the table
+    # an engine that is not installed still gets rows in the table
     closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pull_apart(scene, names, gap), _at(true.values, names)
     reduced, every = VariantMethod("screw", function=reduced_equations), mechanism.coordinates
@@ -91,14 +91,14 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
 def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     """Return states of the engines' tree whose cut joints are open by `gap` [m] and opening at `gap` [m/s].
 
-    The independent coordinates and their velocities do not change.
+    The independent coordinates and their velocities stay unchanged.
 
     Args:
         scene: Scene with the closed states.
         names: Coordinates of the tree.
     """
     mechanism, motion = scene.mechanism, scene.motion
-    lay = spanning_tree(mechanism)  # tree of the models
+    lay = spanning_tree(mechanism)  # tree of the model files
     system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t)
     m, tree, size = 3 * len(lay.cuts), system.unknown, system.sizes
     y, yd = (array / size[mechanism.independent_columns] for array in (motion.y, motion.yd))
@@ -110,7 +110,7 @@ def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     q, A = system.coordinates(z, q), system.evaluate(z, y)[1]
     v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
     witness = mechanism_tree(mechanism, lay)
-    for _ in range(3):  # the matrix is evaluated with closed loops
+    for _ in range(3):  # fixed-point iteration, because the matrix is that of closed loops
         v[:, tree] = w * size[tree]
         moving = move(witness, TreeStates(q, v, at_rest))
         rate = closure_residuals(witness, moving)[1].reshape(len(q), m)
@@ -122,25 +122,25 @@ def pull_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
 
 
 def _direction(shape: tuple[int, ...], phase: float) -> Array:
-    """Return a pattern without symmetry, whose largest component is one in every sample."""
+    """Return a pattern without symmetry, with largest component one in every sample."""
     pattern = np.cos(phase + 1.7 * np.arange(np.prod(shape, dtype=int))).reshape(shape)
     return np.asarray(pattern / np.abs(pattern).max(axis=1, keepdims=True))
 
 
 def _at(values: Mapping[str, Values], names: tuple[str, ...]) -> States:
-    """Return the closed states of some coordinates."""
+    """Return the closed states for the given coordinates."""
     return States(names, *(values[name].pick(names).array for name in ("joint_position", "joint_velocity")))
 
 
 def _forces(given: Question, method: Method, states: States) -> Question:
-    """Pose the question for actuator forces of the true accelerations, by inverse dynamics of the open tree."""
+    """Pose the question for the actuator forces of the true accelerations, by inverse dynamics of the open tree."""
     task = replace(states, a=given.right.values[ACCELERATION].pick(states.coordinates).array)
     problem = replace(given.problem, task=task, wanted=frozenset(("actuator_force",)))
     return replace(given, problem=problem, methods=(method,), quantities=("actuator_force",), cause=_TAKEN)
 
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
-    """Pose the question for `mj_inverse` with constraints; in the closed reference state, these exert no force."""
+    """Pose the question for `mj_inverse` with constraints, which exert no force in the closed reference state."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
     problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(rename, has=_SOFT_FORCE)
@@ -165,7 +165,7 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
 
 
 def reduced_equations(lay: Layout, problem: Problem) -> Solution:
-    """Solve the equations of the independent coordinates for accelerations of closed states."""
+    """Compute accelerations of closed states from the equations of the independent coordinates."""
     clock, mechanism, task = Stopwatch(), lay.mechanism, problem.task
     if not isinstance(task, States):
         raise TypeError("the task gives no states")
@@ -176,5 +176,5 @@ def reduced_equations(lay: Layout, problem: Problem) -> Solution:
 
 
 def rename(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
-    """Return a quantity of a solution under the name that this case uses."""
+    """Return a quantity of a solution under the name that this stress case uses."""
     return {question.quantities[0]: solution.values[has]}

@@ -1,7 +1,7 @@
-"""Questions of stress cases: problems for methods, with reference values, and the findings that result.
+"""Questions of stress cases: problems for methods, with reference values, and the resulting findings.
 
 The second half has questions that several cases share: given motions, compared with the truth, and accelerations of
-true states under the true forces. The modules that ``cases.toml`` names hold those of single cases.
+true states under the true forces. Questions of single cases are in the modules that ``cases.toml`` names.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import stacked
 
-#: Scaled error below which no warning is needed: the loosest tolerance at which a scene agrees.
+#: Scaled error below which no warning is needed: the largest tolerance with which a scene agrees.
 GOOD = 1e-9
 OK, DEGRADED, REFUSED, SILENT = "ok", "degraded", "refused", "silently-wrong"
 VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
@@ -45,16 +45,16 @@ VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
 
 @dataclass(frozen=True, slots=True)
 class Finding(Residual):
-    """Error of one quantity of one engine on one rung against the truth, a row of a stress table.
+    """Error of an engine in one quantity against the truth, for one severity of a stress case; a row of a stress table.
 
     Attributes:
         a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
-        tolerance: Largest scaled error admitted by a warning of the engine, or by its error estimate.
-        reason: Reason of a refusal, a warning, or the cause of the error.
+        tolerance: Largest scaled error that a warning or an error estimate by the engine admits.
+        reason: Reason for a refusal, text of a warning, or cause of the error.
         condition: Condition number of the solved system; NaN without a solution.
         time_s: Run time [s].
         own: True for our own solver.
-        case, severity: Ladder and rung.
+        case, severity: Stress case and its severity.
     """
 
     tolerance: float = GOOD
@@ -71,14 +71,15 @@ class Finding(Residual):
 
     @property
     def explanation(self) -> str:
-        """Reason, or a remark that none is given."""
+        """Reason, or a remark that the engine states no reason."""
         silent = not self.reason and not math.isfinite(self.error)
         return "not a number, and nothing says so" if silent else self.reason
 
     @property
     def verdict(self) -> str:
         """``ok``, ``degraded`` (fewer than nine digits, with a warning), ``refused`` (no number, with a reason), or
-        ``silently-wrong`` (anything else)."""
+        ``silently-wrong`` (anything else).
+        """
         if not math.isfinite(self.error):
             return REFUSED if self.reason and math.isnan(self.error) else SILENT
         if self.error <= GOOD:
@@ -87,7 +88,7 @@ class Finding(Residual):
 
 
 OWN = "screw"  # the engine that represents our own solver
-LONGEST = 500  # characters of a reason: some errors print a whole state
+LONGEST = 500  # number of characters of a reason: some errors print a whole state
 
 
 UNKNOWN = Reference("", {}, "", {})
@@ -100,21 +101,22 @@ def values_of(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """Problem for methods, with reference values. Data only; it pickles.
+    """Problem for methods, with reference values. Plain data that can be pickled.
 
     Attributes:
         files: Engine -> model files.
-        methods: Methods that solve it; by default those of the case in ``cases.toml`` with the `of` of the question.
+        methods: Methods that solve the problem; by default those of the case in ``cases.toml`` whose `of` equals that
+            of the question.
         quantities: Measured quantities, in order.
-        right: True values of the compared components; `UNKNOWN` if there are none: then the judge measures.
+        right: True values of the compared components; `UNKNOWN` without true values, in which case the judge measures.
         read: Module-level function that extracts the measured quantities from a solution.
-        cause: Cause of a silent error of a method other than our own; ``{notes}`` stands for its notes.
-        remarks: Quantity -> remark, whatever the error.
-        admitted: Quantity -> admitted scaled error, which replaces the estimate of a method.
+        cause: Cause of a silent error of methods other than our own; ``{notes}`` stands for the notes of the solution.
+        remarks: Quantity -> remark that is added whatever the error.
+        admitted: Quantity -> admitted scaled error, which replaces the method's estimate.
         by: Description of the source of an admitted error.
         condition: Condition number of the closed loops, if it replaces that of the solved system.
         refused: Reason why no method is asked.
-        unanswerable: Reason why no number is correct: a method must refuse the question.
+        unanswerable: Reason why no number is correct, so that a method must refuse the question.
     """
 
     mechanism: Mechanism
@@ -135,25 +137,25 @@ class Question:
 
     @property
     def known(self) -> bool:
-        """True if there are reference values."""
+        """True if the question has reference values."""
         return bool(self.right.values)
 
 
 def put(
     scene: Scene, folder: Path, problem: Problem, methods: tuple[Method, ...], names: tuple[str, ...], right: Reference
 ) -> Question:
-    """Pose a question about quantities of a scene whose models are in a folder."""
+    """Pose a question about quantities of a scene whose model files are in a folder."""
     return Question(scene.mechanism, files_of(scene, folder, methods), problem, methods, names, right)
 
 
 def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...] = ()) -> dict[str, ModelFiles]:
-    """Return the models of a scene in a folder, for the default engines and for methods."""
+    """Return the model files of a scene in a folder, for the default engines and for given methods."""
     names = dict.fromkeys([*ENGINES, *(method.engine for method in methods)])
     return {name: model_files(scene, name, folder) for name in names}
 
 
 def with_integration(question: Question, integration: Integration) -> Question:
-    """Return a question about a simulation with another method or tolerance."""
+    """Return a question about a simulation with a different method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
         raise TypeError("the task is no simulation")
@@ -161,7 +163,7 @@ def with_integration(question: Question, integration: Integration) -> Question:
 
 
 def findings(question: Question) -> Iterator[Finding]:
-    """Yield a finding for every method and quantity: its error, the admitted error, and the reason."""
+    """Yield a finding for each method and quantity: its error, the admitted error, and the reason."""
     for method in question.methods:
         yield from _of(question, method)
 
@@ -183,26 +185,26 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
 
 
 def _broken_off(question: Question, solution: Solution) -> str:
-    """Return the reason why a solution does not count: it stopped, or the engine warned about a step."""
+    """Return the reason why a solution does not count (it stopped, or the engine warned about a step), if any."""
     warned = solution.warnings if isinstance(question.problem.task, InitialValue) else ()
     return solution.stopped or "; ".join(warned)
 
 
 def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> float:
-    """Return the largest error over its scale S; NaN or infinite if a value is.
+    """Return the largest error relative to its scale; NaN or infinite if a value is NaN or infinite.
 
-    Samples without a reference value do not count.
+    Samples without a reference value are ignored.
 
     Args:
         values: Values of at least the components of `right`, in any order.
-        scales: Unit -> S.
+        scales: Unit -> scale.
     """
     largest = sizes(deviation(values.pick(right.components), right))
     return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
 def _measure(question: Question, solution: Solution, row: Finding) -> Iterator[Finding]:
-    """Yield the findings of a solution, from the judge if there are no reference values."""
+    """Yield the findings for a solution; without reference values, that of the judge."""
     if not question.known:
         yield _judge(question, solution, row)
         return
@@ -216,7 +218,7 @@ def _compare(question: Question, solution: Solution, blank: Finding, values: Val
     """Compute the error of a quantity, the admitted error, and the reason.
 
     Args:
-        excuse: Engine's explanation of a NaN.
+        excuse: The engine's explanation for a NaN.
     """
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
@@ -236,7 +238,7 @@ def _compare(question: Question, solution: Solution, blank: Finding, values: Val
 
 
 def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
-    """Return the largest residual of the judge, which stands for all quantities if there is no truth."""
+    """Return the largest residual of the judge, which stands for all quantities without reference values."""
     table = judge(question.mechanism, question.problem, solution)
     return replace(
         blank,
@@ -249,7 +251,7 @@ def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Return quantity -> the singularity that leaves no number; the empty name holds the notes on all quantities."""
+    """Return quantity -> the singularity that prevents a number; the empty name has the notes, for all quantities."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -257,7 +259,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 
 def _estimate(solution: Solution, quantity: str) -> float:
-    """Return the largest error that the engine estimates for a quantity; infinite if it cannot."""
+    """Return the largest error that the engine estimates for a quantity; 0 without an estimate."""
     return solution.errors[quantity].largest if quantity in solution.errors else 0.0
 
 
@@ -268,14 +270,14 @@ def _time(solution: Solution) -> float:
 
 
 SCENE = "3ups-upu-s"
-#: Poses (a, b) [rad] without symmetry, and rates and accelerations at which inertia matters as much as weight.
+#: Poses (a, b) [rad] without symmetry, and rates and accelerations for which inertial forces are as large as weights.
 POSES = np.array([[0.1, 0.05], [-0.15, 0.12], [0.2, -0.1]])
 RATES = np.array([[7.0, 4.0], [5.0, -8.0], [-3.0, 6.0]])
 ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
-#: Quantities that the judge needs and a truth provides.
+#: Quantities that the judge needs and that the truth provides.
 JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
 TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
@@ -284,17 +286,17 @@ SCREW = Method("screw")
 
 
 def exact_text(value: float) -> str:
-    """Format all digits of a float64, so that readers of the exact text get the same number as all others."""
+    """Format all digits of a float64, so that readers of the exact string get the same number as all others."""
     return format(Decimal(float(value)), "f")
 
 
 def scene_in_motion(scene: Scene, quick: bool) -> Scene:
-    """Return the scene at the poses, rates and accelerations of this module, or at the first of them."""
+    """Return the scene at the poses, rates and accelerations of this module; only at the first of them if `quick`."""
     return scene_at(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
 
 
 def scene_at(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:
-    """Return the scene at given states, the same doubles for every engine, one second apart.
+    """Return the scene at given states, one second apart, with the same doubles for every engine.
 
     Args:
         y, yd, ydd: Independent coordinates and derivatives; zero by default. Shape (n, k).
@@ -314,7 +316,7 @@ def compare(
     setting: str = "",
     cause: str = "",
 ) -> Question:
-    """Pose a given motion to engines. There are no reference values if the truth lacks a sample.
+    """Pose a given motion to engines, without reference values if the truth lacks a sample.
 
     Args:
         setting: Suffix of the names of engines.
@@ -330,30 +332,26 @@ def compare(
 
 
 def loaded_scene(folder: Path) -> PreparedScene:
-    """Pose the loaded default scene at three instants."""
+    """Pose the default scene with its load at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """Pose the question for accelerations: of all joints from `screw`, of its tree from other methods."""
+    """Pose the question for accelerations: of all joints from `screw`, of tree joints from other methods."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
-    right = replace(posed.reference, values=values)  # with the scales of all joints
+    right = replace(posed.reference, values=values)  # the scales remain those of all joints
     return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the coordinates of the tree of the engines' models, minimal cut."""
+    """Return the coordinates of the tree in the engines' model files with the minimal cut."""
     return loops_of(mechanism, "minimal").tree
 
 
 def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """Return distance [m] and velocity [m/s] between the points that close the loops, child minus parent.
-
-    Returns:
-        Shape (n, n_point, 3) each.
-    """
+    """Return the distances [m] and velocities [m/s] between the points that close the loops, child minus parent."""
     closures = loops_of(tree.mechanism, "minimal").closures
     parent, child = (
         motion.links.frames(

@@ -1,6 +1,6 @@
 """Stress without singularities: masses, size and inertia of bodies, speed, load, and a million samples.
 
-The last case shows the drift of schemes that integrate.
+The last case shows the drift of schemes that integrate joint positions.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from screwgauge.study.stream import stream, times
 
 #: Moments of inertia of the platform as a plate and of a leg half as a rod [kg m^2], close to those of the paper.
 PLATE, ROD = 0.46, 1.16e-2
-#: Directions of rates and of accelerations, whose larger component is one.
+#: Directions of rates and of accelerations, with larger component one.
 _RATE = np.array([[1.0, -0.6], [0.5, -1.0], [-0.3, 1.0]])
 _ACCELERATION = np.array([[0.4, 1.0], [-1.0, 0.2], [1.0, -0.5]])
-#: Directions of force [N] and moment [N m] at the platform's centre of mass, whose largest component is one.
+#: Directions of force [N] and moment [N m] at the platform's centre of mass, with largest component one.
 _FORCE, _TORQUE = np.array([0.3, -0.2, 1.0]), np.array([1.0, 0.1, -0.2])
 
 Tables = dict[str, Any]
 
 
 def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
-    """Make a ladder of the unloaded default scene from a function that changes the tables of its mechanism.
+    """Make a stress case of the unloaded default scene from a function that changes the tables of its mechanism.
 
-    The changed tables are written as a description, from which the models of all engines are generated as usual.
+    The changed tables are written as a description, from which the model files of all engines are generated as usual.
     """
 
     @wraps(change)
@@ -62,20 +62,20 @@ def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
 
 
 def speed(w: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about speeds from rest up to centrifugal forces of a million times the weight."""
+    """Yield questions about speeds from zero up to centrifugal forces of a million times the weight."""
     scene = scene_in_motion(load_scene(SCENE), quick)
     y, n = scene.motion.y, len(scene.motion)
     yield compare(scene_at(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
 
 
 def load(size: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about loads from none to the weight of a mountain."""
+    """Yield questions about loads from zero up to the weight of a mountain."""
     loads = (Load("platform", None, size * _FORCE, size * _TORQUE),)
     yield compare(scene_in_motion(load_scene(SCENE).under(loads=loads), quick), folder)
 
 
 def _times(texts: list[Any], factor: float) -> list[str]:
-    """Multiply numbers of a description, which may be texts, by a factor."""
+    """Multiply numbers of a description, which may be strings, by a factor."""
     return [exact_text(number(text, "description") * factor) for text in texts]
 
 
@@ -99,7 +99,7 @@ def scale(tables: Tables, s: float) -> None:
     for joint in tables["joints"].values():
         for frame in (joint[key] for key in ("parent_frame", "child_frame") if key in joint):
             frame["position"] = _times(frame["position"], s)
-        if KINDS[joint["kind"]] == (False,):  # a slide
+        if KINDS[joint["kind"]] == (False,):  # joint P: its coordinate is a length
             joint["home"] = _times(joint["home"], s)
 
 
@@ -115,9 +115,9 @@ def inertia_anisotropy(tables: Tables, e: float) -> None:
 
 
 STEP = 1e-3  # [s] between samples
-SCHEME_STEP = 1e-2  # [s] of the paper's scheme
+SCHEME_STEP = 1e-2  # step of the paper's scheme [s]
 PART = 2048  # steps of the scheme per part
-CHECKED = 8  # samples compared with the truth, including the last
+CHECKED = 8  # number of samples compared with the truth, including the last one
 QUANTITIES = ("joint_position", "generalized_force")
 SCHEMES = {
     "paper Euler": ("euler", "steps of eq. (27): an error of first order that nothing corrects or estimates"),
@@ -126,7 +126,7 @@ SCHEMES = {
 
 
 def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about the default scene over a number of samples."""
+    """Yield questions about the default scene with a given number of samples."""
     scene = replace(load_scene(SCENE), rule="min_norm")
     at = _sample_numbers(int(count)) * STEP
     files, right = ModelFiles(scene.mechanism_file), reference_values(scene, at, QUANTITIES)
@@ -141,7 +141,7 @@ def long_run(count: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def _sample_numbers(count: int) -> Array:
-    """Return numbers of samples, from 1, that are also times of the scheme; including the last sample."""
+    """Return sample numbers from 1 on that are also steps of the scheme, including the last sample."""
     stride = round(SCHEME_STEP / STEP)
     return np.unique(np.geomspace(1, count // stride, CHECKED).round().astype(int)) * stride
 
@@ -161,9 +161,9 @@ def stream_samples(lay: Layout, problem: Problem, *, scene: Scene, count: int) -
 
 
 def paper_steps(lay: Layout, problem: Problem, *, scene: Scene, method: str) -> Solution:
-    """Integrate joint positions with the paper's own scheme, its twist corrected, in steps of `SCHEME_STEP`.
+    """Integrate joint positions with the paper's own scheme, with corrected twist, in steps of `SCHEME_STEP`.
 
-    Some steps end at the times of the problem.
+    The times of the problem are ends of steps.
     """
     clock, parts, side, first = Stopwatch(), PARTS[method], chains(lay), np.zeros(1)
     ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)

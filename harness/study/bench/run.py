@@ -1,4 +1,4 @@
-"""Benches: the error of each contestant, then times in rounds. `forward_run` measures simulations."""
+"""Benches: compute the error of each contestant, then measure times in rounds. `forward_run` measures simulations."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Bench:
     """Measurements on a scene.
 
     Attributes:
-        rows: One for each contestant, setting and quantity; for simulations, the observables and the energy.
+        rows: One row for each contestant, setting and quantity; for simulations, the observables and the energy.
         fits: Fitted slopes.
         leaving_out: Rows of ``leaving_out.csv``.
         reference: Name of the source of the reference values.
         notes: Sentences for the report.
-        provenance: Files that were judged, and the date.
+        provenance: Model files that were measured, and the date.
         rounding: Quantity -> scaled error that float32 may cause, see `screwgauge.engines.rounding`.
     """
 
@@ -78,10 +78,10 @@ class Bench:
 
 
 def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) -> Plan:
-    """Return the extent of a bench of a scene.
+    """Return the extent of a bench for a scene.
 
     Args:
-        limit: Budget [s]; replaces the default.
+        limit: Budget [s], which replaces the default.
 
     Raises:
         DescriptionError: The limit is not a positive number of seconds.
@@ -109,15 +109,15 @@ def bench(
 
     Args:
         plan: See `plan_of`.
-        contestants: Families, contestants, ``leaving-out``, engines of a simulation; all by default.
+        contestants: Names of families, contestants, ``leaving-out``, or engines of a simulation; all by default.
         place: Folder of the report. Results for a given motion are kept on disk until all are complete.
         progress: Called during the work.
-        clock: Function that returns nanoseconds; tests pass another one.
+        clock: Function that returns nanoseconds; tests pass their own.
         execute: Executor that measures each contestant with all of its settings; by default in this process, where
             the rounds of all contestants alternate, so that a temporary slowdown of the machine affects all alike.
 
     Raises:
-        ScrewgaugeError: Bad input. A contestant that fails becomes a row.
+        ScrewgaugeError: The input is invalid. A contestant that fails becomes a row, not an error.
     """
     check_given(scene)
     plan = plan or plan_of(scene)
@@ -164,10 +164,11 @@ def bench(
 
 
 def check_given(scene: Scene) -> None:
-    """Reject scenes on which a bench cannot measure methods.
+    """Reject scenes for which a bench cannot measure methods.
 
     Raises:
-        DescriptionError: The scene has model files or tables of the user, springs, motors, or loads that vary.
+        DescriptionError: The scene has model files or tables of the user; or a given motion with springs, motors, or
+            loads that vary or turn with a body.
     """
     for entry, names in (("models", scene.models), ("tables", scene.tables)):
         if names:
@@ -188,7 +189,7 @@ def check_given(scene: Scene) -> None:
 
 
 def _rounding(posed: PreparedScene) -> dict[str, float]:
-    """Return quantity -> largest error due to float32 over its scale, for the worst unit."""
+    """Return quantity -> largest error due to float32 relative to its scale, for the worst unit."""
     errors = rounding_errors(posed.scene.mechanism, posed.problem(*QUANTITIES), FLOAT32)
     scales = posed.reference.scales
     return {name: max(size / scales[name][unit] for unit, size in one.absolute.items()) for name, one in errors.items()}
@@ -217,7 +218,7 @@ def _elsewhere(
     protocol: timing.Protocol,
     run: Callable[..., object],
 ) -> None:
-    """Measure contestants as tasks, and keep new results and times."""
+    """Measure contestants as tasks, and store new results and times."""
     end = time() + protocol.left
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     known = dict(kept.results), {key: [*times] for key, times in kept.times.items()}
@@ -257,7 +258,7 @@ def _measure_group(
 
 
 def _present(group: list[Contestant]) -> list[Contestant]:
-    """Return all settings of a contestant, or a single one if its engine is not installed."""
+    """Return all settings of a contestant, or a single placeholder if its engine is not installed."""
     try:
         import_module(get_engine(group[0].method.engine).source.partition(":")[0])
     except ImportError:
@@ -266,7 +267,7 @@ def _present(group: list[Contestant]) -> list[Contestant]:
 
 
 class _Measurements:
-    """All measurements. A model loaded for the first measurement is kept for the later rounds."""
+    """Measurements of all contestants. A model loaded for the first measurement is kept for later rounds."""
 
     def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
@@ -283,16 +284,16 @@ class _Measurements:
             self.progress("errors", i / len(chosen))
             done = self.kept.results.get(contestant.key, {"status": OK, "first": 0.0})
             times = self.kept.times.get(contestant.key, [])
-            # an earlier bench may have measured it often enough
+            # an earlier bench may have measured the contestant often enough
             if done["status"] == OK and len(times) < timing.enough(min([done["first"], *times]), self.protocol.rounds):
                 self._first(contestant)
         self._measure(self.calls, self.protocol)
 
     def _first(self, contestant: Contestant) -> None:
-        """Compute the error of a contestant, unless an earlier bench has it, and measure one time."""
+        """Compute the error of a contestant, unless an earlier bench computed it, and measure one time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
-            loaded = repr(method), trial.files  # contestants share a model
+            loaded = repr(method), trial.files  # contestants with the same method and files share a model
             model = self.models[loaded] = self.models.get(loaded) or method.load(trial.files)
 
             def call() -> list[Solution]:
@@ -302,7 +303,7 @@ class _Measurements:
                 self.kept.keep(contestant.key, self._score(contestant, trial, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
-        except (Exception, SystemExit) as error:  # a contestant that fails is a row
+        except (Exception, SystemExit) as error:  # a contestant that fails becomes a row
             method = contestant.method
             reason = failure(error, method.name, self.posed.folder, get_engine(method.engine)).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
@@ -336,13 +337,13 @@ def fits(result: Mapping[str, Any]) -> bool:
     """Return True if a result from a journal is complete: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
-    first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest, RMS, reason
+    first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest and RMS errors, reason
     numbers = isinstance(result.get("n_sample"), int) and isinstance(first, float) and 0.0 <= first < np.inf
     return result.get("status") == OK and numbers and is_record(result.get("scores"), scores)
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
-    """Yield the rows of one contestant: measured, failed or cut short."""
+    """Yield the rows of one contestant, whether measured, failed or cut short."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, cost = tuple(kept.times.get(contestant.key, ())), result.get("cost")
     for quantity in contestant.quantities:
@@ -367,12 +368,12 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
 
 
 def address_of(scene: Scene, plan: Plan) -> str:
-    """Return the address of a bench: a digest of mechanism and its text, motion, gravity, loads and extent."""
+    """Return the address of a bench: a digest of mechanism and its source text, motion, gravity, loads and extent."""
     motion, applied = scene.motion, scene.applied
     return address(
         "bench",
         model_texts(scene.mechanism),
-        [mechanism_tables(scene.mechanism_file), scene.text],  # which the truth reads unrounded
+        [mechanism_tables(scene.mechanism_file), scene.text],  # the truth reads the unrounded strings
         [array.tobytes().hex() for array in (motion.t, motion.y, motion.yd, motion.ydd)],
         plain([applied.g, *(load.numbers() for load in applied.loads)]),
         [plan.quick, plan.samples, one_thread()],

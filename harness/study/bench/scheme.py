@@ -1,8 +1,8 @@
-"""The paper's own scheme as a further method: velocities of each chain from eq. (26), joint angles from time steps.
+"""The paper's own scheme as an additional method: velocities of each chain from eq. (26), joint angles by time steps.
 
-The twist of the platform drives every chain separately, and nothing corrects the closure (eqs. 15-27). The
-twist is that of eq. (60), as printed or corrected; the steps are explicit Euler's (eq. 27) or Runge-Kutta's.
-Steps follow each other, so one step is kept cheap: all chains side by side as one stack of small matrices.
+The twist of the platform drives every chain separately, and nothing corrects closure errors (eqs. 15-27). The twist is
+that of eq. (60), as printed or corrected; the steps are explicit Euler's (eq. 27) or Runge-Kutta's. Since steps are
+sequential, each step is kept cheap by stacking all chains as small matrices.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from screwgauge.reference.graph import Edge, Layout, output_body, serial_chains
 from screwgauge.reference.rotations import Array, cross, skew
 
 TWISTS = ("right", "printed", "literal")
-CLOSED = 1e-9  # [rad, m]: loops that the driving joint closes alone are closed to rounding, about 1e-15
-#: Method -> stages: fraction of the step, and weight.
+CLOSED = 1e-9  # [rad, m]: if the driving joint alone closes the loops, it closes them to rounding, about 1e-15
+#: Method -> its stages, each with fraction of the step and weight.
 STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
 #: Method -> number of parts of a step.
 PARTS = {"euler": 1, "rk4": 2}
@@ -36,13 +36,13 @@ class Chains:
     """Serial chains from ground to the platform, stacked, with shorter ones padded.
 
     Attributes:
-        columns: Column of each freedom among all joint coordinates; 0 for padding. Shape (n_chain, m).
+        columns: Column of each degree of freedom among all joint coordinates; 0 for padding. Shape (n_chain, m).
         used: False for padding. Shape (n_chain, m).
         turns: 1 for a rotation, 0 for a slide and for padding. Shape (n_chain, m, 1).
-        axis: Unit axis of each freedom, zero for padding. Shape (n_chain, m, 3).
-        steps: Homogeneous matrix of each freedom and of the fixed transform after it, as coefficients of 1, sin q and
-            1 - cos q (Rodrigues' formula), and q of a slide. Shape (4, n_chain, m, 4, 4).
-        idle: One on the diagonal for padding. Shape (n_chain, m, m).
+        axis: Unit axis of each degree of freedom, zero for padding. Shape (n_chain, m, 3).
+        steps: Homogeneous matrix of each degree of freedom and of the fixed transform after it, as coefficients of 1,
+            sin q and 1 - cos q (Rodrigues' formula), and of q for a slide. Shape (4, n_chain, m, 4, 4).
+        idle: Matrix with ones on the diagonal for padding. Shape (n_chain, m, m).
         start: Frame in which each chain begins. Shape (n_chain, 4, 4).
     """
 
@@ -55,20 +55,20 @@ class Chains:
     start: Array
 
     def gather(self, q: Array) -> Array:
-        """Arrange coordinates of all joints, shape (..., n_q), chain by chain, shape (..., n_chain, m)."""
+        """Arrange the coordinates of all joints, shape (..., n_q), by chain, shape (..., n_chain, m)."""
         return np.where(self.used, q[..., self.columns], 0.0)
 
     def scatter(self, values: Array, n_q: int) -> Array:
-        """Invert `gather`; coordinates that belong to no chain are zero."""
+        """Invert `gather`; coordinates that do not belong to a chain are zero."""
         out = np.zeros((*values.shape[:-2], n_q))
         out[..., self.columns[self.used]] = values[..., self.used]
         return out
 
     def walk(self, theta: Array) -> tuple[Array, Array, Array]:
-        """Compute unit screws of all freedoms and the platform's pose from each chain, by the corrected eq. (24).
+        """Compute the unit screws of all freedoms, and the platform's pose from each chain, by the corrected eq. (24).
 
         Args:
-            theta: Coordinates chain by chain. Shape (..., n_chain, m).
+            theta: Coordinates by chain. Shape (..., n_chain, m).
 
         Returns:
             Screws, shape (..., n_chain, m, 6), and the platform's R (..., n_chain, 3, 3) and p (..., n_chain, 3).
@@ -93,7 +93,7 @@ class Chains:
             V: Twist required at the end of each chain. Shape (..., n_chain or 1, 6).
 
         Returns:
-            Shape (..., n_chain, m).
+            Coordinate rates w. Shape (..., n_chain, m).
         """
         return np.asarray(np.linalg.solve(S @ S.swapaxes(-1, -2) + self.idle, S @ V[..., None])[..., 0])
 
@@ -102,7 +102,7 @@ def chains(lay: Layout) -> Chains:
     """Return the chains of a parallel mechanism.
 
     Raises:
-        DescriptionError: A joint belongs to no serial chain from ground to the platform.
+        DescriptionError: The mechanism has couplings, or a joint is not in a serial chain from ground to the platform.
     """
     series = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
@@ -133,7 +133,7 @@ def chains(lay: Layout) -> Chains:
 
 
 def homogeneous(R: Array, p: Array) -> Array:
-    """Return homogeneous matrices of rotations (..., 3, 3) and positions (..., 3). Shape (..., 4, 4)."""
+    """Return homogeneous matrices for rotations (..., 3, 3) and positions (..., 3). Shape (..., 4, 4)."""
     T = np.broadcast_to(np.eye(4), (*p.shape[:-1], 4, 4)).copy()
     T[..., :3, :3], T[..., :3, 3] = R, p
     return T
@@ -145,7 +145,7 @@ _NOTHING: _Freedom = (0, False, False, np.zeros(3), *_REST)
 
 
 def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
-    """Yield (column, used, turns, axis, rotation after it, displacement after it) for each freedom."""
+    """Yield (column, used, turns, axis, rotation after it, displacement after it) for each degree of freedom."""
     for edge, following in zip(chain, [*chain[1:], None], strict=True):
         after = unplaced(*_REST, edge.joint.child_frame)
         if following is not None:
@@ -156,14 +156,14 @@ def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
 
 
 def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Array:
-    """Step in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
+    """Step in time by ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or classical ``rk4`` of order four.
 
     Args:
-        start: Coordinates chain by chain. Shape (n_chain, m).
+        start: Coordinates by chain. Shape (n_chain, m).
         V: Twist of the platform at the ends of all parts of the steps. Shape (parts n + 1, 6).
 
     Returns:
-        Shape (n + 1, n_chain, m).
+        Coordinates at the ends of the steps. Shape (n + 1, n_chain, m).
     """
     parts = PARTS[method]
     theta = np.empty(((len(V) - 1) // parts + 1, *start.shape))
@@ -183,7 +183,8 @@ def integrate(
     """Run the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
 
     Args:
-        motion: Evenly spaced in time, at the ends of all parts of the steps. The loops are closed at the first sample.
+        motion: Motion at evenly spaced times, the ends of all parts of the steps. The loops are closed at the first
+            sample.
         twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) minus the terms of eqs. (22)-(23).
         method: ``euler``, eq. (27), or ``rk4``.
 
@@ -219,8 +220,8 @@ def _bias(terms: Array) -> Array:
 def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> tuple[Array, Array]:
     """Return twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
 
-    The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
-    that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
+    The ``right`` screws follow from the joint with the independent coordinates, whose other angles rest, if that closes
+    the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
 
     Raises:
         UnknownNameError: The twist is unknown.
@@ -240,7 +241,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
-    """Solve the joint with the independent coordinates alone; return None if that leaves a loop open."""
+    """Solve only the joint with the independent coordinates; return None if that leaves a loop open."""
     q = closed_form_positions(lay, motion.y)
     if q is None or np.abs(gaps(lay, q[:: max(1, len(q) // 16)])).max() > CLOSED:
         return None
@@ -254,7 +255,7 @@ def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | Non
 
 
 def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:
-    """Return derivatives of y as components about fixed axes, as eq. (60) uses them. Shapes (n, 6)."""
+    """Return derivatives of y as components about fixed axes, as in eq. (60). Shapes (n, 6)."""
     to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
     return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
 

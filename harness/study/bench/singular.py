@@ -1,7 +1,7 @@
 """Stress at singularities: poses of the 3-UPS-UPU-S, wrist locks, and motions through singular poses between samples.
 
-Planar linkages have their motions in closed form, and start at home. Where branches of assembly meet, a motion given at
-samples does not determine the branch that follows: it has no answer, whatever the samples.
+Planar linkages have motions in closed form, and start at home. Where assembly branches meet, samples of the independent
+coordinates do not determine the branch that follows: such a motion has no answer, whatever the samples.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from screwgauge.study.linkages import Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference
 
-#: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
+#: The paper's radii of the circles of joints on the ground and on the platform, and height of the platform [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
 #: Tilt b at which leg 1 no longer prevents the platform from turning.
 SINGULAR_B = float(np.arctan2(_H, _r) - np.arccos(np.hypot(_r, _H) / _R))
@@ -55,7 +55,8 @@ _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
 _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
-#: Range of a motion in a beyond the lock of leg 4 [rad], and the angles that distinguish the assemblies of that leg.
+#: Range of a motion in a beyond the lock of leg 4 [rad], and the angles that distinguish the assembly modes of that
+#: leg.
 FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
 _FORCE = "actuator_force"
 #: Angular velocity and acceleration of (a, b), without symmetry.
@@ -84,7 +85,7 @@ def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Pass through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
+    """Pass through the tilts at which the coordinates of a wrist lock, for both choices of its axes."""
     for name, lock in WRIST_LOCKS.items():
         scene = _poses(name, _path_around(lock, distance, 5 if quick else 9))
         setting = "" if name == SCENE else "table2"
@@ -93,7 +94,7 @@ def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Pass the lock of leg 4 in steps of several sizes, of which the last is a single distant pose."""
+    """Pass the lock of leg 4 in steps of several sizes; the last size is a single distant pose."""
     for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = scene_at(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
@@ -107,12 +108,13 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 def whole_system(lay: Layout, problem: Problem, *, refined: bool = False) -> Solution:
-    """Solve eqs. (57)-(58) of all bodies at once for actuator forces of smallest norm, in place of virtual power.
+    """Solve eqs. (57)-(58) for all bodies at once for actuator forces of minimum norm, instead of using virtual power.
 
     The error estimate is the rounding error times the condition number of the system.
 
     Args:
-        refined: Apply one step of iterative refinement with the residual of a wider matrix; see `wide_force_matrix`.
+        refined: Apply one step of iterative refinement with the residual of a more precise matrix; see
+            `wide_force_matrix`.
     """
     clock, task = Stopwatch(), given_motion(problem)
     q = positions(lay, task.y, task.t, (task.yd, task.ydd))
@@ -137,7 +139,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
         y: Independent coordinates [rad or m]. Shape (n, k).
 
     Returns:
-        See `force_matrix`. None if that format is no wider than a double, or the closed form leaves the loops open.
+        See `force_matrix`. None if that format is not wider than a double, or the closed form leaves the loops open.
     """
     wider = np.finfo(np.longdouble)
     if not wider.eps < np.finfo(float).eps:
@@ -151,7 +153,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
 
 
 def _direction(angle: float) -> Array:
-    """Return a direction in the plane of (a, b)."""
+    """Return a unit vector in the plane of (a, b)."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
@@ -171,7 +173,7 @@ def _poses(name: str, y: Array) -> Scene:
     return scene_at(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
 
-#: Duration of motions over the time to the singular pose: evenly spaced samples never hit that pose.
+#: Duration of motions relative to the time of the singular pose, so that evenly spaced samples never hit that pose.
 LAST = float(np.sqrt(3.0))
 REFUSED, REGULAR = "refused", "regular"
 MOVED = ("joint_position", "joint_acceleration", "actuator_force")
@@ -179,13 +181,13 @@ MOVED = ("joint_position", "joint_acceleration", "actuator_force")
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """Linkage in a motion that has a solution or none.
+    """Linkage with a motion that has a solution or none.
 
     Attributes:
         motion: Independent coordinate -> its table in a scene.
         lasts: Time of the last sample [s].
         answer: `REFUSED` or `REGULAR`.
-        at: Time of the singular pose that the motion passes, touches or approaches [s].
+        at: Time at which the motion passes, touches or approaches the singular pose [s].
         why: Description of that pose.
     """
 
@@ -198,7 +200,7 @@ class Passing:
     why: str
 
     def scene(self, folder: Path, samples: int, engines: Sequence[str] = ("screw", "pinocchio", "mujoco")) -> Scene:
-        """Write a scene at evenly spaced times to a folder, and read it."""
+        """Write a scene with evenly spaced times to a folder, and read it."""
         folder.mkdir(parents=True, exist_ok=True)
         tables: Tables = {"mechanism": "linkage.toml", "gravity": [0.0, -9.81, 0.0], "engines": [*engines]}
         tables |= {"motion": self.motion, "time": {"times": np.linspace(0.0, self.lasts, samples).tolist()}}
@@ -210,11 +212,11 @@ class Passing:
 def _drive(
     name: str, linkage: Tables, rates: Mapping[str, tuple[float, float]], at: float, why: str, gap: float = 0.0
 ) -> Passing:
-    """Build a linkage in motion at constant rates.
+    """Build a linkage that moves at constant rates.
 
     Args:
         rates: Independent coordinate -> start and rate.
-        gap: Positive if branches do not meet: then one of them continues.
+        gap: Positive if branches do not meet, so that one of them continues.
     """
     motion = {label: {"polynomial": [*pair]} for label, pair in rates.items()}
     return Passing(name, linkage, motion, LAST * at, REGULAR if gap > 0.0 else REFUSED, at, why)
@@ -248,7 +250,7 @@ def textbook_linkages() -> Iterator[Passing]:
 def _spreading_five_bar(
     name: str, cranks: Sequence[float], rods: Sequence[float], gap: float, rates: Sequence[float]
 ) -> Passing:
-    """Build a five-bar whose cranks turn away from each other until the rods are collinear except for a gap."""
+    """Build a five-bar whose cranks turn apart until the rods are collinear except for a gap."""
     base, at = sum(rods) - sum(cranks) - gap, 0.7
     angles = float(np.pi) - at * rates[0], -at * rates[1]
     linkage = five_bar((cranks[0], cranks[1]), (rods[0], rods[1]), base, angles)
@@ -260,8 +262,8 @@ def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passin
     """Yield random four-bars, slider-cranks and five-bars in turn, moving past poses with nearly collinear bars.
 
     Args:
-        gap: Excess length of the two bars between the others at that pose [m]: at 0, two branches meet; below,
-            no branch gets past; above, that of home does.
+        gap: Excess length at that pose of the two bars between the others [m]: at 0, two branches meet; below 0, no
+            branch gets past; above 0, the home branch does.
     """
     for i in range(count):
         rng = np.random.default_rng([seed, i])
@@ -270,7 +272,7 @@ def near_change_points(count: int, gap: float, seed: int = 0) -> Iterator[Passin
 
 
 def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """Build a four-bar whose crank (its shortest bar) and longest bar together equal the other two but for the gap."""
+    """Build a four-bar whose crank (its shortest bar) and longest bar together equal the other two except for a gap."""
     crank, (p, q) = float(rng.uniform(0.15, 0.25)), map(float, rng.uniform(0.3, 0.5, 2))
     longest, which = p + q - gap - crank, int(rng.integers(3))
     coupler, rocker, base = [(longest, p, q), (p, longest, q), (p, q, longest)][which]
@@ -281,7 +283,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """Build a slider-crank near a singular pose; one in three has no offset: then the slide may rest."""
+    """Build a slider-crank near a singular pose; one in three has no offset, so that the slide may rest."""
     crank = float(rng.uniform(0.1, 0.2))
     offset = 0.0 if rng.random() < 1.0 / 3.0 else float(rng.uniform(0.05, 0.2))
     way = float(rng.uniform(0.5, 1.0))

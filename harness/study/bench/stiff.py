@@ -1,7 +1,8 @@
 """Stress by stiffness: springs and dampers across prismatic joints; accelerations, and a short motion with its energy.
 
-The reference is Radau collocation of high order, all stages of a step evaluated at once. Ten stages have order nineteen
-and damp fast components, so that few steps reach rounding. The integrators under stress share nothing with it.
+The reference is Radau collocation of high order that evaluates all stages of a step at once. Ten stages have order
+nineteen and damp fast components, so that few steps suffice to reach rounding. The tested integrators share nothing
+with it.
 """
 
 from __future__ import annotations
@@ -41,24 +42,24 @@ from screwgauge.study.bench.question import (
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference
 
-#: Damping ratio at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
+#: Damping ratio at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s for 1e10 N/m.
 DAMPING = 1.2
-SAFETY = 8.0  # rounding errors of a spring's force: of its length, of product and sum, in both directions
+SAFETY = 8.0  # factor for rounding of a spring's force: of its length, product and sum, in both directions
 DURATION = 0.1  # [s]
-START = (0.01, -0.005)  # [rad] from the pose at which the springs are relaxed
+START = (0.01, -0.005)  # start [rad], relative to the pose at which the springs are relaxed
 RADAU = Integration("Radau", 1e-5, 1e-7)
 DOP853 = Integration("DOP853", 1e-7, 1e-9)
 MOST_STEPS = 100  # steps that an explicit method may need for stability alone
 QUANTITIES = ("motion", "energy")
 _PUSHED = (
     Method("pinocchio", {"mu": 1e-10, "iterations": 5}),
-    Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # softness is not examined here
+    Method("mujoco", {"solimp": 0.9999, "passes": 6}),  # the softness of constraints is not examined here
 )
 _RADAU = tuple(Method(engine, label=f"{engine} Radau") for engine in ("screw", "pinocchio", "mujoco"))
 
 
 def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions on the 3-UPS-UPU-S with four springs: accelerations, and motions by scipy and by steppers."""
+    """Yield questions on the 3-UPS-UPU-S with four springs: accelerations, and motions by scipy and by own steppers."""
     yield from accelerations(stiffness, folder)
     question, fastest = motion(leg_springs(load_scene(SCENE).mechanism, stiffness), folder)
     yield explicit_method(question, fastest)
@@ -67,7 +68,7 @@ def stiff_legs(stiffness: float, quick: bool, folder: Path) -> Iterator[Question
 
 
 def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ...]:
-    """Put a spring and damper across every actuated joint, relaxed at home.
+    """Put a spring and damper along every actuated joint, relaxed at home.
 
     Args:
         stiffness: Stiffness of each spring [N/m].
@@ -108,16 +109,16 @@ def _with_springs(
     for i, spring in enumerate(springs):
         k = states.coordinates.index(spring.coordinate)
         pull = spring.stiffness * (states.q[:, k] - spring.rest) + spring.damping * states.v[:, k]
-        # Pinocchio has no springs: their forces are passed with the loads, before the actuator forces
+        # Pinocchio has no springs, so their forces are added with the loads, before the actuator forces
         tau[:, k] = (tau[:, k] - f[:, i] + pull) - pull + f[:, i] if engine == "pinocchio" else tau[:, k] + pull
-    if engine == SCREW.engine:  # at the poses that it computes itself
+    if engine == SCREW.engine:  # `screw` gets the poses that it computes itself
         states = replace(states, q=at.q, v=at.joint_velocity)
     carried = () if engine == "pinocchio" else springs
     return replace(problem, applied=replace(problem.applied, springs=carried), task=replace(states, tau=tau))
 
 
 def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
-    """Return the scaled error of accelerations that rounding of the springs' lengths and velocities may cause."""
+    """Return the scaled error in accelerations that rounding of the springs' lengths and velocities may cause."""
     lay = layout(posed.scene.mechanism)
     states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]
     largest = spring.stiffness * np.abs(states.q) + spring.damping * np.abs(states.v)
@@ -133,7 +134,7 @@ def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at:
 def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
     """Return a short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
 
-    Collocation makes the reference values, in steps that grow as the motion gets slower.
+    The reference values come from collocation, in steps that grow as the motion gets slower.
     """
     scene = load_scene(SCENE)
     mechanism, lay = scene.mechanism, layout(scene.mechanism)
@@ -142,7 +143,7 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     fastest = float(np.abs(eigenvalues(lay, applied, start, rest)).max())
     first = min(0.1 / fastest, DURATION / 10)
     decades = int(np.ceil(np.log10(DURATION / first)))
-    # four steps per decade, every fourth of them compared
+    # four steps per decade, of which every fourth is compared
     grid = np.concatenate([[0.0], np.geomspace(first, DURATION, 1 + 4 * max(2, decades))])
     looked_at = [0, *range(1, len(grid), 4)]
 
@@ -171,8 +172,8 @@ def _closed_motion(lay: Layout, states: Array, applied: Applied) -> ClosedMotion
 
 
 def admit_tolerance(question: Question, integration: Integration, *methods: Method) -> Question:
-    """Pose the motion to one of scipy's methods, whose tolerance is the admitted error."""
-    # the error of one step, since damping forgets the others; relative to an angle, not to its travel
+    """Pose the motion to one of scipy's methods, admitting errors up to its tolerance."""
+    # the error of one step, since damping removes earlier ones; relative to an angle, not to its travel
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
     return replace(
@@ -184,7 +185,7 @@ def admit_tolerance(question: Question, integration: Integration, *methods: Meth
 
 
 def explicit_method(question: Question, fastest: float) -> Question:
-    """Pose the motion to DOP853, refused if the step that keeps it stable is too short."""
+    """Pose the motion to DOP853, which is not asked if its stable steps would be too short."""
     steps, reason = DURATION * fastest / REACH, ""
     if steps > MOST_STEPS:
         reason = (
@@ -195,7 +196,7 @@ def explicit_method(question: Question, fastest: float) -> Question:
 
 
 def read(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """Return joint positions, and the deficit in kinetic energy, springs, gravity and work of dampers."""
+    """Return joint positions, and the deficit in the sum of kinetic energy, springs, gravity and work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
     moving = _closed_motion(lay, np.concatenate([q, v], axis=1), question.problem.applied)
@@ -208,22 +209,22 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 STAGES = 10
 MOST_ITERATIONS = 40  # iterations of the simplified Newton method
-CLOSE = 1e-13  # change of the last iteration, relative to each component's largest value
-DIFFERENCE = 2.0**-17  # of central differences: the cube root of the rounding error
+CLOSE = 1e-13  # change in the last iteration, relative to each component's largest value
+DIFFERENCE = 2.0**-17  # step of central differences: the cube root of the rounding error
 
 Slope = Callable[[Array], Array]
 """Derivatives of states, one a row. Shape (n, m) -> (n, m)."""
 
 
 def collocate(slope: Slope, state: Array, times: Array) -> Array:
-    """Integrate an autonomous system with one step from each time to the next.
+    """Integrate an autonomous system, taking one step from each time to the next.
 
     Args:
         state: State at the first time. Shape (m,).
         times: Increasing times. Shape (n,).
 
     Returns:
-        States. Shape (n, m).
+        States at the times. Shape (n, m).
 
     Raises:
         ScrewgaugeError: A step does not converge.
@@ -248,10 +249,10 @@ def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> 
         left = state + h * (A @ slope(Y)) - Y
         change = (inverse @ left.ravel()).reshape(Y.shape)
         Y = Y + change
-        # damped components are scaled by their earlier size
+        # damped components are scaled by their earlier magnitude
         scale = np.maximum(np.abs(Y).max(axis=0), 1e-3 * largest).clip(1e-300)
         relative = float((np.abs(change).max(axis=0) / scale).max())
-        if relative < CLOSE or (relative < 1e-9 and relative > 0.5 * last):  # down to rounding
+        if relative < CLOSE or (relative < 1e-9 and relative > 0.5 * last):  # converged to rounding
             return np.asarray(Y[-1])
         last = relative
     raise ScrewgaugeError(
