@@ -1,4 +1,4 @@
-"""Classifies links by their freedoms: letter codes, and the points where hinge axes meet."""
+"""Classifies links by their degrees of freedom: letter codes, and the points where hinge axes intersect."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from screwgauge.reference.rotations import Array
 if TYPE_CHECKING:
     from screwgauge.models.machine import Element
 
-#: Share of a machine's length, or angle [rad], below which lines meet; share below which points coincide.
+#: Largest distance, in machine lengths or rad, of lines that count as intersecting; and of points that coincide.
 CLOSE, SAME = 1e-6, 1e-9
 
 
 def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | None]:
-    """Return the kind of a link, see `Link.kind`, and the point where the axes of a U, S or F meet."""
+    """Return the kind of a link, see `Link.kind`, and the point where the axes of a U, S or F joint intersect."""
     kinds = [each.kind for each in elements]
     if kinds == ["ball"]:
         return "S", elements[0].centre
@@ -33,13 +33,13 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
 
 
 def letters_of(elements: Sequence[Element]) -> str:
-    """Return the letters of freedoms, in whichever direction sorts first alphabetically."""
+    """Return the letters of the elements, forwards or backwards, whichever is first alphabetically."""
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
     return min(letters, letters[::-1])
 
 
 def _meeting(hinges: Sequence[Element], length: float) -> Array | None:
-    """Return the point where hinges of independent directions meet; None if they do not. Shape (3,)."""
+    """Return the intersection of hinges with independent directions; None if they do not intersect. Shape (3,)."""
     axes = np.array([each.direction for each in hinges])
     if np.linalg.matrix_rank(axes, tol=CLOSE) < len(axes):
         return None

@@ -1,4 +1,4 @@
-"""Spanning trees of readings: motion, random states, and displacement of readings."""
+"""Builds spanning trees of readings, draws random states, and displaces readings."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from screwgauge.witness.tree import (
     stacked,
 )
 
-#: Range around home from which a coordinate without limits is drawn [rad or m].
+#: Largest distance from home of a randomly drawn coordinate [rad or m].
 FAR = {"hinge": math.pi, "slide": 0.5}
-#: Distance of states near home from the home pose [rad or lengths of the machine].
+#: Scale of the distance from home of states near home [rad or machine lengths].
 BESIDE = 0.05
 _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadingTree(SpanningTree):
-    """A reading as a tree with one link per joint, in their order; hinges and slides have world axes at home.
+    """A reading as a tree with one link per joint, in joint order; hinges and slides have world axes at home.
 
     Attributes:
         reading: The reading itself.
-        places, freedoms: Joint -> its coordinates, see `witness.tree.COORDINATES`, and its velocities. A hinge or slide
-            is measured as in its file.
-        frames: Index of each ball or free joint -> the frame that it carries, at home. Shape (4, 4).
+        places, freedoms: Joint -> slice of its coordinates, see `witness.tree.COORDINATES`, and slice of its
+            velocities. The coordinate of a hinge or slide is measured as in its file.
+        frames: Index of each ball or free joint -> frame that the joint carries, at home. Shape (4, 4).
     """
 
     reading: Reading
@@ -99,7 +99,7 @@ def tree_of(reading: Reading) -> ReadingTree:
 
 
 def _carried_frame(joint: JointReading, pose: Array) -> Array:
-    """Return the frame carried at home: world axes for a hinge or slide, else body axes, at the joint or the body."""
+    """Return the frame that a joint carries at home: world axes for a hinge or slide, body axes for other joints."""
     if FREEDOMS[joint.kind] == 1:
         return matrix(joint.centre, np.eye(3))
     return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
@@ -112,12 +112,12 @@ def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
 
 
 def gravity_of(reading: Reading) -> Array:
-    """Return the gravity of a reading, zero if it has none [m/s^2]. Shape (3,)."""
+    """Return the gravity of a reading [m/s^2], or zero if the reading does not specify gravity. Shape (3,)."""
     return np.zeros(3) if reading.gravity is None else reading.gravity
 
 
 def size(reading: Reading) -> float:
-    """Return a characteristic length: the largest distance of a joint or body from the centroid of them all [m]."""
+    """Return a characteristic length: the largest distance of a joint or body from the centroid of all of these [m]."""
     points = [joint.centre for joint in reading.joints.values()]
     points += [body.centre for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
@@ -125,7 +125,7 @@ def size(reading: Reading) -> float:
 
 
 def length_of(reading: Reading) -> float:
-    """Return twice the largest distance of a point of the reading from the centroid at home [m], 1 if it is zero."""
+    """Return twice the largest distance of a point of the reading from the centroid at home [m], or 1 if it is zero."""
     points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
@@ -133,7 +133,7 @@ def length_of(reading: Reading) -> float:
 
 
 def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
-    """Draw n random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
+    """Draw n random states within limits; velocities and accelerations are normally distributed (SI units)."""
     random = np.random.default_rng(seed)
     columns = [np.zeros((n, 0))]
     for joint in reading.joints.values():
@@ -150,7 +150,7 @@ def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
 
 
 def home(reading: Reading) -> TreeStates:
-    """Return the home state, at rest."""
+    """Return the home pose as a state at rest."""
     rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
     wide = reading.freedom
@@ -161,7 +161,7 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
     """Draw n random states near home, for loops that do not close everywhere.
 
     Args:
-        units: Unit of each velocity. Shape (n_freedom,).
+        units: Scale of each velocity. Shape (n_freedom,).
     """
     there, drawn = np.repeat(home(tree.reading).q, n, axis=0), draw(tree.reading, n, seed)
     step = BESIDE * units * np.random.default_rng(seed).normal(size=drawn.qd.shape)
@@ -169,13 +169,13 @@ def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
 
 
 def residual_at_home(tree: ReadingTree) -> dict[str, float]:
-    """Compute the largest entry of each closure's gap at home [m, or rad for rotations of a weld]."""
+    """Compute the largest entry in the gap of each closure at home [m, or rad for rotations of a weld]."""
     gaps = closure_gaps(tree, move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
 
 
 def displace_joint(joint: JointReading, T: Array) -> JointReading:
-    """Displace a joint in the world.
+    """Displace a joint in the world frame.
 
     Args:
         T: Displacement. Shape (4, 4).
@@ -188,10 +188,10 @@ def displace_joint(joint: JointReading, T: Array) -> JointReading:
 def rehome(
     reading: Reading, q: Mapping[str, float] | Mapping[str, Array]
 ) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
-    """Move the home of a reading to other coordinates.
+    """Move the home pose of a reading to different coordinates.
 
     Args:
-        q: Joint -> its new coordinates, see `ReadingTree`; other joints stay.
+        q: Joint -> new coordinates, see `ReadingTree`; all other joints keep theirs.
 
     Returns:
         The reading, and the displacements of the parent of each joint and of each body. Shape (4, 4) each.
@@ -216,7 +216,7 @@ def rehome(
 
 
 def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
-    """Compute the displacement from one pose to another; exactly the identity if they are equal."""
+    """Compute the displacement from one pose to another; return exactly the identity if the poses are equal."""
     if np.array_equal(R, new_R) and np.array_equal(p, new_p):
         return np.eye(4)
     turn = new_R @ R.T

@@ -1,4 +1,4 @@
-"""Cuts a mechanism into a tree and its closures, from which URDF, MJCF and loops files are written."""
+"""Cuts a mechanism into a tree and its closures; URDF, MJCF and loops files are written from these."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from screwgauge.reference.graph import Edge, Layout, spanning_tree
 from screwgauge.reference.mechanism import GROUND, POINTS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: minimal: the smallest tree; points close the joints outside it. full: every joint is in the tree; a joint that closes
-#: a loop leads to a copy of its body, which is welded to the body itself. The minimal cut also has such copies for
-#: joints that points cannot close and for joints that are actuated or have a rotor, which no engine supports outside
-#: its tree.
+#: ``minimal`` selects the smallest tree; points close the joints outside it. ``full`` puts every joint in the tree; a
+#: joint that closes a loop leads to a copy of its body, which is welded to the body itself. The minimal cut also uses
+#: such copies for joints that points cannot close, and for joints that are actuated or have a rotor, which no engine
+#: supports outside its tree.
 CUTS = ("minimal", "full")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """A joint of one freedom.
+    """A joint with one degree of freedom.
 
     Attributes:
         axis: Direction in the joint frame. Shape (3,).
@@ -42,14 +42,14 @@ class Freedom:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """A body of the tree, or a copy of one, with the joint that leads to it.
+    """A body of the tree or a copy of a body, and the joint that leads to it.
 
     Attributes:
-        name: The body's name, or ``body@joint`` for a copy.
+        name: Name of the body, or ``body@joint`` for a copy.
         original: Name of the body in the description.
-        body: The body with its share of the original's mass and inertia.
+        body: Body with this link's share of the original's mass and inertia.
         near: Parent link, on the ground side.
-        reverse: The description declares the joint from this link towards `near`.
+        reverse: True if the description declares the joint from this link towards `near`.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Link:
 
     @property
     def moves(self) -> tuple[Freedom, ...]:
-        """Its freedoms in a model file; empty for a fixed joint."""
+        """Degrees of freedom of the joint in a model file; empty for a fixed joint."""
         return () if self.joint.fixed else self.freedoms
 
     @property
@@ -76,7 +76,7 @@ class Link:
 
     @property
     def freedoms(self) -> tuple[Freedom, ...]:
-        """Freedoms of the joint, from the ground outwards; coordinates keep their names and values."""
+        """Degrees of freedom of the joint, from the ground outwards; coordinates keep their names and values."""
         joint, sign = self.joint, -1.0 if self.reverse else 1.0
         resists = joint.rotor, joint.damping, joint.friction
         numbers = joint.coordinates, joint.freedoms, joint.home, joint.limits, *resists
@@ -92,11 +92,11 @@ class Closure:
     """A constraint that closes a loop.
 
     Attributes:
-        joint: The joint of the description that closes the loop.
-        type: ``point`` (S), ``points`` (R: two points on its axis) or ``weld`` (of a copy).
-        parent, child: Links on the joint's two sides; for a weld, the original and its copy.
+        joint: Joint of the description that closes the loop.
+        type: ``point`` (S joint), ``points`` (R joint: two points on its axis) or ``weld`` (of a copy).
+        parent, child: Links on the two sides of the joint; for a weld, the original and its copy.
         parent_points, child_points: Coinciding points of the two links [m]. Shape (n, 3); empty for a weld.
-        parent_frame, child_frame: The joint's frames in the two links; for a weld, the coinciding frames.
+        parent_frame, child_frame: Frames of the joint in the two links; for a weld, the coinciding frames.
     """
 
     joint: str
@@ -110,7 +110,7 @@ class Closure:
 
     @property
     def pairs(self) -> list[tuple[str, Frame, Frame]]:
-        """Frames of parent and child that coincide (weld) or share their origin; two pairs of points are numbered."""
+        """Frames of parent and child that coincide (weld) or share an origin; two pairs of points are numbered."""
         if self.type == "weld":
             return [("", self.parent_frame, self.child_frame)]
         points = [*zip(self.parent_points, self.child_points, strict=True)]
@@ -120,13 +120,13 @@ class Closure:
         return [(str(i), Frame(near), Frame(far)) for i, (near, far) in enumerate(points, 1)]
 
     def frames(self) -> Iterator[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
-        """Yield pairs of coinciding frames: name, link to which the frame is fixed, placement there."""
+        """Yield pairs of coinciding frames, each with name, link to which the frame is fixed, and placement there."""
         for number, *placed in self.pairs:
             near, far = (frame if self.type == "weld" else Frame(frame.p) for frame in placed)
             yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
 
     def facing(self, joint: Joint) -> Closure:
-        """Return the closure with its parent on the joint's parent side; for a weld, with the original as parent."""
+        """Return the closure with its parent on the joint's parent side; for a weld, the original is the parent."""
         copy = f"@{self.joint}"
         if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):
             return self
@@ -136,7 +136,7 @@ class Closure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
-    """A cut mechanism. `links` are in depth-first order, each after its `near`; ground is not included."""
+    """A cut mechanism. `links` are in depth-first order, each after its `near`; they do not include the ground."""
 
     mechanism: Mechanism
     cut: str
@@ -149,7 +149,7 @@ class Tree:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of the tree's coordinates, from ground outwards."""
+        """Names of the tree's coordinates, from the ground outwards."""
         return tuple(freedom.coordinate for freedom in self.freedoms)
 
 
@@ -157,11 +157,11 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     """Cut the loops of a mechanism.
 
     Args:
-        cut: The kind of cut, one of `CUTS`.
+        cut: Kind of cut, one of `CUTS`.
 
     Raises:
-        UnknownNameError: The cut does not exist.
-        DescriptionError: A name that the models need is in use.
+        UnknownNameError: The cut is not one of `CUTS`.
+        DescriptionError: A body or coupling has a name that the models need for something else.
     """
     if cut not in CUTS:
         raise UnknownNameError("cut", cut, CUTS)
@@ -180,11 +180,11 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
 
 
 def open_tree(lay: Layout) -> tuple[Array, list[int]]:
-    """Return the tree of the minimal model files, in which a body and its copies share its mass equally.
+    """Return the tree of the minimal model files, in which a body and its copies share the mass equally.
 
     Returns:
-        Mean over a body and its copies of +1 or -1 for each coordinate on the path to it, shape (n_body, n_q), and the
-        coordinates of the tree.
+        Matrix of shape (n_body, n_q) that has +1 or -1 for each coordinate on the path to a body, averaged over the
+        body and its copies; and the coordinates of the tree.
     """
     links, index = lay_out(lay.mechanism, "minimal").links, lay.mechanism.body_index
     parts = Counter(link.original for link in links)
@@ -197,7 +197,7 @@ def open_tree(lay: Layout) -> tuple[Array, list[int]]:
 
 
 def length_scale(mechanism: Mechanism) -> float:
-    """Return the largest distance in the description [m]; 1 if it contains none."""
+    """Return the largest distance in the description [m], or 1 if it does not contain distances."""
     lengths = [1e-300]
     for joint in mechanism.joints:
         lengths += [float(np.linalg.norm(frame.p)) for frame in (joint.parent_frame, joint.child_frame)]
@@ -206,7 +206,7 @@ def length_scale(mechanism: Mechanism) -> float:
 
 
 def _copy(joint: Joint) -> Edge:
-    """Return the edge to the copy of a cut joint's far body; of its near body, if the far one is ground."""
+    """Return the edge to the copy of a cut joint's child, or of its parent if the child is the ground."""
     return Edge(joint, GROUND if joint.child == GROUND else joint.parent)
 
 
@@ -223,7 +223,7 @@ def _weld(link: Link) -> Closure:
 
 
 def _points(joint: Joint, half: float) -> Closure:
-    """Build the point closure of a cut joint: for a hinge, two points at a distance of `half` [m] from its middle."""
+    """Build the point closure of a cut joint; a hinge gets two points at a distance of `half` [m] from its middle."""
     kind, arms = "point", np.zeros((1, 3))
     if POINTS[joint.kind] == 2:
         kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])
@@ -233,7 +233,7 @@ def _points(joint: Joint, half: float) -> Closure:
 
 
 def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
-    """Order links chain by chain from ground, side branches in the order of the description."""
+    """Order links chain by chain from the ground; side branches follow the order of the description."""
     order = {joint.name: i for i, joint in enumerate(mechanism.joints)}
     onward: dict[str, list[Link]] = {}
     for link in sorted(links, key=lambda link: -order[link.joint.name]):
@@ -246,7 +246,7 @@ def _depth_first(links: list[Link], mechanism: Mechanism) -> list[Link]:
 
 
 def _check_names(links: list[Link], mechanism: Mechanism) -> None:
-    names = ["world", *(link.name for link in links)]  # MuJoCo's name of its root comes first
+    names = ["world", *(link.name for link in links)]  # "world" is the name of MuJoCo's root
     for name in names:
         if names.count(name) > 1:
             where = mechanism.where or mechanism.name
@@ -254,7 +254,7 @@ def _check_names(links: list[Link], mechanism: Mechanism) -> None:
 
 
 def _check_couplings(mechanism: Mechanism, closures: tuple[Closure, ...]) -> None:
-    """Refuse couplings named like closures: an MJCF lists both together, and numbers the two points of a hinge."""
+    """Reject couplings named like closures: an MJCF lists both together, and numbers the two points of a hinge."""
     taken = {f"{closure.joint}{number}" for closure in closures for number in ("", ".1", ".2")}
     for coupling in mechanism.couplings:
         if coupling.name in taken:

@@ -1,8 +1,8 @@
 """The normal form of a reading: rigid bodies and the links between them, at a pose that closes its loops.
 
-Bodies connected rigidly by welds or by three points are merged; points shared by two bodies become a ball (one point)
-or a hinge (two); massless carriers become part of the link through them. The result does not depend on where the loops
-were cut.
+Bodies that welds or three points connect rigidly are merged; points shared by two bodies become a ball (one point) or a
+hinge (two points); massless intermediate bodies become part of the link through them. The result does not depend on
+where the loops were cut.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closed
 
-#: Largest gap of a closed loop, as a share of the machine's length.
+#: Largest gap of a closed loop [machine lengths].
 CLOSED = 1e-9
-#: A body below these values has no mass [kg] and no inertia [kg m^2].
+#: Values up to which mass [kg] and inertia [kg m^2] of a body are negligible.
 NO_MASS, NO_INERTIA = 1e-12, 1e-14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """A freedom of a link: a joint of the reading, or a freedom that closures leave between two bodies.
+    """An element of a link: a joint of the reading, or a joint that closures form between two bodies.
 
     Attributes:
         kind: ``hinge``, ``slide``, ``ball`` or ``free``.
-        screw: Screw, in the world, of the far side's motion relative to the near side, for a hinge or slide; else
-            zeros. Shape (6,).
-        centre: A point on its axis, or its centre, in the world. Shape (3,).
+        screw: For a hinge or slide, world-frame screw of the far side's motion relative to the near side; zeros for
+            other kinds. Shape (6,).
+        centre: World position of the centre, or of a point on the axis. Shape (3,).
         joint: Name of the joint; empty for closures, which `closures` lists.
-        turned: Whether the joint of the reading leads from far to near.
+        turned: True if the joint of the reading leads from the far to the near side.
     """
 
     kind: str
@@ -63,7 +63,7 @@ class Element:
         return replace(self, screw=-self.screw, turned=not self.turned)
 
     def placed(self, T: Array) -> Element:
-        """Displace the element in the world. T: shape (4, 4)."""
+        """Displace the element in the world frame by T, shape (4, 4)."""
         R, p = T[:3, :3], T[:3, 3]
         way = R @ self.screw[:3]
         return replace(self, screw=np.append(way, R @ self.screw[3:] + np.cross(p, way)), centre=R @ self.centre + p)
@@ -71,14 +71,15 @@ class Element:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """A connection between two bodies, with its freedoms.
+    """An articulated connection between two bodies.
 
     Attributes:
         near, far: Bodies of the machine.
-        elements: Its freedoms, from the near body outwards.
-        kind: R, P, C, U, S or F; otherwise the letters of its freedoms.
-        centre: Intersection of the axes of a U or S [m], shape (3,); None for other kinds.
-        step: Displacement of its end on the far body that closes open loops; None if they are closed. Shape (4, 4).
+        elements: Joints of the link, from the near body outwards.
+        kind: R, P, C, U, S or F, or else the letters of the elements.
+        centre: Intersection of the axes of a U or S link [m], shape (3,); None for other kinds.
+        step: Displacement of the link's end on the far body that closes open loops; None for closed loops. Shape (4,
+            4).
     """
 
     near: str
@@ -99,7 +100,7 @@ class Link:
 
     @property
     def letters(self) -> str:
-        """Letters of its freedoms, the same from either body."""
+        """Letters of the elements; they are the same from either body."""
         return letters_of(self.elements)
 
     @property
@@ -115,7 +116,7 @@ class Link:
         return replace(link, near=self.far, far=self.near, elements=elements, step=back)
 
     def placed(self, T: Array) -> Link:
-        """Displace the link in the world, keeping `step`. T: shape (4, 4)."""
+        """Displace the link in the world frame by T, shape (4, 4), keeping `step`."""
         centre = None if self.centre is None else T[:3, :3] @ self.centre + T[:3, 3]
         return replace(self, elements=tuple(each.placed(T) for each in self.elements), centre=centre)
 
@@ -127,16 +128,16 @@ class Link:
         return Link(self.near, other.far, self.elements + behind.elements, "", step=step)
 
     def of(self, body: str) -> Link:
-        """Return the link seen from the given one of its bodies."""
+        """Return the link seen from a body, which must be one of its two bodies."""
         return self if body == self.near else self.reversed()
 
     def renamed(self, name: str, other: str) -> Link:
-        """Rename one of its bodies."""
+        """Rename one of the two bodies."""
         near, far = (other if end == name else end for end in (self.near, self.far))
         return replace(self, near=near, far=far)
 
     def joins(self, body: str) -> bool:
-        """True if the link connects the body."""
+        """True if the link connects the given body."""
         return body in (self.near, self.far)
 
 
@@ -145,10 +146,10 @@ class Body:
     """A rigid body.
 
     Attributes:
-        members: Bodies of the reading that are merged into it.
-        pose: World pose of the body that gave it its name. Shape (4, 4).
-        local: Its mass properties in that frame.
-        frames: Name -> world frame of everything that is part of it. Shape (4, 4) each.
+        members: Bodies of the reading that are merged into this body.
+        pose: World pose of the member after which this body is named. Shape (4, 4).
+        local: Mass properties in the frame of that member.
+        frames: Name -> world frame of everything that is part of the body. Shape (4, 4) each.
     """
 
     members: tuple[str, ...]
@@ -158,12 +159,12 @@ class Body:
 
     @cached_property
     def matter(self) -> Matter:
-        """Mass properties in the world."""
+        """Mass properties in the world frame."""
         return displace(self.local, self.pose)
 
     @property
     def solid(self) -> bool:
-        """True if its mass or inertia is not negligible."""
+        """True if mass or inertia is not negligible."""
         return self.matter.mass > NO_MASS or float(np.abs(self.matter.inertia).max()) > NO_INERTIA
 
 
@@ -173,10 +174,10 @@ class Machine:
 
     Attributes:
         reading: The reading, at the pose of the graph.
-        bodies: Bodies, named after one of their members; ground is included.
+        bodies: Bodies, each named after one of its members, including the ground.
         links: Links between the bodies.
         length: Characteristic length of the machine [m].
-        remarks: Sentences on bodies and joints that closures make redundant.
+        remarks: Sentences about bodies and joints that closures make redundant.
     """
 
     reading: Reading
@@ -195,7 +196,7 @@ class Machine:
         return around
 
     def at(self, body: str) -> list[Link]:
-        """Return the links of a body, seen from it."""
+        """Return the links of a body, seen from that body."""
         return self._around.get(body, [])
 
     def part_of(self, member: str) -> str:
@@ -204,7 +205,7 @@ class Machine:
 
 
 def machine_of(reading: Reading) -> Machine:
-    """Build the normal form, at a pose that closes the loops if one is near."""
+    """Build the normal form at a pose that closes the loops, if such a pose is near home."""
     machine = graph_at_home(at_closed_pose(reading))
     machine = contract(machine, [name for name, body in machine.bodies.items() if not body.solid])
     idle = [link for link in machine.links if link.kind == "F" and _is_held(machine, link)]
@@ -237,7 +238,7 @@ def fuse(machine: Machine, link: Link) -> Machine:
 
 
 def at_closed_pose(reading: Reading) -> Reading:
-    """Move the home of a reading to the nearest pose that closes its loops; keep it if none is near."""
+    """Move the home of a reading to the nearest pose that closes its loops; keep it if no such pose is near."""
     tree = tree_of(reading)
     if max(residual_at_home(tree).values(), default=0.0) <= CLOSED * length_of(reading) and not reading.couplings:
         return reading
@@ -250,7 +251,7 @@ def at_closed_pose(reading: Reading) -> Reading:
 
 
 def graph_at_home(reading: Reading) -> Machine:
-    """Build the graph of a reading at home, keeping massless bodies and leaving the kinds of links empty."""
+    """Build the graph of a reading at home; keep massless bodies and leave the kinds of links empty."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
     owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
@@ -272,10 +273,10 @@ def graph_at_home(reading: Reading) -> Machine:
 def _owners(
     bodies: Sequence[str], rigid: Iterable[tuple[str, str, Array | None]]
 ) -> tuple[dict[str, str], dict[str, Array], list[tuple[str, str]]]:
-    """Return body -> the body that contains it; body -> its displacement there if loops are open, (4, 4); the merges.
+    """Return body -> body that contains it; body -> displacement that closes open loops, (4, 4); and the merged pairs.
 
     Args:
-        rigid: Pairs of rigidly connected bodies, each with the displacement of the second body that closes their gap.
+        rigid: Pairs of rigidly connected bodies, and the displacement of the second body that closes their gap, if any.
     """
     owner, shift, joined = {name: name for name in bodies}, dict.fromkeys(bodies, np.eye(4)), list[tuple[str, str]]()
     for first, second, step in rigid:
@@ -294,11 +295,11 @@ def _owners(
 
 
 def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str, Array | None]], list[Link]]:
-    """Return pairs of bodies that closures merge, and links by a common point or two common points of an axis.
+    """Return pairs of bodies that closures merge, and links through one common point or two points of a common axis.
 
     Returns:
-        For each pair the displacement of the second body that closes it, shape (4, 4), None if it is closed; and the
-        links.
+        Pairs of bodies, each with the displacement of the second body that closes the gap, shape (4, 4), or None if it
+        is closed; and the links.
     """
     rigid, points = list[tuple[str, str, Array | None]](), dict[tuple[str, str], dict[str, Array]]()
     for name, closure in reading.closures.items():
@@ -312,7 +313,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
             points.setdefault((near[0], far[0]), {})[name] = np.array([near[1], far[1]])
     pins = list[Link]()
     for (first, second), named in points.items():
-        clouds = np.array([*named.values()]).swapaxes(0, 1)  # points of the first body, of the second body
+        clouds = np.array([*named.values()]).swapaxes(0, 1)  # points of the first and of the second body
         _, s, Vt = np.linalg.svd(clouds[0] - clouds[0].mean(axis=0))
         spread = int(np.sum(s > SAME * length))
         if spread >= 2:
@@ -338,7 +339,7 @@ def _pin(points: Array, closures: tuple[str, ...]) -> Element:
 
 
 def _merged_link(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
-    """Convert a link between bodies of the reading to one between merged bodies, displaced by `shift`."""
+    """Convert a link between bodies of the reading to a link between merged bodies, displaced by `shift`."""
     near, far = shift[link.near], shift[link.far]
     found = replace(link, near=owner[link.near], far=owner[link.far])
     if near is far and link.step is None:
@@ -367,10 +368,10 @@ def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array]
 
 
 def contract(machine: Machine, carriers: Iterable[str]) -> Machine:
-    """Merge the two links of each massless body, if a joint can have that many freedoms, and set the kinds of links.
+    """Merge the two links of each massless body unless the result has more than six elements; set the kinds of links.
 
     Args:
-        carriers: Massless bodies; those without exactly two links stay.
+        carriers: Massless bodies; bodies that do not have exactly two links stay.
     """
     bodies, links = dict(machine.bodies), list(machine.links)
     for name in carriers:

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of rigid bodies: displaces, combines and divides them."""
+"""Displaces, combines and divides the mass properties of rigid bodies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matter:
-    """Mass properties of a rigid body, in some frame.
+    """Mass properties of a rigid body, expressed in a given frame.
 
     Attributes:
         mass: Mass [kg].
@@ -35,14 +35,14 @@ class Matter:
 
     @property
     def solid(self) -> bool:
-        """True if it has mass or inertia."""
+        """True if the body has mass or inertia."""
         return bool(self.mass or self.inertia.any())
 
 
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-#: Shapes that `uniform` supports, and the names of their lengths, in the order of its argument.
+#: Shape that `uniform` supports -> names of its lengths, in the order of the argument `lengths`.
 SHAPES = {
     "box": ("x", "y", "z"),
     "ellipsoid": ("x", "y", "z"),
@@ -54,12 +54,12 @@ SHAPES = {
 
 
 def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matter:
-    """Compute the mass properties of a uniform solid about the midpoint of its length, which is along z.
+    """Compute the mass properties of a uniform solid with its length along z, centred at the origin.
 
     Args:
         shape: One of `SHAPES`.
-        lengths: Sides of a box, semi-axes of an ellipsoid, or radius and length; the length of a capsule is its
-            cylinder's [m].
+        lengths: Sides of a box, semi-axes of an ellipsoid, or radius and length [m]; the length of a capsule is the
+            length of its cylinder.
         density: Density [kg/m^3].
     """
     if shape in ("box", "ellipsoid", "sphere"):
@@ -76,18 +76,18 @@ def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matte
     whole = Matter(m, com, m * np.diag([(3.0 * r * r + l * l) / 12.0, (3.0 * r * r + l * l) / 12.0, 0.5 * r * r]))
     if shape == "cylinder":
         return whole
-    half = 2.0 / 3.0 * math.pi * density * r**3  # a hemisphere, about its own centre, 3/8 of the radius from its base
+    half = 2.0 / 3.0 * math.pi * density * r**3  # hemisphere, centre of mass 3/8 of the radius from its base
     cap = half * r * r * np.diag([0.4 - 9.0 / 64.0, 0.4 - 9.0 / 64.0, 0.4])
     ends = (Matter(half, np.array([0.0, 0.0, side * (0.5 * l + 0.375 * r)]), cap) for side in (-1.0, 1.0))
     return join((whole, *ends))
 
 
 def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
-    """Compute the mass properties of a uniform solid within a closed surface; `NOTHING` if it encloses no volume.
+    """Compute the mass properties of a uniform solid within a closed surface; `NOTHING` if its volume is zero.
 
     Args:
         points: Vertices [m]. Shape (n, 3).
-        triangles: Vertex indices, all with the same orientation as seen from outside. Shape (m, 3).
+        triangles: Vertex indices; all triangles have the same orientation as seen from outside. Shape (m, 3).
         density: Density [kg/m^3].
     """
     corners = points[triangles]
@@ -104,10 +104,10 @@ def polyhedron(points: Array, triangles: Array, density: float = 1.0) -> Matter:
 
 
 def displace(matter: Matter, T: Array) -> Matter:
-    """Transform mass properties to another frame, or displace them in their own frame.
+    """Transform mass properties to a different frame, or displace them in their own frame.
 
     Args:
-        T: Placement of the frame of `matter` in the other frame. Shape (4, 4).
+        T: Placement of the frame of `matter` in the new frame. Shape (4, 4).
     """
     R = T[:3, :3]
     return Matter(matter.mass, R @ matter.com + T[:3, 3], R @ matter.inertia @ R.T)
@@ -120,14 +120,14 @@ def is_same(first: Matter, second: Matter) -> bool:
 
 
 def combine(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
-    """Combine two bodies; with `sign` -1 remove the second from the first.
+    """Combine two bodies; with `sign` -1, remove the second body from the first.
 
-    If only a dipole remains, the mass is zero and the centre of mass is that of the first body.
+    If the remaining mass is zero, the first body's centre of mass is kept.
     """
     mass = first.mass + sign * second.mass
     if mass == 0.0:
         return Matter(0.0, first.com, first.inertia + sign * second.inertia)
-    # about the centre of the first body, which keeps small quantities small
+    # moments about the centre of the first body, which keeps small quantities small
     step = sign * second.mass / mass * (second.com - first.com)
     com = first.com + step
     parts = first.mass * steiner(first.com - com) + sign * second.mass * steiner(second.com - com)
@@ -135,12 +135,12 @@ def combine(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
 
 
 def remainder(whole: Matter, parts: Iterable[Matter]) -> Matter:
-    """Subtract some of its parts from a body, all in one frame."""
+    """Subtract parts from a body; all are expressed in one frame."""
     return reduce(lambda left, part: combine(left, part, -1.0), parts, whole)
 
 
 def join(parts: Iterable[Matter]) -> Matter:
-    """Combine rigid parts into one body, all in one frame."""
+    """Combine rigid parts into one body; all are expressed in one frame."""
     parts = [*parts]
     mass = sum(part.mass for part in parts)
     com = np.sum([part.mass * part.com for part in parts], axis=0) / (mass or 1.0)
@@ -151,12 +151,12 @@ def join(parts: Iterable[Matter]) -> Matter:
 
 
 def steiner(r: Array) -> Array:
-    """Return the inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
+    """Return the inertia about the origin of a unit mass at point r [m^2]. Shape (3,) -> (3, 3)."""
     return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
 
 
 def change_part(matter: Matter, before: Matter, after: Matter) -> Matter:
-    """Apply the change of a body from `before` to `after` to one of its parts; all in one frame."""
+    """Apply a body's change from `before` to `after` to one of its parts; all are expressed in one frame."""
     # (part - before) + after, in the ten additive parameters: (m, m c, inertia about the origin)
     old, new = _parameters(before), _parameters(after)
     mass, first, second = (x + (b - a) for x, a, b in zip(_parameters(matter), old, new, strict=True))
@@ -172,19 +172,19 @@ def _parameters(matter: Matter) -> tuple[Array, Array, Array]:
 
 
 def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tuple[int, Matter]:
-    """Return the part that changes least to account for a change of the whole body, and the changed part.
+    """Return the part that has to change least to account for a change of the whole body, and the changed part.
 
     Args:
-        parts: Index -> part, in the frame of the body; in case of a tie the first is chosen.
+        parts: Index -> part, in the frame of the body; in case of a tie, the first part is chosen.
 
     Returns:
-        Index of the part and the changed part: a physically possible one, if any is, for which the fewest of mass,
-            centre of mass and inertia change.
+        Index of the part and the changed part. Physically possible parts are preferred, then parts for which the fewest
+        of mass, centre of mass and inertia change.
     """
     if len(parts) == 1:
         return next(iter(parts)), after
     found = {i: change_part(part, before, after) for i, part in parts.items()}
-    if _much(before, after):  # the other parts would be lost in the rounding of a much larger one
+    if _much(before, after):  # the other parts would be lost in the rounding error of a much larger part
         others = {i: [part for j, part in parts.items() if j != i] for i in parts}
         found = {i: remainder(after, others[i]) for i in parts}
     scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
@@ -195,12 +195,12 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
         return not found[i].possible, int((steps[i] > least).sum()), float(steps[i].sum())
 
     chosen = min(found, key=cost)
-    kept = zip(("mass", "com", "inertia"), steps[chosen] <= 1e-14, strict=True)  # rounding of the sums is not a change
+    kept = zip(("mass", "com", "inertia"), steps[chosen] <= 1e-14, strict=True)  # ignore rounding of the sums
     return chosen, Matter(*(getattr(parts[chosen] if same else found[chosen], name) for name, same in kept))
 
 
 def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[int, Matter]:
-    """Change all parts of a body together: scale and shift them, and add the rest of the inertia to one."""
+    """Scale and shift all parts of a body together, and add the remaining inertia to the heaviest part."""
     ratio, step = after.mass / before.mass, after.com - before.com
     found = {i: Matter(ratio * part.mass, part.com + step, ratio * part.inertia) for i, part in parts.items()}
     heaviest = max(found, key=lambda i: found[i].mass)
@@ -229,13 +229,13 @@ def _size(matter: Matter) -> float:
 
 
 def steps_of(old: Matter, new: Matter, mass: float = 0.0, size: float = 0.0) -> dict[str, float]:
-    """Compute the changes of mass, centre of mass and inertia, each relative to the scale of the whole body.
+    """Compute the changes in mass, centre of mass and inertia, each relative to the scale of the whole body.
 
     Args:
-        mass: Mass of the whole body, if it is larger than the two [kg].
+        mass: Mass of the whole body, if it is larger than both masses [kg].
         size: Length of the whole body [m].
     """
-    # a point mass at the origin has no length; the lower bounds must not underflow when multiplied
+    # the length of a point mass at the origin is zero; products of the lower bounds must not underflow
     m, L = max(mass, old.mass, new.mass, 1e-90), max(size, _size(old), _size(new), 1e-90)
     com = float(np.abs(new.com - old.com).max())
     return {

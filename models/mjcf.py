@@ -1,9 +1,10 @@
 """Writes a mechanism as MJCF: composite joints as several joints of a body, loops and couplings as equalities.
 
-Mass properties are written in a form that MuJoCo accepts: a full tensor, or principal moments and axes where it refuses
-that. MuJoCo refuses a moving body whose mass or any principal moment is below `LEAST`, moments that violate A + B >= C
-even by a rounding error, and a full tensor with an eigenvalue below 1e-14, which its own rounding of 1e-14 of the
-largest one produces. Zero is therefore written as `LEAST`, and `without_stand_ins` restores it in a loaded model.
+Mass properties are written in a form that MuJoCo accepts: a full tensor, or principal moments and axes where MuJoCo
+rejects the tensor. MuJoCo rejects a moving body whose mass or any principal moment is below `LEAST`, moments that
+violate A + B >= C even by a rounding error, and a full tensor with an eigenvalue below 1e-14, which can arise from its
+own rounding error of 1e-14 of the largest eigenvalue. Therefore, zero is written as `LEAST`, and `without_stand_ins`
+restores zero in a loaded model.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism
 from screwgauge.reference.rigid import compose, inverse
 from screwgauge.reference.rotations import Array
 
-#: Smallest mass and moment of a moving body that MuJoCo accepts [kg, kg m^2]; stands for zero.
+#: Smallest mass and moment of a moving body that MuJoCo accepts [kg, kg m^2]; it stands for zero.
 LEAST = 1e-15
-#: Margin of a tensor's moments from values that MuJoCo refuses, relative to the largest one, and [kg m^2]; with more
-#: margin the full tensor is written. Compilers before 3.14 rotate a tensor to nine digits.
+#: Margin between a tensor's moments and values that MuJoCo rejects, relative to the largest moment, and in kg m^2; with
+#: a larger margin, the full tensor is written. Compilers before 3.14 rotate a tensor with nine digits.
 ROOM, ABOVE = 1e-8, 1e-13
-#: Relative to the largest moment: the error that rounding a tensor's six entries and rotating it leave in a moment of
-#: zero, and the error that a compiler leaves; a moment below both this and `LEAST` is written as zero.
+#: Errors in a moment of zero, relative to the largest moment: from rounding a tensor's six entries and rotating it, and
+#: from the compiler; a moment below both the latter and `LEAST` is written as zero.
 ROUNDING, NEGLIGIBLE = 8.0 * float(np.finfo(float).eps), 5e-14
 #: Number of bodies that a sentence names.
 SHOWN = 6
@@ -47,12 +48,12 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
     """Format a tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
 
     Args:
-        allowed: Replace a tensor that MuJoCo refuses by the nearest one that it accepts, see `mass_properties`.
+        allowed: Replace a tensor that MuJoCo rejects by the nearest accepted tensor, see `mass_properties`.
     """
     least, middle, largest = np.linalg.eigvalsh(I)
     room, excess = max(ROOM * largest, ABOVE), largest - least - middle
     refused = max(-least, excess) > SLACK * np.trace(I) and not allowed
-    if min(least, -excess) > room or refused:  # clearly accepted, clearly refused
+    if min(least, -excess) > room or refused:  # clearly accepted or clearly rejected
         return {"fullinertia": tensor_text(I)}
     moments, q = principal(I)
     turned = {} if q is None else {"quat": vector_text(q)}
@@ -60,7 +61,7 @@ def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
 
 
 def principal(I: Array) -> tuple[Array, Array | None]:
-    """Compute the principal moments of a tensor, shape (3,), and the quaternion of their axes; None for body axes."""
+    """Compute the principal moments of a tensor, shape (3,), and the quaternion of the axes; None for body axes."""
     if not np.any(I - np.diag(np.diag(I))):
         return np.diag(I).copy(), None
     moments, axes = np.linalg.eigh(I)
@@ -72,7 +73,7 @@ def _acceptable(moments: Array) -> Array:
     """Return the nearest moments that MuJoCo accepts. Shape (3,)."""
     taken = np.where(_is_zero(moments), LEAST, np.where(moments == LEAST, np.nextafter(LEAST, 1.0), moments))
     low, mid, high = np.argsort(taken)
-    taken[high] = min(taken[high], taken[low] + taken[mid])  # exceeded by rounding only, see `Body`
+    taken[high] = min(taken[high], taken[low] + taken[mid])  # exceeded only by rounding, see `Body`
     return taken
 
 
@@ -82,17 +83,17 @@ def _is_zero(moments: Array) -> Array:
 
 
 def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
-    """Restore zero for `LEAST` in the masses, (n,), and principal moments, (n, 3), of a loaded model."""
+    """Replace `LEAST` by zero in the masses, (n,), and principal moments, (n, 3), of a loaded model."""
     moments = np.where(moments <= LEAST, 0.0, moments)
     return np.where((mass <= LEAST) & ~moments.any(axis=1), 0.0, mass), moments
 
 
-#: Prefix of the custom numbers of an MJCF with the true principal moments of a body that MuJoCo refuses.
+#: Prefix of custom numbers in an MJCF that contain the true principal moments of a body that MuJoCo rejects.
 MOMENTS = "screwgauge.moments."
 
 
 def mass_properties(model: Any) -> tuple[Array, Array]:
-    """Return the masses, (n,), and principal moments, (n, 3), that a loaded model's file intends, see `MOMENTS`."""
+    """Return the masses, (n,), and principal moments, (n, 3), that the file of a model intends, see `MOMENTS`."""
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     names = {model.body(i).name: i for i in range(model.nbody)}
     for k in range(model.nnumeric):
@@ -104,12 +105,12 @@ def mass_properties(model: Any) -> tuple[Array, Array]:
 
 
 def _is_refused(body: Body) -> bool:
-    """True if MuJoCo refuses the tensor of a body."""
+    """True if MuJoCo rejects the tensor of a body."""
     return bool(body.mass and triangle_excess(body.inertia))
 
 
 def stand_in_sentence(names: Sequence[str]) -> Iterator[str]:
-    """Yield a message about moments that stand for zero, and are set to zero after loading."""
+    """Yield a message about moments that stand for zero and are set to zero after loading."""
     if names:
         yield (
             f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
@@ -139,11 +140,11 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
             )
 
 
-#: Value of a limit that does not exist [rad, m].
+#: Value of a missing limit [rad, m].
 FAR = 1e10
 #: Number of coefficients of a joint equality.
 POWERS = 5
-#: Optional parts of a model beyond its mechanics. Contacts require geoms.
+#: Optional parts of a model in addition to its mechanics. Contacts require geoms.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
 
@@ -154,15 +155,15 @@ def write_mjcf(
     gravity: Sequence[float] | Array = (0.0, 0.0, -9.81),
     include: Set[str] = frozenset(),
 ) -> str:
-    """Write a cut mechanism as MJCF, closures included.
+    """Write a cut mechanism, including its closures, as MJCF.
 
     Args:
         cut: ``minimal`` or ``full``.
         gravity: Gravity in world axes [m/s^2]. Shape (3,).
-        include: A subset of `PARTS`; other parts are not written, and their stages are disabled.
+        include: Subset of `PARTS`; the remaining parts are not written, and their stages are disabled.
 
-    Raises:
-        UnknownNameError: The cut or a part does not exist.
+        Raises:
+            UnknownNameError: The cut is not one of `CUTS`, or a part is not one of `PARTS`.
     """
     for part in sorted(include):
         if part not in PARTS:
@@ -195,9 +196,9 @@ def write_mjcf(
 
 
 def site_names(closure: Closure) -> list[tuple[str, str]]:
-    """Return the names of the sites on the closure's parent and child that its equality constraints join.
+    """Return the names of the sites on parent and child that the equality constraints of a closure join.
 
-    A ``points`` closure also has ``@parent`` and ``@child`` sites, in the joint's frames.
+    A ``points`` closure also has ``@parent`` and ``@child`` sites at the frames of the joint.
     """
     near, far = ("weld", "copy") if closure.type == "weld" else ("parent", "child")
     numbers = ("1", "2") if closure.type == "points" else ("",)
@@ -205,7 +206,8 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
-    # The compiler must not infer or repair anything: inertias are as written, regardless of geoms or bounds.
+    # The compiler must not infer or repair anything: it must use the inertias in the file, regardless of geoms or
+    # bounds.
     exact = {"angle": "radian", "inertiafromgeom": "false", "balanceinertia": "false"}
     exact |= {"boundmass": "0", "boundinertia": "0", "fusestatic": "false"}
     ET.SubElement(root, "compiler", exact)
@@ -217,10 +219,10 @@ def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[s
 
 
 def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Element]:
-    """Nest the bodies; ground is a fixed body that carries all others.
+    """Nest the bodies; the ground is a fixed body that carries all other bodies.
 
-    Pinocchio reads only the first body below worldbody, and only bodies with an inertial; ground is therefore written
-    as a massless body.
+    Pinocchio reads only the first body below worldbody, and only bodies with an inertial; therefore, the ground is
+    written as a massless body.
     """
     bodies = {GROUND: ET.SubElement(world, "body", name=GROUND)}
     ET.SubElement(bodies[GROUND], "inertial", pos="0 0 0", mass="0", diaginertia="0 0 0")
@@ -235,14 +237,14 @@ def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Elemen
 
 
 def _moments(root: ET.Element, bodies: Sequence[Body]) -> None:
-    """Write the principal moments of bodies whose tensors MuJoCo refuses."""
+    """Write the principal moments of bodies whose tensors MuJoCo rejects."""
     custom = ET.SubElement(root, "custom") if bodies else root
     for body in bodies:
         ET.SubElement(custom, "numeric", name=f"{MOMENTS}{body.name}", data=vector_text(principal(body.inertia)[0]))
 
 
 def _place(element: ET.Element, frame: Frame) -> None:
-    """Set pos and quat unless they are zero and the identity."""
+    """Set pos unless it is zero, and quat unless it is the identity."""
     if frame.p.any():
         element.set("pos", vector_text(frame.p))
     if not np.array_equal(frame.R, np.eye(3)):
@@ -250,9 +252,9 @@ def _place(element: ET.Element, frame: Frame) -> None:
 
 
 def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> None:
-    """Add a joint of a body; MuJoCo applies joints in turn, each carried by the joints before it.
+    """Add a joint to a body; MuJoCo applies the joints of a body in turn, each carried by the preceding ones.
 
-    near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axes and anchor are the joint's, in the body frame.
+    near X(q) far^-1 = (near far^-1) (far X(q) far^-1): axis and anchor of the joint are expressed in the body frame.
     """
     frame = link.far_frame
     joint = ET.SubElement(element, "joint", name=freedom.coordinate, type="hinge" if freedom.turns else "slide")
@@ -298,7 +300,7 @@ def left_out(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_not(coupling: Coupling) -> str:
-    """Return the reason why MJCF cannot express a coupling; empty if it can."""
+    """Return the reason why MJCF cannot express a coupling, or an empty string if it can."""
     function = coupling.function
     if len(function.terms) > 1:
         return "" if function.linear else "MuJoCo has no powers in equalities of several joints"
@@ -306,9 +308,9 @@ def why_not(coupling: Coupling) -> str:
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
-    """Add couplings as equalities of joints, or of fixed tendons for several joints.
+    """Add couplings as equalities of joints, or as equalities of fixed tendons if they involve several leading joints.
 
-    Coordinates are zero at MuJoCo's qpos0, as in the description, and so are the lengths of tendons.
+    Coordinates and tendon lengths are zero at MuJoCo's qpos0, as in the description.
     """
     for one in couplings:
         if why_not(one) or isinstance(one, Fixing):

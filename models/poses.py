@@ -1,4 +1,4 @@
-"""Placements as (4, 4) matrices and joint axes as screws."""
+"""Computes placements as (4, 4) matrices, and joint axes as screws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from screwgauge.reference.rotations import Array, cross, rotation
 
 
 def matrix(p: Array, R: Array) -> Array:
-    """Build the placement with a position and a rotation. Shapes (3,), (3, 3) -> (4, 4)."""
+    """Build a placement from a position and a rotation. Shapes (3,), (3, 3) -> (4, 4)."""
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, p
     return T
@@ -21,7 +21,7 @@ def relative(near: Array, far: Array) -> Array:
 
 
 def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
-    """Compute the displacement of a hinge or slide along a direction through a centre. Shapes (3,), (3,) -> (4, 4)."""
+    """Compute the displacement by a hinge or slide with a direction and a centre. Shapes (3,), (3,) -> (4, 4)."""
     if kind == "slide":
         return matrix(q * direction, np.eye(3))
     R = rotation(direction, np.array(q))
@@ -29,7 +29,7 @@ def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
 
 
 def shortest_turn(way: Array, other: Array) -> Array:
-    """Compute the smallest rotation that takes one unit vector to another; the identity if they are opposite.
+    """Compute the smallest rotation that maps one unit vector to another; return the identity if they are opposite.
 
     Shapes (3,), (3,) -> (3, 3).
     """
@@ -39,7 +39,7 @@ def shortest_turn(way: Array, other: Array) -> Array:
 
 
 def shortest_step(one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Compute the displacement of one axis, direction and point, to another without a turn about it. Shape (4, 4)."""
+    """Compute the displacement of an axis (direction, point) to another without rotation about it. Shape (4, 4)."""
     R = shortest_turn(one[0], other[0])
     return matrix(other[1] - R @ one[1], R)
 

@@ -1,4 +1,4 @@
-"""Shapes for drawing a mechanism, and the geoms, contacts and sensors of an MJCF."""
+"""Creates shapes for drawing a mechanism, and geoms, contacts and sensors of an MJCF."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.reciprocal import pose_joints
 from screwgauge.reference.rotations import Array
 
-#: Colours of bodies, dark enough to be readable as text.
+#: Colours of bodies; they are dark enough for text.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT, SPRING = "#B58900", "#4477AA", "#CC0077", "#3D8B37"
@@ -34,12 +34,12 @@ class Shape:
     """A solid in the frame of a body.
 
     Attributes:
-        group: The switch that shows or hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``,
-            ``ellipsoids``, ``springs``, ``doubts``, and ``other`` for shapes of another mechanism.
-        kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod with its end `b` in the frame of the body `other`;
-            ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`, ``arrow`` from `a` to `b`, ``ellipsoid`` at
-            `a` with the columns of `b` as its half axes.
-        body, other: Index of the body; 0 for ground.
+        group: Switch that shows or hides the shape: ``links``, ``joints``, ``axes``, ``frames``, ``masses``,
+            ``ellipsoids``, ``springs``, ``doubts``, and ``other`` for shapes of a second mechanism.
+        kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of body `other`;
+            ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`; ``arrow`` from `a` to `b`; ``ellipsoid`` at
+            `a` with the columns of `b` as half axes.
+        body, other: Index of the body; 0 for the ground.
         a, b: Shape (3,); for an ellipsoid, `b` has shape (3, 3).
         size: Radius, or half the thickness.
     """
@@ -56,7 +56,7 @@ class Shape:
 
 
 class End(NamedTuple):
-    """A joint on a body: its point in the body's frame [m], whether the other body is ground, and whether it slides."""
+    """A joint on a body: point in the body's frame [m], and whether the other body is ground and the joint slides."""
 
     point: Array
     standing: bool
@@ -64,17 +64,17 @@ class End(NamedTuple):
 
 
 def cut_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Return the names of the joints that are cut, as in the engines' models."""
+    """Return the names of the joints that are cut in the models of the engines."""
     return frozenset(joint.name for joint in layout(mechanism).cuts)
 
 
 def hardware(mechanism: Mechanism) -> list[Joint]:
-    """List the joints, except those that only assign coordinates to a pose."""
+    """List the joints, except joints that only assign coordinates to a pose."""
     return [joint for joint in mechanism.joints if joint.name not in pose_joints(mechanism)]
 
 
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:
-    """Return body -> the points of its joints."""
+    """Return body -> points of its joints."""
     ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in hardware(mechanism):
         standing = GROUND in (joint.parent, joint.child)
@@ -84,10 +84,10 @@ def ends(mechanism: Mechanism) -> dict[str, list[End]]:
 
 
 def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
-    """Represent a body by line segments between its joints, as a rod or plate, in its frame [m]."""
+    """Represent a body by line segments between its joints (a rod or plate), in the body frame [m]."""
     apart = {tuple(np.round(end.point, 9)): end for end in its[::-1]}
     points = [end.point for end in apart.values()]
-    if len(points) < 2:  # up to its centre of mass; twice as far if it slides there
+    if len(points) < 2:  # up to the centre of mass; twice as far if the body slides there
         start = points[0] if points else body.com
         return [(start, 2.0 * body.com - start if any(end.slides for end in its) and len(its) > 1 else body.com)]
     if len(points) == 2:
@@ -124,7 +124,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
 
 
 def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
-    """Return shapes of springs and dampers: a coil between two points, a ring about a hinge axis."""
+    """Return shapes of springs and dampers: a coil between two points, or a ring about a hinge axis."""
     unit, index, drawn = length(layout(mechanism)), mechanism.body_index, list[Shape]()
     owner = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
     for one in given:
@@ -149,7 +149,7 @@ def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
 
 
 def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> Iterator[Shape]:
-    """Yield the support of a spring's end: ground, or a rod to the nearest joint of the body."""
+    """Yield the support of a spring's end: a ground symbol, or a rod to the nearest joint of the body."""
     i, points = mechanism.body_index[body], [end.point for end in ends(mechanism)[body]]
     if body == GROUND:
         yield Shape("springs", "foot", i, point / unit, point / unit, JOINT, STANDING)
@@ -159,7 +159,7 @@ def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> I
 
 
 def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
-    """Return the shapes of a mechanism, and further shapes, in the world in the home pose."""
+    """Return the shapes of a mechanism, and further shapes, in the world frame at the home pose."""
     lay = layout(mechanism)
     at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in (*shapes(mechanism), *more):
@@ -170,13 +170,13 @@ def place_shapes(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape
 
 
 def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """Return shapes of the parts that differ in the home pose, in the world: joints with their bodies, axes.
+    """Return shapes, in the world frame, of parts that differ at the home pose: joints with their bodies, and axes.
 
     Two joints are equal if their screws span the same motions and both or neither are driven; location along a
-    sliding axis, order of parent and child, and names do not count. Lengths are in lengths of the first mechanism.
+    sliding axis, order of parent and child, and names do not matter. Lengths are relative to the first mechanism.
 
     Args:
-        unsigned: Joints of the other mechanism whose axes are undirected, such as those of loops that points close.
+        unsigned: Joints of the other mechanism whose axes are undirected, e.g. axes in loops that points close.
     """
     unit = length(layout(mechanism))
     known, there = _freedoms(mechanism, unit), _freedoms(other, unit)
@@ -204,7 +204,7 @@ def differences(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str
 
 
 def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
-    """Return each joint with the projection onto its motions at home, and its screws [1, `unit`]."""
+    """Return each joint with the projector onto its motions at home, and with its screws [1, `unit`]."""
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
@@ -231,16 +231,16 @@ def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Itera
         yield Shape("frames", "arrow", i, np.zeros(3), 0.08 * axis, 0.004, tone, body.name)
     com = body.com / unit
     yield Shape("masses", "ball", i, com, com, 1.6 * LINK, MASS, body.name)
-    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid of equal mass and moments
+    if body.mass > 0.0:  # half axes of the homogeneous ellipsoid with equal mass and moments
         moments, axes = np.linalg.eigh(body.inertia)
         half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0)) / unit
         yield Shape("ellipsoids", "ellipsoid", i, com, axes * np.maximum(half, 1e-3), 1.0, colour, body.name)
 
 
 def mark(joint: Joint) -> tuple[str, Array]:
-    """Return the body on which the mark of a joint is drawn, and its position in that body's frame [m]. Shape (3,).
+    """Return the body on which the mark of a joint is drawn, and the mark's position in its frame [m]. Shape (3,).
 
-    The block of a guide on ground belongs to the sliding body; between two moving bodies it is halfway along at home.
+    The block of a guide on the ground belongs to the sliding body; between moving bodies, it is halfway along at home.
     """
     if joint.slides == 1 and GROUND in joint.bodies:
         return next((body, frame.p) for body, frame in joint.sides if body != GROUND)
@@ -250,7 +250,7 @@ def mark(joint: Joint) -> tuple[str, Array]:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Yield the axes of a joint, each in the body that carries it, and marks of driven and cut joints."""
+    """Yield the axes of a joint, each in the body that carries it, and the marks of driven and cut joints."""
     colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
     first, at = parent if body == joint.parent else child, place / unit
     if joint.fixed:
@@ -280,14 +280,14 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
 
 
 def _foot(joint: Joint, unit: float) -> Iterator[Shape]:
-    """Yield the ground symbol of a joint on ground."""
+    """Yield the ground symbol of a joint on the ground."""
     for p in (frame.p / unit for body, frame in joint.sides if body == GROUND):
         yield Shape("joints", "foot", 0, p, p, 2.0 * JOINT, STANDING, joint.name)
 
 
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
-    """Return the direction to the viewer: face-on for a planar mechanism, else from the front, hiding no joint."""
+    """Return the direction to the viewer: face-on for a planar mechanism, else from the front with joints visible."""
     every = place_shapes(mechanism)
     points = np.array([one.a for one in every if one.group == "masses" or one.kind in ("slide", "ball")])
     places = [place for _, place, _ in joint_marks(mechanism)]  # empty if all bodies are free
@@ -308,11 +308,11 @@ def viewed_from(mechanism: Mechanism) -> Array:
 
 
 def facing(points: Array, axes: Array) -> Array | None:
-    """Return the direction that shows a planar mechanism face-on; None for a spatial one.
+    """Return the direction that shows a planar mechanism face-on; None for a spatial mechanism.
 
     Args:
-        points: Points of joints and bodies, in lengths of the mechanism. Shape (n, 3).
-        axes: Axes of all rotations; a row of zeros is a translation. Shape (m, 3).
+        points: Points of joints and bodies, in mechanism lengths. Shape (n, 3).
+        axes: Axes of all rotations; a row of zeros stands for a translation. Shape (m, 3).
     """
     flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
     if flat:
@@ -332,7 +332,7 @@ def across(direction: Array) -> Array:
 
 
 def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
-    """Return the joints with positions and last axes, in the world at home; in lengths of the mechanism."""
+    """Return the joints with their positions and last axes in the world frame at home, in mechanism lengths."""
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()
@@ -344,10 +344,10 @@ def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
 
 
 def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> None:
-    """Add a ball at each centre of mass and bars from there to the body's joints; copies get none.
+    """Add a ball at each centre of mass, and bars from there to the joints of the body; skip copies of bodies.
 
     Args:
-        solid: Whether they collide; otherwise they are only visible.
+        solid: True if the geoms collide, False if they are only visible.
     """
     radius = 0.02 * length_scale(tree.mechanism)
     for link in tree.links:
@@ -362,7 +362,7 @@ def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> N
 
 
 def _bar_ends(link: Link, tree: Tree) -> list[Array]:
-    """Return the joint points of a body; with a single joint, add its mirror image in the centre of mass."""
+    """Return the joint points of a body; mirror a single joint point in the centre of mass to get a second one."""
     ends: dict[tuple[float, ...], Array] = {}
     for joint in tree.mechanism.joints:
         for side, frame in joint.sides:

@@ -1,4 +1,4 @@
-"""Detects singular home poses: first-order freedoms without a finite motion, as of a straight fixed leg."""
+"""Detects singular home poses: first-order motions without a finite motion, e.g. of a straight fixed leg."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 
-#: Step of the difference quotients [rad or lengths], and size of second derivatives that exceeds their rounding error.
+#: Step of the difference quotients [rad or lengths], and size of second derivatives that exceeds rounding error.
 STEP, CURVED = 1e-4, 1e-6
 #: Share of the largest rate below which a joint is not involved, and number of joints that are named.
 PART, NAMED = 0.05, 9
 
 
 def straight(mechanism: Mechanism) -> tuple[str, ...]:
-    """Return the joints whose motion at home opens the loops to second order; empty if home is regular.
+    """Return the joints whose motion at home opens the loops to second order; empty if the home pose is regular.
 
-    Constraints that are dependent only at home, ``l G = 0``, do not prevent the rates ``G v = 0``; a finite motion
+    Constraints that are dependent only at home, ``l G = 0``, do not prevent rates with ``G v = 0``; a finite motion
     exists only where ``l dG(v) v = 0``.
     """
     lay = layout(replace(mechanism, independent={}))
@@ -46,7 +46,7 @@ def straight(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def why_singular(mechanism: Mechanism) -> str:
-    """Explain which joints make the home pose singular; empty if it is regular."""
+    """Explain which joints make the home pose singular; return an empty string if the home pose is regular."""
     joints = straight(mechanism)
     if not joints:
         return ""

@@ -44,7 +44,7 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     """Write a mechanism as a description in TOML.
 
     Args:
-        remarks: Sentences to write above it as comments.
+        remarks: Sentences to write above the description as comments.
     """
     out = [f"# {line}" for remark in remarks for line in wrap(remark, 116)]
     head = {"name": mechanism.name, "title": mechanism.title, "source": mechanism.source, "group": mechanism.group}
@@ -57,7 +57,7 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     return document(out, mechanism, parts, left_out)
 
 
-#: Times mass and squared length of the model: rounding that merging links leaves in moments of inertia that are zero.
+#: Rounding error that merging links leaves in zero moments of inertia, relative to mass times squared model length.
 ROUNDING = 1e-16
 
 
@@ -66,11 +66,11 @@ class Imported:
     """A mechanism made from a reading.
 
     Attributes:
-        springs: Springs of its joints, which belong to the scene.
+        springs: Springs of the joints, which belong to the scene.
         gravity: Gravity in world axes [m/s^2], shape (3,); None if the file does not define it.
         names: Name in the file -> name in the description, where they differ.
-        remarks: Sentences on how it was made.
-        left_out: Phrases on content of the file that neither the description nor the scene holds.
+        remarks: Sentences on how the mechanism was made.
+        left_out: Phrases on content of the file that neither the description nor the scene contains.
     """
 
     mechanism: Mechanism
@@ -86,13 +86,13 @@ class Options:
     """Options of an import.
 
     Attributes:
-        loops: A file beside a URDF that defines how its loops close; by default the file of the same name, if any.
-        library: Library that reads the file; by default the first one for its format.
+        loops: File that defines how the loops of a URDF close; by default, the file of the same name in its folder.
+        library: Library that reads the file; by default, the first library for its format.
         floating: Give a URDF a floating base.
         meshes: Compute mass and inertia from meshes in the folder of an MJCF if the model derives them from meshes.
-        independent, actuated: Label -> independent coordinate, and actuated joints; None takes them from the file.
+        independent, actuated: Label -> independent coordinate, and actuated joints; if None, the file determines them.
         allow: Tensors to accept although no physical body has them, such as ``wrist.triangle``; files and folders to
-            which the file may refer, as paths from its folder with a ``/``; `MESHES`.
+            which the file may refer, as paths that contain ``/``, relative to its folder; and `MESHES`.
     """
 
     loops: Path | None = None
@@ -109,7 +109,7 @@ class Options:
         return [entry for entry in self.allow if entry != MESHES and "/" not in entry]
 
     def with_choices_of(self, own: LoopsFile) -> Options:
-        """Fill the choices that the user left open with those of a loops file."""
+        """Fill in choices that the user left open from a loops file."""
         driven = [joint.coordinates[0] for joint in own.joints if joint.actuated]
         chosen = own.independent if self.independent is None else self.independent
         return replace(self, independent=chosen, actuated=driven if self.actuated is None else self.actuated)
@@ -126,13 +126,13 @@ def describe(
     """Build a mechanism from a reading.
 
     Args:
-        where: Name of the file, for errors.
-        given: Joints that close loops and are already known; other joints are derived from the coinciding points.
-        keyframes: Poses that may be near a good home, name -> joint -> coordinate [rad or m].
-        beyond: Further forces in the file, with the names used there.
+        where: Name of the file, for error messages.
+        given: Known joints that close loops; all other joints are derived from coinciding points.
+        keyframes: Poses that may be near a good home pose: name -> joint -> coordinate [rad or m].
+        beyond: Further forces in the file, by the names used there.
 
     Raises:
-        ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
+        ScrewgaugeError: The model cannot move, its loops do not close, or a choice does not fit.
     """
     own, tables = _rename(reading)
     names = {old: new for table in tables.values() for old, new in table.items() if old != new}
@@ -147,7 +147,7 @@ def describe(
     leading = {*(actuated or ()), *(options.independent or {}).values()}
     couplings, followers = solve_couplings(graph.reading.couplings, leading)
     graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
-    known = {} if moved else {one.name: one for one in given}  # their coordinates count from the file's home
+    known = {} if moved else {one.name: one for one in given}  # their coordinates are measured from the file's home
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, options.tensors, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, options.independent, where)
@@ -167,7 +167,7 @@ def describe(
 def _mechanism(
     graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], allow: Sequence[str], where: str
 ) -> tuple[Mechanism, list[str]]:
-    """Build the mechanism, without independent coordinates and actuators; report what it cannot represent."""
+    """Build the mechanism without independent coordinates and actuators; report content that it cannot represent."""
     reading = graph.reading
     joints, carriers, remarks = _joints(graph, driven, known)
     solid = [_body(name, body, graph.length, where) for name, body in graph.bodies.items() if name != GROUND]
@@ -193,7 +193,7 @@ def _mechanism(
 
 
 def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
-    """Give parts of a reading names that a description accepts; return it with namespace -> name -> accepted name."""
+    """Give the parts of a reading names that a description accepts; also return namespace -> name -> accepted name."""
     joints = accept_names(reading.joints, "joint")
     names = {
         "bodies": accept_names(reading.bodies, "body"),
@@ -206,7 +206,7 @@ def _rename(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
 
 
 def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
-    """Return the driven joints: chosen ones, the file's, or all of an open chain; None if nothing determines them."""
+    """Return the driven joints: the user's choice, the file's, or all of an open chain; None if undetermined."""
     reading = graph.reading
     can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:
@@ -222,7 +222,7 @@ def _driven_joints(graph: Machine, chosen: Sequence[str] | None, where: str) -> 
 
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
-    """Build a coupling; without moving joints to depend on, it holds its joint."""
+    """Build a coupling; it locks its joint if it does not depend on a moving joint."""
     return Coupling(name, entry.joint, entry.function.trimmed, f"{where}, coupling '{name}'")
 
 
@@ -250,7 +250,7 @@ def _joints(
         near = link.near, graph.bodies[link.near].pose
         for i, group in enumerate(steps):
             far = link.far, graph.bodies[link.far].pose
-            if i < len(steps) - 1:  # has the axes of the final body, and its origin in the joint
+            if i < len(steps) - 1:  # axes of the final body, origin in the joint
                 pose = far[1].copy()
                 pose[:3, 3] = group.point
                 far = free_name(f"{next(iter(group.freedoms))}.carrier", names), pose
@@ -263,7 +263,7 @@ def _joints(
 
 
 def _joint_name(group: Group, used: set[str]) -> str:
-    """Return the name of a joint: the name of its only freedom, or the common part of its freedoms' names."""
+    """Return the name of a joint: the name of its only hinge or slide, or the common part of their names."""
     if len(group.freedoms) == 1:
         return next(iter(group.freedoms))
     parts = {name.rpartition(".")[0] for name in group.freedoms}
@@ -326,7 +326,7 @@ def _folder() -> TemporaryDirectory[str]:
 
 
 def scratch_folder() -> Path:
-    """Create a new folder that is deleted when the process ends."""
+    """Create a folder that is deleted when the process ends."""
     root = Path(_folder().name)
     folder = root / str(len([*root.iterdir()]))
     folder.mkdir()
@@ -338,13 +338,12 @@ def is_scratch(path: Path) -> bool:
     return path.is_relative_to(_folder().name)
 
 
-#: Model file, and whether it has a floating base -> digests of its files, the entries that were allowed, and the import
-#: result.
+#: Model file and flag of a floating base -> digests of the files, allowed entries, and the result of the import.
 _imported: dict[tuple[Path, bool], tuple[dict[Path, str], frozenset[str], tuple[Path, Imported]]] = {}
 
 
 def imported_file(path: Path, allow: Sequence[str] = (), *, floating: bool = False) -> tuple[Path, Imported]:
-    """Import a model file as a description in a temporary folder; repeat this only when the content changes.
+    """Import a model file as a description in a temporary folder; repeat the import only if the content changes.
 
     Args:
         allow: See `Options`; if empty, the entries of the last import of the file apply.
@@ -374,13 +373,13 @@ def keep(path: Path, imported: Imported, allow: Sequence[str] = (), *, floating:
 
 
 def _digests(files: Sequence[Path], model: Path) -> dict[Path, str]:
-    """Compute the digests of the files of a model and of the loops file beside it."""
+    """Compute the digests of the files of a model and of the loops file in its folder."""
     loops = loops_for(model)
     return {file: digest(file) if is_file(file) else "" for file in (*files, *filter(None, [loops]))}
 
 
 def notes(imported: Imported) -> tuple[str, ...]:
-    """Compose the comments above an imported description."""
+    """Compose the comments at the top of an imported description."""
     renamed = ", ".join(f"'{old}' is '{new}'" for old, new in imported.names.items())
     left = [f"Left out: {'; '.join(imported.left_out)}."] if imported.left_out else []
     return (*imported.remarks, *([f"Names: {renamed}."] if renamed else []), *left)

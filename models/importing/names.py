@@ -15,7 +15,7 @@ def accept_names(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) 
     """Map each name to itself, or to a similar unused name that a description accepts.
 
     Args:
-        kind: Replacement for a name without usable characters.
+        kind: Replacement for a name that lacks usable characters.
     """
     wanted = list(dict.fromkeys(names))
     fine = {name for name in wanted if re.fullmatch(r"\w[\w.:+-]*", name) and name not in {*taken}}

@@ -1,1 +1,1 @@
-"""Readings of model files by each library, in one engine-neutral form."""
+"""Readings of model files by different libraries, in one engine-neutral form."""

@@ -1,4 +1,4 @@
-"""Checks that the second points of connects, which MuJoCo derives from the file's pose, lie near their bodies."""
+"""Checks that the second points of connect constraints, which MuJoCo derives from the file's pose, are near bodies."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 
-#: Casebook entry on these points.
+#: Casebook entry on the second points of connect constraints.
 CASE = "connect-anchor-at-qpos0"
-#: Distance from all geoms and sites at which a point counts as off a body, as a share of the body's reach.
+#: Distance from all geoms and sites beyond which a point counts as off a body, as a share of the body's extent.
 OFF = 0.1
 
 
 def points_off_bodies(source: Source) -> Iterator[str]:
     """Yield a message for each anchored connect whose second point lies off every geom and site of its body.
 
-    MuJoCo places that point at the anchor in the file's pose. Bodies with meshes are skipped, since meshes are not
-    read.
+    MuJoCo places that point at the anchor in the pose of the file. Bodies with meshes are skipped because meshes are
+    not read.
     """
     roots = (source.root, *source.attached.values())
     if source.form != "mjcf" or not any(root.find("equality/connect") is not None for root in roots):
@@ -36,7 +36,7 @@ def points_off_bodies(source: Source) -> Iterator[str]:
     try:
         with collect_phrases():
             model = load_mujoco(source)
-    except ModelFileError:  # another library reads it
+    except ModelFileError:  # a different library reads the file
         return
     data, meshed = mujoco.MjData(model), _mesh_bodies(source)
     mujoco.mj_kinematics(model, data)
@@ -50,7 +50,7 @@ def points_off_bodies(source: Source) -> Iterator[str]:
 
 
 def _mesh_bodies(source: Source) -> tuple[str, ...]:
-    """Return the names of bodies with geoms from files, as in their own models: attached bodies have a prefix."""
+    """Return the names of bodies with geoms from files, without the prefix that attached bodies get."""
     files = parts(parse(source.path), source.path)
     taken, names = {element.get("name") for part in files for element in part.root.iter()}, list[str]()
     for part in files:
@@ -61,9 +61,10 @@ def _mesh_bodies(source: Source) -> tuple[str, ...]:
 
 
 def _distance(model: Any, data: Any, body: int, point: Array, meshed: tuple[str, ...]) -> tuple[float, float]:
-    """Compute the distance of a point of a body from the nearest geom box or site, and how far these reach [m].
+    """Compute the distance of a point on a body from the nearest geom box or site, and the extent of these [m].
 
-    All bodies fixed to the body count. The reach is infinite without geoms and sites, or with a mesh.
+    Geoms and sites of bodies fixed to the body count, too. The extent is infinite without geoms and sites, or with a
+    mesh.
     """
     fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]
     if any(model.body(k).name.endswith(meshed) for k in fixed):

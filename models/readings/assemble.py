@@ -1,4 +1,4 @@
-"""Merges rigidly connected links into bodies, and converts joints of a reading to other types."""
+"""Merges rigidly connected links into bodies, and converts joints of a reading to different types."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Assembly:
     Attributes:
         bodies: See `Reading.bodies`.
         fixed: See `Reading.fixed`.
-        places: Link -> body (or ground) that contains it, and its frame in that body. Shape (4, 4).
+        places: Link -> body (or ground) that contains the link, and frame of the link in that body. Shape (4, 4).
     """
 
     bodies: dict[str, BodyReading]
@@ -36,11 +36,11 @@ class Assembly:
 def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
     """Merge links that cannot move relative to each other.
 
-    A body is named after its massive link nearest to the ground, or after its first link if none has mass; links at
-    equal distance are ordered alphabetically, since each library has its own order.
+    A body is named after its link with mass nearest to the ground, or after its first link if all links are massless.
+    Links at equal distance are ordered alphabetically, because libraries order them differently.
 
     Args:
-        links: Links by name, each after its parent.
+        links: Links by name, parents first.
 
     Raises:
         ModelFileError: A moving body has the name of the ground.
@@ -83,27 +83,27 @@ def _merge(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
 
 
 SPHERICAL, FIXED = "SPHERICAL", "FIXED"
-#: Type of a universal joint -> the axes of the joint's frame about which it turns, starting from the ground side.
+#: Type of a universal joint -> axes of the joint frame about which the joint turns, starting from the ground side.
 UNIVERSAL = {f"UJOINT_{one}{two}": (one, two) for one, two in permutations("XYZ", 2)}
 KNOWN = (SPHERICAL, FIXED, *UNIVERSAL)
-#: Properties of a joint other than its axis, none of which applies to the axes of another type.
+#: Properties of a joint in addition to its axis; they do not apply to the axes of a different joint type.
 _OWN = ("armature", "damping", "friction", "stiffness")
 
 
 def retype(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
     """Change the types of joints.
 
-    A spherical or universal joint keeps the location of the old joint, has no limits, and is at zero in the old joint's
-    home. The hinges of a universal joint ``name`` are called ``name_Z`` and ``name_Y``, after the axes of the frame of
-    the link that the old joint carries. A fixed joint disappears, and the bodies that it connects are merged. The old
-    names remain valid as names of frames.
+    A spherical or universal joint keeps the location of the old joint, lacks limits, and is at zero at the home pose of
+    the old joint. The hinges of a universal joint ``name`` are called e.g. ``name_Z`` and ``name_Y``, after axes of the
+    link frame that the old joint carries. A fixed joint disappears, and the bodies that it connects are merged. The
+    old names remain valid as names of frames.
 
     Args:
         types: Joint -> one of `KNOWN`.
-        where: Name of the file that changes the types, for errors.
+        where: Name of the file that changes the types, for error messages.
 
     Raises:
-        ScrewgaugeError: A joint or type does not exist, or another item depends on the joint.
+        ScrewgaugeError: A joint or type does not exist, or a coupling depends on the joint.
     """
     for name, kind in types.items():
         if name not in reading.joints:
@@ -131,7 +131,7 @@ def _lost_properties(joint: JointReading, name: str, kind: str) -> Iterator[str]
 
 
 def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
-    """Refuse a new type for a coupled joint; a leading joint may become fixed, which holds its followers."""
+    """Reject a new type for a coupled joint; a leading joint may become fixed, which locks its followers."""
     for coupling in reading.couplings.values():
         for name in coupling.named:
             if name in types and (name == coupling.joint or types[name] != FIXED):
@@ -157,7 +157,7 @@ def _rotational_joints(reading: Reading, name: str, kind: str, where: str) -> di
 
 
 def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
-    """Replace a joint with any number of joints, or remove it."""
+    """Replace a joint by any number of joints, possibly zero."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
     for each, joint in reading.joints.items():
@@ -168,7 +168,7 @@ def _replace_joint(reading: Reading, name: str, by: Mapping[str, JointReading]) 
 
 
 def _weld(reading: Reading, names: list[str], where: str) -> Reading:
-    """Remove joints, merging the bodies on their two sides."""
+    """Remove joints, and merge the bodies on their two sides."""
     if not names:
         return reading
     couplings = {key: _hold(reading, coupling, names) for key, coupling in reading.couplings.items()}
@@ -181,13 +181,13 @@ def _weld(reading: Reading, names: list[str], where: str) -> Reading:
 
 
 def _hold(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
-    """Fix some joints of a coupling at home; a joint that depends on these only is held."""
+    """Fix the given leading joints of a coupling at home; a joint that depends only on these is locked."""
     homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
     return replace(coupling, function=coupling.function.at(homes)) if homes else coupling
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
-    """Yield the links of all bodies for merging them again; one link of each body carries its mass."""
+    """Yield the links of all bodies, to be merged again; one link of each body has its mass."""
     for name, body in reading.bodies.items():
         near, joints = "" if body.near == GROUND else body.near, body.joints
         if body.first:

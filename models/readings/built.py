@@ -1,4 +1,4 @@
-"""Reads models built with Pinocchio in Python, with the constraints that close their loops."""
+"""Reads models built with Pinocchio in Python, and the constraints that close their loops."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError, shown
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Constraint types, before Pinocchio 4 types of the only constraint class -> kind of closure.
+#: Constraint class, or, before Pinocchio 4, type of the only constraint class -> kind of closure.
 _CLOSURES = {
     "PointAnchorConstraintModel": "point",
     "FrameAnchorConstraintModel": "weld",
@@ -25,14 +25,14 @@ _CLOSURES = {
 
 
 def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: str) -> Reading:
-    """Read a model: one body for each joint, named after a frame that it carries, or after the joint.
+    """Read a model: one body for each joint, named after a frame that the joint carries, or after the joint.
 
     Args:
-        q: Home configuration, near which the constraints close; by default the neutral one. Shape (nq,).
-        where: The location to report in errors.
+        q: Home configuration, near which the constraints close; by default, the neutral configuration. Shape (nq,).
+        where: Location to report in errors.
 
     Raises:
-        ScrewgaugeError: The object is not a model, or a constraint is not one that a mechanism supports.
+        ScrewgaugeError: The object is not a model, or a mechanism does not support a constraint.
     """
     import pinocchio
 
@@ -72,7 +72,7 @@ def read_model(model: Any, constraints: Sequence[Any], q: Array | None, where: s
 
 
 def _closure(one: Any, assembly: Assembly, names: dict[int, str], where: str) -> ClosureReading:
-    """Convert a constraint between frames of two joints, where joint 0 is the ground."""
+    """Convert a constraint between frames of two joints; joint 0 is the ground."""
     kind = _CLOSURES.get(type(one).__name__) or _CLOSURES.get(getattr(getattr(one, "type", None), "name", ""))
     if kind is None:
         remedy = "give points or frames that coincide (CONTACT_3D, CONTACT_6D, PointAnchor, FrameAnchor)"

@@ -1,4 +1,4 @@
-"""Runs MuJoCo's compiler, formats its warnings and errors, and lists the content of its arrays that readings lack."""
+"""Runs MuJoCo's compiler, formats its warnings and errors, and lists compiled content that readings lack."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Text in MuJoCo's error about a file that other libraries may accept -> remedy.
+#: Text in MuJoCo's error about a file that a different library may accept -> remedy.
 _REMEDIES = {
     "larger than mjMINVAL": "give that link mass and moments of inertia above 1e-15 kg and kg m^2, such as 1e-6 of its "
     "neighbour's, or let Pinocchio read it",
@@ -31,22 +31,22 @@ _REMEDIES = {
 def compile_text(
     text: str, where: str, models: Mapping[str, str] | None = None, meshes: Mapping[str, bytes] | None = None
 ) -> Any:
-    """Compile a model without merging bodies that are fixed to each other; no file is opened.
+    """Compile a model without merging bodies that are fixed to each other and without opening files.
 
     Args:
-        where: Name of the file, for errors.
+        where: Name of the file, for error messages.
         models: File named in the text -> text of the model to attach.
-        meshes: File named in the text -> its content.
+        meshes: File named in the text -> content of that file.
 
     Raises:
-        ModelFileError: MuJoCo refuses the model.
+        ModelFileError: MuJoCo rejects the model.
     """
     import mujoco
 
     attached = {name: model.encode() for name, model in (models or {}).items()}
     try:
         spec = mujoco.MjSpec.from_string(text, include=attached or None, assets=dict(meshes or {}) or None)
-        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF regardless
+        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges bodies of a URDF regardless
         _name_joints(spec)
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
@@ -56,7 +56,7 @@ def compile_text(
 
 
 def _name_joints(spec: Any) -> None:
-    """Name the joints that MuJoCo generates for a composite or flex in the same way as unnamed joints of a file."""
+    """Name the joints that MuJoCo generates for a composite or flex like unnamed joints of a file."""
     taken = {joint.name for joint in spec.joints}
     for joint in [joint for joint in spec.joints if not joint.name]:
         name = f"{joint.parent.name}_joint"
@@ -82,7 +82,7 @@ def collect_warnings() -> Iterator[list[str]]:
 
 @contextmanager
 def collect_phrases() -> Iterator[list[str]]:
-    """Collect the warnings of MuJoCo and its Python package as phrases, complete after the block."""
+    """Collect the warnings of MuJoCo and its Python package as phrases; the list is complete after the `with` block."""
     phrases: list[str] = []
     with collect_warnings() as messages, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -90,12 +90,12 @@ def collect_phrases() -> Iterator[list[str]]:
     phrases += [f"what MuJoCo warns of: {text}" for text in (*messages, *(warning.message for warning in caught))]
 
 
-#: Flags that change torques, motion under motors or the stiffness of constraints, and are not part of a reading.
+#: Flags that change torques, motion under motors or the stiffness of constraints, but are not part of a reading.
 _OFF, _ON = ("ACTUATION", "CLAMPCTRL", "REFSAFE"), ("OVERRIDE", "INVDISCRETE")
 _FREE, _BALL = 0, 1
 #: Arrays that define the path of a tendon.
 _PATHS = ("wrap_type", "wrap_objid", "wrap_prm", "tendon_adr", "tendon_num", "tendon_type")
-#: Arrays that give a tendon effects beyond being a sum of coordinates.
+#: Arrays that give a tendon further effects than summing coordinates.
 _PULLS = (
     *("stiffness", "stiffnesspoly", "damping", "dampingpoly"),
     *("frictionloss", "armature", "limited", "actfrclimited"),
@@ -103,7 +103,7 @@ _PULLS = (
 
 
 def content(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """Yield the content of a compiled model that its reading lacks, that of joints first."""
+    """Yield the content of a compiled model that its reading lacks; content of joints comes first."""
     for kind in kinds().values():
         if kind.of == "joint":
             yield from _of_joints(model, kind)
@@ -168,7 +168,7 @@ def _wraps(model: Any, tendon: int) -> range:
 
 
 def shares(model: Any, tendon: int) -> dict[int, float] | None:
-    """Return joint -> coefficient of a fixed tendon, empty without a tendon; None for another kind of tendon."""
+    """Return joint -> coefficient of a fixed tendon; empty without a tendon, None for a tendon of a different kind."""
     import mujoco
 
     at = _wraps(model, tendon) if tendon >= 0 else ()
@@ -178,7 +178,7 @@ def shares(model: Any, tendon: int) -> dict[int, float] | None:
 
 
 def sites_along(model: Any, tendon: int) -> list[int] | None:
-    """Return the sites that a tendon passes; None if it also passes geoms or pulleys."""
+    """Return the sites along which a tendon runs; None if it also runs over geoms or pulleys."""
     import mujoco
 
     at = _wraps(model, tendon)
@@ -187,13 +187,13 @@ def sites_along(model: Any, tendon: int) -> list[int] | None:
 
 
 def _tendon_joints(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
-    """Return the joints of a fixed tendon with their coefficients."""
+    """Return the joints of a fixed tendon and their coefficients."""
     found = (shares(model, tendon) or {}).items()
     return tuple(sorted(("joints", model.joint(joint).name, share) for joint, share in found))
 
 
 def _tendons(model: Any) -> Iterator[Content]:
-    """Yield the tendons that exert forces; tendons used by actuators and equalities are reported with these."""
+    """Yield the tendons that exert forces; tendons of actuators and equalities are reported with these."""
     kind = kinds()["fixed tendons"]
     own = [name for name in kind.arrays if name not in _PATHS]
     for i in range(model.ntendon):
@@ -207,13 +207,13 @@ def _tendons(model: Any) -> Iterator[Content]:
 
 
 def single_joint(model: Any, actuator: int) -> int | None:
-    """Return the hinge or slide that an actuator drives; None if it drives something else."""
+    """Return the hinge or slide that an actuator drives; None if it does not drive a hinge or slide."""
     joint = int(model.actuator_trnid[actuator, 0])
     return joint if _drives(model, actuator) == "joint" and model.jnt_type[joint] not in (_FREE, _BALL) else None
 
 
 def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
-    """Return joint -> its coefficient in an actuator's length before the gear; empty for other transmissions."""
+    """Return joint -> coefficient in an actuator's length before the gear; empty for other transmissions."""
     joint = single_joint(model, actuator)
     if joint is not None:
         return {joint: 1.0}
@@ -221,7 +221,7 @@ def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
 
 
 def _drives(model: Any, actuator: int) -> str:
-    """Return ``joint``, ``tendon`` (a fixed tendon), or an empty text for other transmissions."""
+    """Return ``joint``, ``tendon`` (a fixed tendon), or an empty string for other transmissions."""
     import mujoco
 
     transmission, target = mujoco.mjtTrn(int(model.actuator_trntype[actuator])), int(model.actuator_trnid[actuator, 0])
@@ -232,7 +232,7 @@ def _drives(model: Any, actuator: int) -> str:
     return ""
 
 
-#: Arrays of an actuator, apart from its force law, that an import adds to the driven joint; and their description.
+#: Arrays of an actuator, except its force law, that an import adds to the driven joint; and their description.
 OF_JOINTS = ("actuator_armature", "actuator_damping", "actuator_dampingpoly")
 RESISTS = "rotor and damping of actuator"
 
@@ -287,7 +287,7 @@ def _options(model: Any) -> Iterator[Content]:
 
 
 def _uneven_compensation(model: Any, assembly: Assembly) -> Iterator[Content]:
-    """Yield the bodies whose parts have different shares of their weight compensated."""
+    """Yield the bodies whose parts have different compensated shares of their weight."""
     shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
@@ -316,7 +316,7 @@ def _mocap_bodies(model: Any) -> Iterator[Content]:
 
 
 def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> CouplingReading:
-    """Convert ``y - y0 = sum P(x - x0)`` to powers of each x, where y is joint `one`; a negative index is no joint."""
+    """Convert ``y - y0 = sum P(x - x0)`` to powers of each x, where y is joint `one`; -1 stands for a constant."""
     zeros = {joint: float(model.qpos0[model.jnt_qposadr[joint]]) for joint in {one, *polynomials} if joint >= 0}
     names = {joint: model.joint(joint).name for joint in zeros}
     function = PolynomialSum.of({names.get(joint, ""): p for joint, p in polynomials.items()})
@@ -325,7 +325,7 @@ def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> Coupl
 
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:
-    """Convert ``L1 - L10 = P(L2 - L20)`` of fixed tendons to a coupling if P is linear or depends on one joint."""
+    """Convert ``L1 - L10 = P(L2 - L20)`` of fixed tendons to a coupling if P is linear or L2 depends on one joint."""
     first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
     p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
     if first is None or second is None:

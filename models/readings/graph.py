@@ -1,6 +1,6 @@
 """Reads formats that define links and joints as a graph (SDF, USD): chooses a tree and closes the remaining loops.
 
-A joint of any kind can close a loop: it carries a massless copy of its child, which is welded to the child.
+A joint of any kind can close a loop: the joint carries a massless copy of its child, which is welded to the child.
 """
 
 from __future__ import annotations
@@ -32,33 +32,33 @@ from screwgauge.reference.files import check_count
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: Name of the world where a joint refers to it instead of a link.
+#: Name by which a joint refers to the world instead of a link.
 WORLD = ""
 #: Magnitude from which a limit counts as infinite [rad or m]; tolerance for treating directions as coplanar.
 _BOUNDLESS, _DEPENDENT = 1e16, 1e-5
 
 
 def link(matter: Matter, pose: Array, *, weightless: bool = False) -> BodyReading:
-    """Build a link that is not part of a tree yet. pose: World pose, shape (4, 4)."""
+    """Build a link that is not part of a tree yet, given its world pose, shape (4, 4)."""
     return BodyReading(matter.mass, matter.com, matter.inertia, WORLD, (), pose, gravcomp=float(weightless))
 
 
 def bounds(low: float, high: float) -> tuple[float, float]:
-    """Return limits, replacing those far beyond any motion with infinity."""
+    """Return limits; replace a limit far beyond any motion by infinity."""
     low, high = (math.copysign(math.inf, x) if abs(x) >= _BOUNDLESS else x for x in (low, high))
     return low, high
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraphJoint:
-    """A joint between two links, or a link and the world.
+    """A joint between two links, or between a link and the world.
 
     Attributes:
         parent, child: Links; `WORLD` for the world.
-        freedoms: Name -> hinge, slide or ball, from the parent outwards, at the parent's location; empty if it is
-            fixed.
-        step: World displacement that moves the child into the joint. Shape (4, 4).
-        loop: Whether the file requests that it close a loop.
+        freedoms: Name -> hinge, slide or ball, from the parent outwards, at the parent's location; empty for a fixed
+            joint.
+        step: World-frame displacement that moves the child into the joint. Shape (4, 4).
+        loop: True if the file requests that the joint close a loop.
     """
 
     parent: str
@@ -68,7 +68,7 @@ class GraphJoint:
     loop: bool = False
 
     def placed(self, T: Array) -> dict[str, JointReading]:
-        """Return its freedoms after a displacement of its parent. T: shape (4, 4)."""
+        """Return hinges, slides and balls of the joint after its parent was displaced by T, shape (4, 4)."""
         return {name: displace_joint(freedom, T) for name, freedom in self.freedoms.items()}
 
 
@@ -79,7 +79,7 @@ Mimic = tuple[str, str, str, float, float]
 def _couplings(
     mimics: Iterable[Mimic], joints: Mapping[str, GraphJoint], where: str
 ) -> Iterator[tuple[str, CouplingReading]]:
-    """Yield mimics as couplings by coordinate; a joint that follows a fixed joint, which stays at 0, is held."""
+    """Yield mimics as couplings by coordinate; a joint that mimics a fixed joint is locked at its offset."""
     every = {name for joint in joints.values() for name in joint.freedoms}
     for coordinate, leader, nth, *law in mimics:
         name = next((each for each in (f"{leader}.{nth}", leader) if each in every - {coordinate}), "")
@@ -91,8 +91,8 @@ def _couplings(
 def in_series(joints: Mapping[str, GraphJoint], rounding: float) -> tuple[dict[str, GraphJoint], list[str]]:
     """Merge several joints between the same two links into a series; return all joints, and messages about the series.
 
-    Joints of several freedoms, and joints whose freedoms are dependent, such as the two hinges of a door, form no
-    series: they close a loop.
+    Joints with several degrees of freedom, and joints with dependent screws, such as the two hinges of a door, do not
+    become part of a series: they close a loop.
 
     Args:
         rounding: See `read_graph`.
@@ -127,14 +127,14 @@ def read_graph(
 
     Args:
         links: Links with mass properties and poses; links without a connection to the world float.
-        where: Name of the file, for errors.
-        rounding: Gaps of loops and angles between axes up to this value count as zero [m or rad].
+        where: Name of the file, for error messages.
+        rounding: Largest loop gap and angle between axes that count as zero [m or rad].
         still: Links that stay in place without a joint to the world instead of floating.
         rest: Further fields of the `Reading`.
 
     Raises:
-        ScrewgaugeError: A moving body has the name of the ground, a mimic follows no joint, or there are too many
-            links.
+        ScrewgaugeError: A moving body has the name of the ground, a mimic refers to a missing joint, or the file has no
+            links or too many.
     """
     check_count(len(links), "links", where)
     if not links:
@@ -181,14 +181,14 @@ def read_graph(
 
 
 def _free_name(name: str, names: Collection[str]) -> str:
-    """Return the name, extended by ``_`` until it is unused."""
+    """Return the name, with as many ``_`` appended as needed to make it unused."""
     while name in names:
         name += "_"
     return name
 
 
 def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, JointReading]:
-    """Make directions of joints exactly parallel or perpendicular if they are so up to rounding; loops depend on it."""
+    """Make joint directions exactly parallel or perpendicular if they are so up to rounding, as loops require."""
     known, aligned = list[Array](), dict[str, JointReading]()
     for name, joint in joints.items():
         way = joint.direction
@@ -206,7 +206,7 @@ def _align(joints: Mapping[str, JointReading], rounding: float) -> dict[str, Joi
 
 
 def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReading:
-    """Weld a child, at the pose required by a loop-closing joint, to the end of this joint."""
+    """Weld a child, at the pose that a loop-closing joint requires, to the end of that joint."""
     (body, F), (other, _) = (assembly.places[name] if name else (GROUND, np.eye(4)) for name in (child, end))
     at = np.eye(4) if other == GROUND else assembly.bodies[other].pose
     return ClosureReading("weld", body, F, other, np.linalg.inv(at) @ pose)
@@ -215,8 +215,8 @@ def _weld(assembly: Assembly, child: str, end: str, pose: Array) -> ClosureReadi
 def _walk(links: Mapping[str, BodyReading], joints: Mapping[str, GraphJoint]) -> Iterator[tuple[str, str, bool]]:
     """Yield each link, the joint that reaches it from the world, and whether the link is the joint's parent.
 
-    Among the joints that lead further, the first in the file is used, and those that should close loops last. A link
-    that no joint reaches floats.
+    Among the joints that lead to new links, the first in the file is used; joints that should close loops are used
+    last. A link that is not reached by a joint floats.
     """
     touching, carried = defaultdict[str, list[tuple[bool, int, str]]](list), {j.child for j in joints.values()}
     for i, (name, joint) in enumerate(joints.items()):

@@ -1,4 +1,4 @@
-"""Finds and applies the file beside a URDF that closes its loops: a screwgauge loops file or a ``robot.yaml``."""
+"""Finds and applies the file that closes the loops of a URDF: a screwgauge loops file or a ``robot.yaml``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from screwgauge.reference.files import is_file
 
 
 def loops_for(path: Path, given: Path | None = None) -> Path | None:
-    """Return the file that closes the loops of a model file; None if there is none.
+    """Return the file that closes the loops of a model file, or None.
 
     Args:
-        given: The file named by the user; otherwise one beside the URDF with the same name or called ``robot.yaml``.
+        given: File named by the user; by default, a file in the folder of the URDF that has the same name or is called
+            ``robot.yaml``.
 
     Raises:
         ScrewgaugeError: The model defines its own loops, or cannot be read.
@@ -29,13 +30,13 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
 
 
 def loops_beside(path: Path) -> Path | None:
-    """Return the file beside a URDF that closes its loops; None if there is none."""
+    """Return the file in the folder of a URDF that closes its loops, or None."""
     candidates = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
     return next((file for file in candidates if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:
-    """Add the closures, motors and spherical joints of the file beside a URDF to its reading.
+    """Add the closures, motors and spherical joints of the loops file of a URDF to its reading.
 
     Raises:
         ScrewgaugeError: The file cannot be read, or refers to items that the reading lacks.

@@ -1,4 +1,4 @@
-"""Removes meshes, textures and other files from an MJCF, and finds bodies that take their mass from meshes."""
+"""Removes references to meshes, textures and other files from an MJCF; finds bodies with mass from meshes."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
 
 _FROM_FILES = ("mesh", "hfield", "sdf")
-#: Sections of an MJCF that a reading does not need and that refer to removed elements or set memory sizes.
+#: Sections of an MJCF that a reading does not need; they refer to removed elements or set memory sizes.
 _SECTIONS = ("asset", "visual", "sensor", "statistic", "custom", "size")
-#: Elements that read files without an attribute `file`.
+#: Elements that read files although they lack an attribute `file`.
 _READERS = ("skin",)
 
 
@@ -38,7 +38,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
     """Remove meshes, other files, and all references to them from an MJCF.
 
     Args:
-        moving: Tags of elements that another model attaches and may move: ``body``, ``worldbody``.
+        moving: Tags of elements that a different model attaches and may move: ``body``, ``worldbody``.
 
     Returns:
         The removed content that affects mechanics.
@@ -71,7 +71,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
 
 
 def _idle_plugins(root: ET.Element) -> Iterator[Content]:
-    """Remove plugins that only removed elements, such as collisions and sensors, used."""
+    """Remove plugins that only removed elements, such as collisions and sensors, used; yield them as content."""
     declared = {id(each) for extension in root.iter("extension") for each in extension.iter("plugin")}
     used = {each.get(key) for each in root.iter("plugin") if id(each) not in declared for key in ("plugin", "instance")}
     for extension in root.findall("extension"):
@@ -93,7 +93,7 @@ def _without_files(default: ET.Element) -> None:
 
 
 def _pairs(root: ET.Element) -> Iterator[Content]:
-    """Remove contact pairs with a removed geom, and all contact exclusions."""
+    """Remove contact pairs that refer to a removed geom, and all contact exclusions; yield removed pairs."""
     geoms = {geom.get("name") for geom in root.iter("geom")}
     for section in root.iterfind("contact"):
         for row in list(section):
@@ -137,7 +137,7 @@ class MeshShape:
         return {**classes.get(self.around, {}), **self.geom.attrib}
 
     def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:
-        """True if the geom is a mesh or is otherwise read from a file."""
+        """True if the geom is read from a file, e.g. a mesh."""
         values = self.values(classes)
         return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
 
@@ -158,7 +158,7 @@ def shapes(root: ET.Element) -> Iterator[MeshShape]:
 
 
 def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
-    """Return default class -> attributes of its geoms; the outermost class also has the empty name as key."""
+    """Return default class -> attributes of its geoms; the outermost class is also listed under the empty name."""
     classes: dict[str, dict[str, str]] = {}
     outermost = root.findall("default")
     waiting: list[tuple[ET.Element, dict[str, str]]] = [(default, {}) for default in outermost]
@@ -180,19 +180,19 @@ _JOINTS = ("joint", "freejoint", "attach")
 
 
 def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> list[str]:
-    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with the values that MuJoCo computes from them.
+    """Write an ``<inertial>`` for bodies whose mass depends on meshes, with values that MuJoCo computes from these.
 
     Args:
         root: Root element of an MJCF in which all bodies have names.
-        folder: The folder that must contain all meshes.
-        own: True unless another model attaches this one: bodies that no joint moves are then fixed to the world and
-            need no mass.
+        folder: Folder that must contain all meshes.
+        own: True unless a different model attaches this one. If True, bodies that are not moved by a joint are fixed to
+            the world and do not need mass.
 
     Returns:
         Names of the bodies that received an ``<inertial>``.
 
     Raises:
-        ModelFileError: A mesh lies outside the folder, cannot be read, or is refused by MuJoCo.
+        ModelFileError: A mesh lies outside the folder, cannot be read, or is rejected by MuJoCo.
     """
     weighing = [shape for shape in weighing_shapes(root) if shape.body.tag == "body" and (shape.moves or not own)]
     if not weighing:
@@ -208,7 +208,7 @@ def weigh(root: ET.Element, path: Path, folder: Path, *, own: bool = True) -> li
         for old in body.findall("inertial"):
             body.remove(old)
         body.insert(0, inertial)
-    for compiler in force:  # otherwise geoms would still override <inertial>, although their meshes have been removed
+    for compiler in force:  # if kept, geoms would override <inertial>, although their meshes have been removed
         del compiler.attrib["inertiafromgeom"]
     return list(dict.fromkeys(shape.body.get("name", "") for shape in weighing))
 
@@ -225,7 +225,7 @@ def _inertial(model: Any, name: str, path: Path) -> ET.Element:
 
 
 def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
-    """Copy the model with bodies, geoms and meshes only; return the copy and the contents of the mesh files.
+    """Copy only bodies, geoms and meshes of the model; return the copy and the contents of the mesh files.
 
     Args:
         kept: Values of `id` of the geoms that keep their meshes.
@@ -254,7 +254,7 @@ def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[E
 
 
 def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> Iterator[tuple[str, bytes]]:
-    """Rename the used meshes to files of their own; yield these file names and their contents."""
+    """Rename the files of the used meshes to separate names; yield these names and the contents of the files."""
     directory, total = _directory(bare), 0
     for asset in bare.iterfind("asset"):
         for element in list(asset):
@@ -273,7 +273,7 @@ def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> 
 
 
 def _directory(bare: ET.Element) -> str:
-    """Return the folder of the meshes and remove it from the compiler's settings."""
+    """Return the folder of the meshes, and remove it from the compiler settings."""
     folders, strip = {"meshdir": "", "assetdir": ""}, False
     for compiler in bare.iterfind("compiler"):
         folders |= {key: compiler.attrib.pop(key) for key in folders if key in compiler.attrib}

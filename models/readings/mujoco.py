@@ -36,19 +36,19 @@ from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 
-#: In the order of MuJoCo's enumeration.
+#: Kinds of joints, in the order of MuJoCo's enumeration.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
-_BODY = 1  # mjtObj: an equality between bodies, not sites
+_BODY = 1  # mjtObj of an equality between bodies, not sites
 #: Stages that are disabled together with all constraints.
 _CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
-    """Read a URDF or MJCF with MuJoCo, rebuilding tensors from the principal axes that MuJoCo stores.
+    """Read a URDF or MJCF with MuJoCo; rebuild tensors from the principal axes that MuJoCo stores.
 
     Raises:
-        ModelFileError: MuJoCo refuses the file.
+        ModelFileError: MuJoCo rejects the file.
     """
     import mujoco
 
@@ -85,7 +85,7 @@ def load_mujoco(source: Source) -> Any:
     """Compile a model file without merging bodies that are fixed to each other.
 
     Raises:
-        ModelFileError: MuJoCo refuses the file.
+        ModelFileError: MuJoCo rejects the file.
     """
     try:
         return compile_text(source.text, str(source.path), source.models)
@@ -103,18 +103,18 @@ def is_disabled(model: Any, flag: str) -> bool:
     import mujoco
 
     flags = mujoco.mjtDisableBit
-    older = flag in ("SPRING", "DAMPER") and not hasattr(flags, f"mjDSBL_{flag}")  # one for both
+    older = flag in ("SPRING", "DAMPER") and not hasattr(flags, f"mjDSBL_{flag}")  # one flag for both
     names = ["PASSIVE" if older else flag, *(["CONSTRAINT"] if flag in _CONSTRAINTS else [])]
     return any(model.opt.disableflags & int(getattr(flags, f"mjDSBL_{name}")) for name in names)
 
 
 def is_single(model: Any, joint: int) -> bool:
-    """True for a hinge or slide."""
+    """True if a joint is a hinge or slide."""
     return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
 
 def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]]:
-    """Yield all links. `root`: root link of a URDF, which MuJoCo merges into the world unless it has mass."""
+    """Yield all links. `root` is the root link of a URDF, which MuJoCo merges into the world unless it has mass."""
     names = [root, *(model.body(i).name for i in range(1, model.nbody))]
     if root and root not in names[1:]:
         yield root, BARE
@@ -165,7 +165,7 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
 def _equalities(
     model: Any, assembly: Assembly, unread: list[Content]
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
-    """Return closures and couplings; add other equalities to `unread`."""
+    """Return closures and couplings; add all other equalities to `unread`."""
     closures, couplings = {}, {}
     off = is_disabled(model, "EQUALITY")
     for i in range(model.neq):
@@ -192,10 +192,10 @@ def _softness(model: Any, i: int) -> tuple[float, ...]:
 
 
 def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
-    """Return the two bodies of an equality, each with the equality's frame in it.
+    """Return the two bodies of an equality, each with the frame of the equality in that body.
 
-    MuJoCo computes the second anchor of a connect at qpos0. For a weld it stores the anchor in the second body, and the
-    pose of that anchor with the second body's axes in the first body.
+    MuJoCo computes the second anchor of a connect at qpos0. For a weld, it stores the anchor in the second body, and
+    the pose in the first body of a frame at that anchor with the axes of the second body.
     """
     import mujoco
 
@@ -223,13 +223,13 @@ def coupling_reading(model: Any, i: int) -> CouplingReading | None:
 
 
 def joint_equality(model: Any, i: int) -> CouplingReading:
-    """Convert ``y - y0 = P(x - x0)``, where x0 and y0 are the coordinates at qpos0, to a coupling."""
+    """Convert ``y - y0 = P(x - x0)`` to a coupling, where x0 and y0 are the coordinates at qpos0."""
     one, other = (int(joints[i]) for joints in (model.eq_obj1id, model.eq_obj2id))
     return coupling_of(model, one, {other: model.eq_data[i, : POWERS if other >= 0 else 1]})
 
 
 def _actuators(model: Any) -> dict[str, ActuatorReading]:
-    """Return the actuators of hinges and slides; `compiled.content` lists other actuators and force laws."""
+    """Return the actuators of hinges and slides; `compiled.content` lists further actuators and force laws."""
     return {
         model.actuator(i).name: ActuatorReading(model.joint(joint).name, float(model.actuator_gear[i, 0]))
         for i in range(model.nu)

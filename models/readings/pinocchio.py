@@ -1,4 +1,4 @@
-"""Reads a URDF or MJCF with Pinocchio, including the closures of an MJCF, and captures its parsers' errors."""
+"""Reads a URDF or MJCF with Pinocchio, including the closures of an MJCF, and captures parser errors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from screwgauge.reference.rotations import Array
 
 @contextmanager
 def capture_errors() -> Iterator[list[str]]:
-    """Collect the errors that the block prints to stderr, complete after the block; suppress the output itself."""
+    """Suppress stderr within a `with` block and collect the errors printed there; the list is complete afterwards."""
     errors: list[str] = []
     sys.stderr.flush()
     kept = os.dup(2)
@@ -45,22 +45,22 @@ def capture_errors() -> Iterator[list[str]]:
             errors += dict.fromkeys(match[1].strip() for match in matches if match)
 
 
-#: Magnitude from which a limit counts as infinite: parsers write the largest numbers of several types.
+#: Magnitude above which a limit counts as infinite: parsers write the largest numbers of several types.
 _UNLIMITED = 1e20
-#: Class of a Pinocchio joint -> kind. All other joints are hinges and slides, or composed of them.
+#: Class of a Pinocchio joint -> kind. All other joints are hinges, slides, or composed of these.
 _KINDS = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Parts of a planar joint, named as in MuJoCo, and their numbers of coordinates: cosine and sine for the angle.
+#: Parts of a planar joint, named as in MuJoCo, and their numbers of coordinates; the angle has cosine and sine.
 _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A single-kind part of a Pinocchio joint.
+    """An elementary part of a Pinocchio joint.
 
     Attributes:
-        joint: Index of the joint to which it belongs.
-        kind: ``free``, ``ball``, or empty: the Jacobian then distinguishes hinge and slide.
-        q, n_q, v: Index of its first coordinate, number of coordinates, index of its first velocity.
+        joint: Index of the joint to which the part belongs.
+        kind: ``free``, ``ball``, or empty for a hinge or slide, which the Jacobian distinguishes.
+        q, n_q, v: Index of the first coordinate, number of coordinates, index of the first velocity.
     """
 
     name: str
@@ -75,7 +75,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
     """Read a URDF or MJCF with Pinocchio.
 
     Raises:
-        ModelFileError: Pinocchio refuses the file.
+        ModelFileError: Pinocchio rejects the file.
     """
     model = load_pinocchio(source)
     q, parts = start(model), list(elementary(model, source))
@@ -104,7 +104,7 @@ def load_pinocchio(source: Source) -> Any:
     """Load a model file with Pinocchio.
 
     Raises:
-        ModelFileError: Pinocchio refuses the file, or drops a part of it.
+        ModelFileError: Pinocchio rejects the file or drops a part of it.
     """
     import pinocchio
 
@@ -117,7 +117,7 @@ def load_pinocchio(source: Source) -> Any:
                 with as_file(source.root) as path:
                     model = pinocchio.buildModelFromMJCF(path)
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
-        # exceptions of Boost begin with the location in the sources
+        # Boost exceptions begin with a source location
         reason = "; ".join(errors) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "correct the file") from None
     if errors:  # Pinocchio would continue without mass and inertia
@@ -130,7 +130,7 @@ def load_pinocchio(source: Source) -> Any:
 def start(model: Any) -> Array:
     """Return the neutral coordinates, with free bodies at the poses that the MJCF defines.
 
-    Pinocchio stores these poses as ``qpos0``, and also gives the joint of a rotated body a placement.
+    Pinocchio stores these poses as ``qpos0``, and additionally gives the joint of a rotated body a placement.
     """
     import pinocchio
 
@@ -159,12 +159,12 @@ def elementary(model: Any, source: Source | None = None) -> Iterator[Part]:
 
 
 def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
-    """Yield the parts of a composite joint, named as in the file if their numbers match, otherwise numbered."""
+    """Yield the parts of a composite joint, named as in the file if their count matches, or else numbered."""
     import pinocchio
 
     joint = model.joints[i]
     subs = [(_KINDS.get(s.shortname(), ""), s.idx_q, s.nq, s.idx_v) for s in getattr(joint.extract(), "joints", ())]
-    # a joint of three translations has no sub-joints
+    # a joint with three translations lacks sub-joints
     subs = subs or [("", joint.idx_q + k, 1, joint.idx_v + k) for k in range(joint.nv)]
     bodies = [f for f in model.frames if f.parentJoint == i and f.type == pinocchio.FrameType.BODY]
     names = [name for body in bodies for name in (source.joints_of(body.name) if source else ())]
@@ -177,7 +177,7 @@ def _several(model: Any, i: int, source: Source | None) -> Iterator[Part]:
 def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
     """Compute the world placement of each joint and the Jacobian [linear; angular] at the world origin, (6, n_v).
 
-    Avoids Pinocchio's Data, whose size grows with the cube of the velocities: creating it takes half a minute for 490.
+    Pinocchio's Data is avoided because its size grows with the cube of n_v: creating it takes half a minute for 490.
     """
     import pinocchio
 
@@ -191,7 +191,7 @@ def placements(model: Any, q: Array) -> tuple[list[Any], Array]:
 
 
 def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[str, BodyReading]]:
-    """Yield every link; links and joints may share a name, so frames are identified by index."""
+    """Yield every link; frames are identified by index because links and joints may share a name."""
     import pinocchio
 
     names = {i: tuple(part.name for part in parts if part.joint == i) for i in range(1, model.njoints)}
@@ -213,10 +213,10 @@ def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[s
 
 
 def _inertias(model: Any) -> dict[int, Any]:
-    """Return frame index -> inertia, in the link's frame, of each moving link with mass or inertia.
+    """Return frame index -> inertia of each moving link with mass or inertia, in the frame of the link.
 
-    Pinocchio adds a link behind a fixed joint to the moving link before it, and stores the link's share in the frame of
-    the fixed joint.
+    Pinocchio adds a link behind a fixed joint to the preceding moving link, and stores the share of the link in the
+    frame of the fixed joint.
     """
     import pinocchio
 
@@ -230,7 +230,7 @@ def _inertias(model: Any) -> dict[int, Any]:
         else:
             Y = model.inertias[frame.parentJoint]
             merged = [f.placement.act(f.inertia) for f in fixed if f.parentJoint == frame.parentJoint]
-            # The rounding error left for a massless link must not be taken for a body.
+            # The rounding error that remains for a massless link must not be mistaken for a body.
             if Y.mass and abs(Y.mass - sum(share.mass for share in merged)) <= 1e-12 * abs(Y.mass):
                 continue
             for share in merged:
@@ -242,7 +242,7 @@ def _inertias(model: Any) -> dict[int, Any]:
 
 
 def _planar_axes(source: Source) -> Iterator[str]:
-    """Yield planar joints whose plane Pinocchio ignores: it always uses x and y, while URDF's default is y and z."""
+    """Yield planar joints whose plane Pinocchio ignores: it always uses x and y, but the default of URDF is y and z."""
     for joint in source.root.iterfind("joint"):
         axis = joint.find("axis")
         xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
@@ -251,7 +251,7 @@ def _planar_axes(source: Source) -> Iterator[str]:
 
 
 def _ignored_quaternions(source: Source) -> Iterator[str]:
-    """Yield a message if the parser ignores quaternions: it reads them from version 1.1 on; the default is 1.0."""
+    """Yield a message if the parser ignores quaternions: it reads them as of version 1.1; the default is 1.0."""
     origins = [*source.root.iterfind("joint/origin"), *source.root.iterfind("link/inertial/origin")]
     if source.root.get("version", "1.0") == "1.0" and any("quat_xyzw" in origin.attrib for origin in origins):
         yield "origin quat_xyzw, as the file is not of version 1.1"
@@ -266,10 +266,10 @@ def joint_reading(model: Any, placed: Any, part: Part, column: Array, home: Mapp
     """
     centre, axis = np.array(placed.translation), np.concatenate([column[3:], column[:3]])
     kind = part.kind or ("hinge" if axis[:3].any() else "slide")
-    if kind == "hinge":  # use the point of its axis nearest to the joint, which may have several parts
+    if kind == "hinge":  # use the axis point nearest to the joint, which may have several parts
         centre = np.cross(axis[:3], axis[3:]) + axis[:3] * (axis[:3] @ centre)
     limits = float(model.lowerPositionLimit[part.q]), float(model.upperPositionLimit[part.q])
-    counts = not part.kind and part.n_q == 1  # the limits of a cosine do not apply
+    counts = not part.kind and part.n_q == 1  # the limits of a cosine are meaningless
     return JointReading(
         kind=kind,
         screw=np.zeros(6) if part.kind else axis,
@@ -292,10 +292,10 @@ _JOINED = ("body1", "body2", "site1", "site2")
 
 @contextmanager
 def as_file(root: ET.Element) -> Iterator[str]:
-    """Write an MJCF to a temporary file and yield its path, since Pinocchio reads no text.
+    """Write an MJCF to a temporary file and yield its path, since Pinocchio cannot read an MJCF from a string.
 
-    Keyframes are omitted, since Pinocchio refuses those of a model of which it drops a part; so are attached models,
-    which Pinocchio drops.
+    Keyframes are omitted, since Pinocchio rejects the keyframes of a model of which it drops a part. Attached models
+    are omitted, since Pinocchio drops them.
     """
     root = copy.copy(root)
     for section in (*root.findall("keyframe"), *root.findall("asset")):
@@ -307,7 +307,7 @@ def as_file(root: ET.Element) -> Iterator[str]:
 
 
 def _number_closures(root: ET.Element, known: Collection[str], unread: list[Content]) -> list[tuple[str, str]]:
-    """Rename closures between known frames in file order, and remove the others.
+    """Rename closures between known frames in file order, and remove all other closures.
 
     Returns:
         Kind and original name of each remaining closure.
@@ -327,8 +327,8 @@ def _number_closures(root: ET.Element, known: Collection[str], unread: list[Cont
 def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
     """Read the closures of an MJCF, by name.
 
-    Pinocchio 4.1 crashes on closures of bodies that it has dropped, and reads the placement of sites on fixed bodies
-    from uninitialised memory: such closures are removed first and added to `unread`.
+    Pinocchio 4.1 crashes on closures of dropped bodies, and reads the placement of sites on fixed bodies from
+    uninitialised memory; therefore, such closures are removed first and added to `unread`.
     """
     import pinocchio
 
@@ -346,11 +346,11 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Cont
         unread.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))
         return {}
     kinds = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
-    # Pinocchio discards the names; it lists points first, each kind in the order of the names set above
+    # Pinocchio discards the names; it lists points first, and each kind in the order of the names set above
     named.sort(key=lambda entry: entry[0])
     if [kind for kind, _ in named] != kinds:
         named = [(kind, f"{kind}_{i + 1}") for i, kind in enumerate(kinds)]
-    at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and the joint's frame in it
+    at = {0: (GROUND, np.eye(4))}  # joint -> body that it carries, and its frame in that body
     for frame in model.frames:
         if frame.type == pinocchio.FrameType.BODY and frame.parentJoint not in at:
             body, T = assembly.places[frame.name]

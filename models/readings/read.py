@@ -1,4 +1,4 @@
-"""Reads any model file with any library that supports its format; lists unread content, rejects impossible models."""
+"""Reads model files with any library that supports the format; lists unread content, rejects impossible models."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
     """Read a URDF with yourdfpy.
 
     Raises:
-        ModelFileError: yourdfpy refuses the file, or the file has a planar joint.
+        ModelFileError: yourdfpy rejects the file, or the file has a planar joint.
     """
     import yourdfpy
 
@@ -46,7 +46,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         robot = yourdfpy.URDF.load(io.BytesIO(_without_mimics(source.root)), **options)
         robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
         joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
-    except Exception as error:  # yourdfpy passes on exceptions of its dependencies
+    except Exception as error:  # yourdfpy does not catch exceptions of its dependencies
         reason = f"{type(error).__name__}: {error}"
         raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "correct the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
@@ -63,7 +63,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
 
 
 def _without_mimics(root: ET.Element) -> bytes:
-    """Remove every `<mimic>` from the file: yourdfpy would move those joints, and couplings are read separately."""
+    """Remove every `<mimic>`, since yourdfpy would move those joints; couplings are read separately."""
     root = copy.deepcopy(root)
     for joint in root.iterfind("joint"):
         for mimic in joint.findall("mimic"):
@@ -112,14 +112,14 @@ def _joint(robot: Any, joint: Any, home: float) -> JointReading:
     )
 
 
-#: Number of links and joints that are named; further ones are counted.
+#: Number of links and joints that are named; further ones are only counted.
 _NAMED = 3
 
 
 def unread_content(source: Source, reading: Reading) -> tuple[Content, ...]:
     """List the content that the reading lacks; dropped links and joints come first.
 
-    The text of an MJCF compiled by MuJoCo is not searched: its arrays contain everything the text defines.
+    The text of an MJCF compiled by MuJoCo is not searched: the compiled arrays contain everything that it defines.
     """
     known = source.form == "mjcf" and reading.library == "mujoco"
     roots = () if known else (source.root, *source.attached.values())
@@ -132,7 +132,7 @@ def unread_content(source: Source, reading: Reading) -> tuple[Content, ...]:
 
 
 def _content(source: Source, extra: Extra) -> Content:
-    """Convert an extra to content; values are omitted for MJCF, whose classes add to elements."""
+    """Convert an extra to content; values are omitted for MJCF, where default classes add attributes to elements."""
     kind = kind_of(extra.what)
     if source.form == "mjcf" or extra.element is None:
         return Content(kind, extra.what, extra.whose)
@@ -146,7 +146,7 @@ def _content(source: Source, extra: Extra) -> Content:
 
 
 def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
-    """Yield the numbers and texts of an element and its children, independent of spacing and attribute order."""
+    """Yield the numbers and strings of an element and its children, independent of spacing and attribute order."""
     yield "element", element.tag
     for name, value in sorted(element.attrib.items()):
         yield from ((name, _number(word)) for word in value.split())
@@ -163,7 +163,7 @@ def _number(text: str) -> float | str:
 
 
 def _removed_content(source: Source, reading: Reading) -> Iterator[Content]:
-    """Yield the content removed before a library read the file; only MuJoCo would take mass from meshes."""
+    """Yield the content that was removed before a library read the file; only MuJoCo would take mass from meshes."""
     for each in source.content:
         idle = each.kind == "mass from meshes" and reading.library != "mujoco"
         yield replace(each, kind="put in place") if idle else each
@@ -229,7 +229,7 @@ def _read_here(source: Source) -> Reading:
     return read_sdf(source.root, source.name, str(source.path))
 
 
-#: Library -> the formats that it reads, its native one first, and its reader.
+#: Library -> formats that it reads, native format first, and reader.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {
     "pinocchio": (("urdf", "mjcf"), read_pinocchio),
     "mujoco": (("mjcf", "urdf"), read_mujoco),
@@ -239,31 +239,31 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float
 
 
 def libraries_for(path: Path) -> tuple[str, ...]:
-    """List the installed libraries that read a model file, that of its format first.
+    """List the installed libraries that read a model file; libraries native to its format come first.
 
     Raises:
-        ScrewgaugeError: The file is not a model, or is refused before a library reads it.
+        ScrewgaugeError: The file is not a model, or is rejected before a library reads it.
     """
     return libraries_of(prepare(path).form)
 
 
 def libraries_of(form: str) -> tuple[str, ...]:
-    """List the installed libraries that read a format, those native to it first."""
+    """List the installed libraries that read a format; libraries native to the format come first."""
     able = [name for name, (forms, _) in LIBRARIES.items() if form in forms and find_spec(name)]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
 
 
 def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, floating: bool = False) -> Reading:
-    """Read a model file in this process; a crash of the library also ends the process.
+    """Read a model file in this process; a crash of the library ends the process, too.
 
     Args:
         library: One of `LIBRARIES`.
-        home: Coordinates of hinges and slides at home [rad or m]; those of the file by default.
+        home: Home coordinates of hinges and slides [rad or m]; by default, the file's.
         floating: Give a URDF a floating base.
 
     Raises:
-        UnknownNameError: The library does not exist.
-        ScrewgaugeError: The file cannot be read, by this library or at all.
+        UnknownNameError: The library is not one of `LIBRARIES`.
+        ScrewgaugeError: The file cannot be read at all, or not by this library.
     """
     if library not in LIBRARIES:
         raise UnknownNameError("library", library, LIBRARIES)
@@ -287,7 +287,7 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
 
 
 def _check(reading: Reading, where: str, form: str) -> None:
-    """Refuse a reading without freedoms, with values that are not finite, or with negative mass.
+    """Reject a reading without degrees of freedom, with non-finite values, with a zero axis, or with negative mass.
 
     Raises:
         ModelFileError: The reading has one of these defects.

@@ -1,8 +1,8 @@
 """The content of a model file in a form independent of formats, libraries and engines.
 
-Rigidly connected links form one body, and joints are screws in the world at the home coordinates; nothing therefore
-depends on how a format splits bodies, joints and frames. A body's pose is the product of exponentials of the joints
-before it, from the ground outwards, and of its home pose (Lynch, Park: Modern Robotics, 4.1).
+Rigidly connected links form one body, and joints are world-frame screws at the home coordinates; therefore, a reading
+does not depend on how a format splits bodies, joints and frames. The pose of a body is the product of the exponentials
+of its preceding joints, from the ground outwards, and its home pose (Lynch, Park: Modern Robotics, 4.1).
 """
 
 from __future__ import annotations
@@ -26,21 +26,20 @@ from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyReading(Matter):
-    """A moving body with the links fixed to it; its mass properties include these links and are in its own frame.
+    """A moving body and the links fixed to it; its mass properties include these links and refer to its own frame.
 
-    Before links are merged into bodies, it represents a single link: `near` is then a link, or empty for the world, and
-    `joints` is empty if the link is fixed to `near`.
+    Before links are merged into bodies, an instance represents a single link: `near` is a link (empty for the world),
+    and `joints` is empty if the link is fixed to `near`.
 
     Attributes:
         near: Parent body (or ground), on the ground side.
-        joints: Names of the joints between the two, from `near` outwards; at least one.
+        joints: Names of the joints between `near` and this body, from `near` outwards; at least one.
         pose: World pose at the home coordinates. Shape (4, 4).
-        gravcomp: Share of its weight that is compensated.
-        fixed: Name of each link merged into it -> frame of that link in the body's frame, shape (4, 4).
+        gravcomp: Share of the weight that is compensated.
+        fixed: Name of each link merged into the body -> frame of that link in the body's frame, shape (4, 4).
         first: Link that the last joint carries; empty if the body is named after that link.
-        parts: Name of each further link with mass or inertia merged into it -> its mass properties, in the body's
-            frame.
-        copy_of: Body of a description of which this is a copy, made to open a loop; empty for all other bodies.
+        parts: Name of each merged link with mass or inertia -> mass properties of that link, in the body's frame.
+        copy_of: Body of a description of which this body is a copy, made to open a loop; empty for all other bodies.
     """
 
     near: str
@@ -54,19 +53,19 @@ class BodyReading(Matter):
 
     @property
     def centre(self) -> Array:
-        """Centre of mass in the world at home [m]. Shape (3,)."""
+        """Centre of mass in the world frame at home [m]. Shape (3,)."""
         return np.asarray(self.pose[:3, :3] @ self.com + self.pose[:3, 3])
 
     def with_matter(self, matter: Matter) -> BodyReading:
-        """Return the body with other mass properties."""
+        """Return the body with the given mass properties."""
         return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
 
 
-#: Library name for files that screwgauge reads itself.
+#: Library name for files that screwgauge itself reads.
 OWN = "screwgauge"
 #: Limits of a coordinate without limits.
 FREE = (-math.inf, math.inf)
-#: A massless link fixed to the world.
+#: Massless link fixed to the world.
 BARE = BodyReading(0.0, np.zeros(3), np.zeros((3, 3)), "", (), np.eye(4))
 
 
@@ -76,13 +75,13 @@ class JointReading:
 
     Attributes:
         kind: One of `FREEDOMS`.
-        screw: Unit screw of a hinge or slide [angular; linear at the world origin] at home, shape (6,); else zeros.
-        centre: A point on a hinge's axis, or the location of a ball or free joint, in the world at home [m]. Shape
-            (3,).
-        home: Coordinate at home, as the file counts it [rad or m]; 0 for a ball or free joint.
-        limits: Lowest and highest coordinate, infinite without limits. Shape (2,).
-        armature: [kg m^2 or kg]; damping [N m s/rad or N s/m]; friction [N m or N]; stiffness [N m/rad or N/m] about
-            the coordinate `rest`. Each applies to all freedoms of the joint.
+        screw: Unit screw of a hinge or slide [angular; linear at the world origin] at home; zeros for other kinds.
+            Shape (6,).
+        centre: World position, at home, of a point on the axis of a hinge, or of a ball or free joint [m]. Shape (3,).
+        home: Home coordinate as measured in the file [rad or m]; 0 for a ball or free joint.
+        limits: Lowest and highest coordinate; infinite without limits. Shape (2,).
+        armature, damping, friction, stiffness: Reflected inertia [kg m^2 or kg], damping [N m s/rad or N s/m], dry
+            friction [N m or N], and stiffness [N m/rad or N/m] about the coordinate `rest`, for each degree of freedom.
     """
 
     kind: str
@@ -107,9 +106,10 @@ class ClosureReading:
     """A constraint between two frames that makes their origins (``point``) or whole frames (``weld``) coincide.
 
     Attributes:
-        first, second: Bodies or ground; the constraint's frames in them, shape (4, 4).
-        softness: MuJoCo's solref and solimp, seven numbers, and for a weld torquescale; empty for a hard constraint.
-        derived: The file defines no second frame: it coincides with the first one at home.
+        first, second: Bodies or ground.
+        first_frame, second_frame: Frames of the constraint in these bodies. Shape (4, 4) each.
+        softness: MuJoCo's solref and solimp (seven numbers) and, for a weld, torquescale; empty for a hard constraint.
+        derived: True if the file does not define the second frame, which coincides with the first frame at home.
     """
 
     kind: str
@@ -123,11 +123,12 @@ class ClosureReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingReading:
-    """A coupling: one coordinate is a sum of polynomials of others, as for mimic joints, gears, screws, belts.
+    """A coupling: one coordinate is a sum of polynomials of other coordinates (mimic joints, gears, screws, belts).
 
     Attributes:
         joint: Name of the dependent hinge or slide.
-        function: Function of coordinates of hinges and slides as the file counts them; constant if the joint is held.
+        function: Function of coordinates of hinges and slides, as measured in the file; constant if the joint is
+            locked.
         softness: See `ClosureReading`.
     """
 
@@ -136,14 +137,14 @@ class CouplingReading:
     softness: tuple[float, ...] = ()
 
     def solved(self, joint: str) -> CouplingReading:
-        """Solve the coupling for another of its joints; return it unchanged if it is not linear in that joint."""
+        """Solve the coupling for a given one of its joints; return it unchanged if it is not linear in that joint."""
         if not self.function.is_linear_in(joint):
             return self
         return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
 
     @property
     def named(self) -> tuple[str, ...]:
-        """All joints of the coupling, its dependent joint first."""
+        """All joints of the coupling; the dependent joint comes first."""
         return self.joint, *self.function.terms
 
 
@@ -160,19 +161,19 @@ class Reading:
 
     Attributes:
         name: Name of the model.
-        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; `OWN` for a description and for formats that screwgauge reads
-            itself.
-        bodies: All moving bodies, each after its parent.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy``, or `OWN` for a description and for formats that screwgauge
+            itself reads.
+        bodies: All moving bodies, parents first.
         joints: Joints by name.
-        fixed: Link merged into the ground -> its frame in the world, shape (4, 4).
+        fixed: Link merged into the ground -> world frame of the link, shape (4, 4).
         closures, couplings: Closures and couplings by name.
         actuators: Actuators by name.
-        gravity: Gravity in world axes [m/s^2], shape (3,); None if the format cannot define it.
+        gravity: Gravity in world axes [m/s^2], shape (3,); None if the file does not define it.
         medium: Density [kg/m^3] and viscosity [Pa s] of the surrounding medium.
         content: Further content of the file, including what the library ignores.
         form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``; empty for a description.
-        remarks: Sentences on how incomplete data were completed.
-        frames: Joint of the file that is not in `joints`, for example a fixed one -> link that it carries.
+        remarks: Sentences about how incomplete data were completed.
+        frames: Joint of the file that is not in `joints`, e.g. a fixed joint -> link that the joint carries.
     """
 
     name: str
@@ -196,9 +197,9 @@ class Reading:
         return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
-        """Return the body (or ground) that contains a link, or the link that a joint carries, with its frame there.
+        """Return the body (or ground) that contains a link, given the link or its joint, and the frame of the link.
 
-        Return None if neither exists.
+        Return None if neither such a link nor such a joint exists.
         """
         return self._place(name) or self._place(self.carried(name))
 
@@ -211,26 +212,26 @@ class Reading:
         return None
 
     def has_link(self, name: str) -> bool:
-        """True if there is a link with that name."""
+        """True if a link with that name exists."""
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:
-        """Return the link that a joint carries; empty if there is none or the joint is not the last before it."""
+        """Return the link that a joint carries; empty if the joint does not exist or is not the last before a link."""
         if joint in self.frames:
             return self.frames[joint]
         return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
 
     def moved_by(self, joint: str) -> str:
-        """Return the body that a joint moves, alone or with other joints."""
+        """Return the body that a joint moves, alone or together with further joints."""
         return next(name for name, body in self.bodies.items() if joint in body.joints)
 
     @property
     def poses(self) -> dict[str, Array]:
-        """Frames of the ground and of all bodies in the world. Shape (4, 4) each."""
+        """World poses of the ground and of all bodies at home. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """Return the two bodies of a closure, each with the frame of the closure in the world. Shape (4, 4)."""
+        """Return the two bodies of a closure, each with the world frame of the closure there. Shape (4, 4)."""
         one, poses = self.closures[closure], self.poses
         return (one.first, poses[one.first] @ one.first_frame), (one.second, poses[one.second] @ one.second_frame)
 
@@ -256,24 +257,24 @@ class Reading:
 
 
 def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict[str, slice]:
-    """Return joint -> its entries in a vector; `sizes` gives the number of entries for each kind of joint."""
+    """Return joint -> slice of its entries in a vector; `sizes` has the number of entries for each kind of joint."""
     ends = accumulate(sizes[joint.kind] for joint in joints.values())
     return {n: slice(end - sizes[j.kind], end) for (n, j), end in zip(joints.items(), ends, strict=True)}
 
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Convert the couplings of a description to readings, by name."""
-    read = (one for one in couplings if not isinstance(one, Fixing))  # readings lack the joint of a Fixing
+    read = (one for one in couplings if not isinstance(one, Fixing))  # a reading does not contain the joint of a Fixing
     return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 
 def collapse(reading: Reading, keep: Collection[str] = ()) -> Reading:
     """Remove bodies without mass and inertia that carry exactly one further body and no closure.
 
-    The joints of such a body are prepended to those of the body that it carries; links fixed to it are lost.
+    The joints of such a body are prepended to the joints of the body that it carries; links fixed to it are lost.
 
     Args:
-        keep: Bodies that stay regardless.
+        keep: Bodies that must stay.
     """
     closed = {name for closure in reading.closures.values() for name in (closure.first, closure.second)}
     carried = Counter(body.near for body in reading.bodies.values())

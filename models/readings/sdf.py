@@ -19,7 +19,7 @@ from screwgauge.models.readings.reading import FREE, BodyReading, JointReading, 
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.rotations import Array
 
-#: Type of a joint -> its freedoms; the second freedom of a screw follows the first.
+#: Type of a joint -> hinges, slides and balls of which it consists; the slide of a screw follows its hinge.
 _KINDS = {
     "fixed": (),
     "revolute": ("hinge",),
@@ -30,16 +30,17 @@ _KINDS = {
     "ball": ("ball",),
     "screw": ("hinge", "slide"),
 }
-#: Default density of shapes [kg/m^3], default gravity of a world.
+#: Default density of shapes [kg/m^3]; default gravity of a world [m/s^2].
 _WATER, _GRAVITY = 1000.0, "0 0 -9.8"
-#: Property of a joint's reading -> element of the joint's dynamics.
+#: Property in the reading of a joint -> element of the joint's dynamics.
 _DYNAMICS = {
     "damping": "damping",
     "friction": "friction",
     "stiffness": "spring_stiffness",
     "rest": "spring_reference",
 }
-#: Element with all lengths of a shape, for shapes without separate elements; cosine above which axes are parallel.
+#: Shape -> element that contains all its lengths, for shapes without separate elements; cosine above which axes count
+#: as parallel.
 _WHOLE, _ALONG = {"box": "size", "ellipsoid": "radii"}, 1.0 - 1e-9
 #: Way in which links define mass properties -> message about them.
 _STATED = {
@@ -52,10 +53,10 @@ _NAMED = 6
 
 
 def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
-    """Read all models of a file with merged includes: all links, and joints with zero coordinates in the file's pose.
+    """Read all links and joints of all models of a file with merged includes; joints are at zero in the file's pose.
 
     Args:
-        name: Name of the reading if not exactly one model moves.
+        name: Name of the reading, unless exactly one model moves.
 
     Raises:
         ScrewgaugeError: A number, frame or kind of joint cannot be read.
@@ -87,20 +88,20 @@ def read_sdf(root: ET.Element, name: str, where: str) -> Reading:
         remarks=tuple(_remarks({n: f.element for n, f in links.items() if not f.still})),
     )
     for n, body in reading.bodies.items():
-        if body.gravcomp % 1.0:  # the weight of the other links acts at a different centre of mass
+        if body.gravcomp % 1.0:  # the weight of the remaining links acts at a different centre of mass
             remedy = "give <gravity> to all links that are fixed to each other, or to none"
             raise ModelFileError(f"switches off the weight of a part of body {n}", where, remedy)
     return reading
 
 
 def _beside(root: ET.Element, world: ET.Element | None) -> Iterator[Content]:
-    """Yield the worlds and models beside the first world."""
+    """Yield worlds and models that are not part of the first world."""
     others = [e for e in root if e.tag in ("world", "model")] if world is not None else []
     return (Content(OTHER, f"{e.tag} {e.get('name')}, which stands beside the world") for e in others if e is not world)
 
 
 def _unread(joints: Mapping[str, _Joint]) -> Iterator[Content]:
-    """Yield the axes of ball joints, to whose values no axis corresponds."""
+    """Yield the axes of ball joints, which are ignored because the coordinates of a ball do not refer to axes."""
     balls = (name for name, one in joints.items() if one.kind == "ball" and one.frame.element.find("axis") is not None)
     return (Content(OTHER, f"axis of ball joint {name}, which has none") for name in balls)
 
@@ -117,7 +118,7 @@ def _remarks(links: Mapping[str, ET.Element]) -> Iterator[str]:
 
 
 def _link(name: str, frame: Frame, frames: Frames) -> BodyReading:
-    """Return the mass properties and pose of a link; without an inertial, SDF defines 1 kg and 1 kg m^2."""
+    """Return mass properties and pose of a link; if it lacks an inertial, SDF defines 1 kg and 1 kg m^2."""
     element, inertial = frame.element, frame.element.find("inertial")
     inertial = ET.Element("inertial") if inertial is None else inertial
     if is_true(inertial.get("auto")):
@@ -172,12 +173,12 @@ class _Joint:
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of its freedoms: its own name, or numbered names for several freedoms."""
+        """Names of the coordinates: the name of the joint, or numbered names for several degrees of freedom."""
         count = len(_KINDS.get(self.kind, ()))
         return (self.name,) if count == 1 else tuple(f"{self.name}.{i + 1}" for i in range(count))
 
     def axis(self, i: int) -> ET.Element:
-        """Return the element with the values of a freedom; a screw has one axis, for its hinge."""
+        """Return the element with the values of degree of freedom i; a screw has only one axis, for its hinge."""
         axis = self.frame.element.find("axis2" if i and self.kind != "screw" else "axis")
         return ET.Element("axis") if axis is None else axis
 
@@ -188,7 +189,7 @@ class _Joint:
         return self.frames.link(self.frame.named(name))
 
     def direction(self, i: int) -> Array:
-        """Return the unit vector of an axis in the world. Shape (3,)."""
+        """Return the unit vector of an axis in world axes. Shape (3,)."""
         axis, base = self.axis(i), self.full
         way, (xyz,) = self.frames.vector(axis, "xyz", "0 0 1", 3), [*axis.findall("xyz"), axis][:1]
         if not way.any():
@@ -200,7 +201,7 @@ class _Joint:
         return np.asarray(self.frames.at(base)[:3, :3] @ way / np.linalg.norm(way))
 
     def in_graph(self) -> GraphJoint:
-        """Convert the joint to an edge between its links."""
+        """Convert the joint to an edge between two links."""
         if self.kind not in _KINDS:
             what = f"joint {self.name} is of type '{self.kind}'"
             raise ModelFileError(what, self.frames.where, f"make it one of {', '.join(_KINDS)}, gearbox")
@@ -222,14 +223,14 @@ class _Joint:
         return replace(joint, limits=FREE if self.kind == "continuous" else limits, **dynamics)  # type: ignore[arg-type]
 
     def efforts(self) -> Iterator[tuple[str, float]]:
-        """Yield the coordinates with an effort limit, and the limit."""
+        """Yield the coordinates that have an effort limit, and that limit."""
         for i, name in enumerate(self.coordinates):
             _, most = bounds(0.0, self.frames.number(self.axis(i), "limit/effort", -1.0))
             if 0.0 <= most < math.inf:
                 yield name, most
 
     def mimics(self, joints: Mapping[str, _Joint]) -> Iterator[Mimic]:
-        """Yield the coordinates that follow others; for a gearbox, the hinge that follows the other hinge."""
+        """Yield the coordinates that follow other coordinates; for a gearbox, yield the hinge that follows."""
         e, number = self.frame.element, self.frames.number
         if self.kind == "gearbox":
             (one, s), (two, t) = (self._geared(side, joints, i) for i, side in enumerate(("parent", "child")))
@@ -248,7 +249,7 @@ class _Joint:
                 yield name, self.frames.short(leader), nth, number(mimic, "offset", 0.0) - slope * zero, slope
 
     def _geared(self, side: str, joints: Mapping[str, _Joint], i: int) -> tuple[str, float]:
-        """Return the hinge between a link and a gearbox's reference body, and the sign of its axis."""
+        """Return the hinge between a link and the reference body of a gearbox, and the sign of the hinge axis."""
         near, reference = self.link(side), self.link("gearbox_reference_body")
         for name, joint in joints.items():
             if _KINDS.get(joint.kind) == ("hinge",) and {joint.link("parent"), joint.link("child")} == {

@@ -34,9 +34,9 @@ from screwgauge.reference.lint import DEGREES, TURNED, in_degrees
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf", "usd": "usd"}
-#: Elements of an unexpanded xacro file; calls of undefined macros remain even after expansion.
+#: Elements of an unexpanded xacro file; calls to undefined macros remain after expansion, too.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
-#: A decimal number.
+#: Pattern of a decimal number.
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 #: Number of bodies that a sentence names.
 _NAMED = 6
@@ -50,8 +50,8 @@ class Source:
         form: ``urdf``, ``mjcf``, ``sdf`` or ``usd``.
         root: Root element, with everything that a library should read.
         content: Content that was removed or changed.
-        attached: Key of a file that an MJCF attaches -> its root element, as a library should read it.
-        resolved: Sentences on what MuJoCo computed from the file before a library reads it.
+        attached: Key of a file that an MJCF attaches -> root element, with everything that a library should read.
+        resolved: Sentences on the preparation of the file, e.g. what MuJoCo computed before a library reads it.
     """
 
     path: Path
@@ -68,12 +68,12 @@ class Source:
 
     @property
     def text(self) -> str:
-        """The model file as XML."""
+        """XML text of the prepared model file."""
         return ET.tostring(self.root, encoding="unicode")
 
     @property
     def models(self) -> dict[str, str]:
-        """Key of an attached file -> its text."""
+        """Key of an attached file -> XML text of that file."""
         return {file: ET.tostring(root, encoding="unicode") for file, root in self.attached.items()}
 
     @property
@@ -83,18 +83,18 @@ class Source:
 
     @property
     def mimics(self) -> dict[str, CouplingReading]:
-        """Couplings of a URDF's mimic joints, by joint; a joint that follows a fixed joint is held."""
+        """Couplings of a URDF's mimic joints, by joint; a joint that mimics a fixed joint is locked."""
         return mimics(self.root, str(self.path)) if self.form == "urdf" else {}
 
     @property
     def fixed_joints(self) -> dict[str, str]:
-        """Fixed joint of a URDF -> the link that it carries; empty for an MJCF."""
+        """Fixed joint of a URDF -> link that the joint carries; empty for an MJCF."""
         return fixed_joints(self.root) if self.form == "urdf" else {}
 
     def names(self, what: str) -> list[str]:
-        """List the names of its links, bodies or moving joints; for an MJCF, without elements that are replicated.
+        """List the names of links, bodies or moving joints; for an MJCF, omit replicated elements.
 
-        The list is empty for formats that screwgauge reads itself, since nothing is dropped there.
+        The list is empty for formats that screwgauge itself reads, since it does not drop any elements.
         """
         if self.form in ("sdf", "usd"):
             return []
@@ -121,7 +121,7 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         meshes: Let MuJoCo compute mass and inertia of bodies of an MJCF from meshes in its folder.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, is not a model, or requires an unsupported step; the message names a
+        ScrewgaugeError: The file cannot be read, is not a model, or requires an unsupported step; the message names the
             remedy.
     """
     root = elements(stage_of(path)) if is_usd(path) else parse(path)
@@ -145,19 +145,20 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
 
 
 def form_of(path: Path) -> str:
-    """Return the format, from the root element or the suffix of a USD; empty for anything else.
+    """Return the format, determined from the root element or from a USD suffix; empty if it is unknown.
 
     Raises:
-        ScrewgaugeError: The file cannot be read, or is not XML.
+        ScrewgaugeError: The file cannot be read or is not XML.
     """
     return "usd" if is_usd(path) else FORMATS.get(parse(path).tag, "")
 
 
 def check_names(root: ET.Element, form: str, where: str) -> None:
-    """Refuse names shared by two links or two joints, of which most libraries silently keep one.
+    """Reject names shared by two links or two joints, of which most libraries silently keep only one.
 
     Raises:
-        ModelFileError: There are such names, a link or body has no name, or there is none at all.
+        ModelFileError: Two links or two joints share a name, a link or body lacks a name, or the file has no link or
+            body.
     """
     kinds: dict[str, tuple[str, ...]] = {"body": ("body",), "joint": ("joint", "freejoint")}
     if form == "urdf":
@@ -180,7 +181,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
     check_numbers(root, str(path))
     content = without_shapes(root)
     if "name" not in root.attrib:
-        root.set("name", path.stem)  # some readers refuse a model without a name
+        root.set("name", path.stem)  # some readers reject a model without a name
         content.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
@@ -188,7 +189,7 @@ def _urdf(root: ET.Element, path: Path) -> Source:
 
 
 def _turn_warnings(root: ET.Element) -> Iterator[str]:
-    """Yield messages about origins of a URDF and poses of an SDF with angles of several turns."""
+    """Yield messages about origins of a URDF and poses of an SDF whose angles exceed a turn, probably in degrees."""
     for parent in root.iter():
         for place in (each for each in parent if each.tag in ("origin", "pose") and each.get("degrees") != "true"):
             text = place.get("rpy") if place.tag == "origin" else " ".join((place.text or "").split()[3:6])
@@ -232,13 +233,13 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
 
 
 def weighed_copy(path: Path, folder: Path) -> Path | None:
-    """Write copies of an MJCF and the files that it attaches, with the mass and inertia that meshes define.
+    """Write copies of an MJCF and of the files that it attaches, with mass and inertia computed from meshes.
 
     Args:
         folder: Folder for the copies.
 
     Returns:
-        The copy; None if no mass comes from meshes.
+        The path of the copy; None if no mass comes from meshes.
 
     Raises:
         ScrewgaugeError: See `prepare`.
@@ -253,7 +254,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         name_all(part.root, taken)
         names += weigh(part.root, part.path, home, own=part.root is root)
         at = path.name if part.root is root else part.path.relative_to(home)
-        for model in part.root.iterfind("asset/model"):  # with symbolic links resolved, since the copy has none
+        for model in part.root.iterfind("asset/model"):  # with resolved symbolic links, since the copy lacks them
             file = part.models[model.get("name", "")]
             model.set("file", os.path.relpath(file, part.path.resolve().parent))
         copy = folder / at
@@ -263,7 +264,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
 
 
 def _key_models(part: Part, keys: Mapping[Path, str]) -> None:
-    """Refer to the models that a file attaches by their keys."""
+    """Add elements that refer, by their keys, to the models that a file attaches."""
     if part.models:
         asset = ET.SubElement(part.root, "asset")
         for name, file in part.models.items():
@@ -275,12 +276,12 @@ Branch = tuple[str, tuple[str, ...], Any]
 
 
 def by_name(source: Source) -> tuple[str, ...]:
-    """List the joints in Pinocchio's order for a URDF: siblings sorted by the names of their joints."""
+    """List the joints in Pinocchio's order for a URDF, where siblings are sorted by the names of their joints."""
     return _joints(source, by_names=True)
 
 
 def in_file(source: Source) -> tuple[str, ...]:
-    """List the joints in MuJoCo's order: from the ground outwards, siblings as in the file."""
+    """List the joints in MuJoCo's order: from the ground outwards, with siblings in file order."""
     return _joints(source, by_names=False)
 
 

@@ -32,12 +32,12 @@ from screwgauge.models.readings.reading import FREE, ActuatorReading, BodyReadin
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array, quaternion_rotation, sequence_angles
 
-#: Gaps and rotations due to rounding to 32 bits [m or rad]; default density [kg/m^3]; default gravity.
+#: Gaps and rotations due to rounding to 32 bits [m or rad]; default density [kg/m^3]; default gravity [m/s^2].
 ROUNDING, _WATER, _GRAVITY = 1e-6, 1000.0, 9.81
 _SLIDES, _TURNS = ([f"{kind}{axis}" for axis in AXES] for kind in ("trans", "rot"))
 #: Default of UsdPhysics for an unspecified vector.
 _UNSTATED = (-math.inf,) * 3
-#: Type of a joint -> its freedoms in the axes of its frames, in the order of their application.
+#: Type of a joint -> its rotations and translations about the axes of its frames, in the order of their application.
 _KINDS = {
     "Revolute": ("rot{}",),
     "Prismatic": ("trans{}",),
@@ -45,7 +45,7 @@ _KINDS = {
     "Fixed": (),
     "": (*_SLIDES, *_TURNS),
 }
-#: Property of a joint's reading -> attributes.
+#: Property in the reading of a joint -> attributes.
 _PASSIVE = {
     "armature": ("newton:armature", "physxJoint:armature", "mjc:armature"),
     "damping": ("newton:damping", "mjc:damping"),
@@ -53,7 +53,7 @@ _PASSIVE = {
     "stiffness": ("mjc:stiffness",),
 }
 _DRIVE = ("type", "stiffness", "damping", "targetPosition", "targetVelocity")
-#: Shapes that can define mass -> their names in `uniform`.
+#: Shape that can define mass -> its name in `uniform`.
 _SHAPES = {name: name for name in ("cylinder", "capsule", "cone", "mesh")} | {"cube": "box", "sphere": "ellipsoid"}
 #: Attribute of MuJoCo's schema that makes a shape a shell.
 _SHELL = "mjc:shellinertia"
@@ -62,7 +62,7 @@ _SQUARE, _LARGEST = 1e-4, 1e9
 
 
 def read_usd(path: Path, name: str) -> Reading:
-    """Read all rigid bodies of a stage, and the joints between them; home is the pose of the stage.
+    """Read all rigid bodies of a stage and the joints between them; the pose of the stage is the home pose.
 
     Raises:
         ScrewgaugeError: The stage cannot be read, or contains something that a reading cannot represent.
@@ -103,7 +103,7 @@ def read_usd(path: Path, name: str) -> Reading:
 
 
 def _actuators(prims: Iterable[Any], joints: Mapping[Any, _Joint]) -> dict[str, ActuatorReading]:
-    """Return the actuators of Newton and MuJoCo that drive a single freedom. joints: keyed by their paths."""
+    """Return the actuators of Newton and MuJoCo that drive a single hinge or slide, given the joints by path."""
     driven = dict[Any, Any]()
     for prim in prims:
         for relationship in ("newton:targets", "mjc:target"):
@@ -125,7 +125,7 @@ def _apart(gaps: Mapping[str, float]) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """A stage with its units and the names of its bodies by path."""
+    """A stage, its units, and the names of its bodies by path."""
 
     stage: Any
     where: str
@@ -136,7 +136,7 @@ class _Stage:
     content: list[Content] = field(default_factory=list)
 
     def joint(self, prim: Any, name: str) -> _Joint | None:
-        """Return a joint with constraints; None for a joint that constrains nothing."""
+        """Return a joint, or None for a joint without constraints."""
         kind = str(prim.GetTypeName()).removeprefix("Physics").removesuffix("Joint")
         off = not value(prim, "physics:jointEnabled", True)
         if off or kind == "Distance":
@@ -157,7 +157,7 @@ class _Stage:
         return None if len(free) == len(_KINDS[""]) or same else _Joint(prim, name, kind, self, free)
 
     def limits(self, prim: Any, kind: str, token: str) -> tuple[float, float]:
-        """Return the limits of a freedom of a joint [rad or m]."""
+        """Return the limits of a degree of freedom of a joint [rad or m]."""
         ends = ("physics:lowerLimit", "physics:upperLimit")
         if kind not in ("Revolute", "Prismatic"):
             ends = (f"limit:{token}:physics:low", f"limit:{token}:physics:high")
@@ -169,7 +169,7 @@ class _Stage:
         return math.radians(x) if token in _TURNS else self.unit * x
 
     def placed(self, prim: Any) -> tuple[Array, Array]:
-        """Return the pose of a prim in the world, and its scale. Shapes (4, 4), (3,)."""
+        """Return the world pose of a prim, and its scale. Shapes (4, 4), (3,)."""
         M = np.array(self.cache.GetLocalToWorldTransform(prim), dtype=float).T
         scale = np.linalg.norm(M[:3, :3], axis=0)
         scale[0] *= math.copysign(1.0, np.linalg.det(M[:3, :3]))
@@ -185,7 +185,7 @@ class _Stage:
         return self.bodies.get(prim.GetPath(), WORLD) if prim else WORLD
 
     def side(self, joint: Any, k: int) -> tuple[str, Array]:
-        """Return the body on one side of a joint, and the joint's frame on that side in the world. Shape (4, 4)."""
+        """Return the body on one side of a joint, and the world frame of the joint on that side. Shape (4, 4)."""
         targets = joint.GetRelationship(f"physics:body{k}").GetForwardedTargets()
         prim = self.stage.GetPrimAtPath(targets[0]) if targets else None
         if targets and not (prim and prim.IsActive()):
@@ -205,7 +205,7 @@ class _Stage:
             inside = (each for each in prims(prim) if self.body_of(each) == name)
             shapes = [each for each in inside if value(each, "physics:collisionEnabled")]
             whole = join(self.shape(each, T, name, density) for each in shapes)
-            if not whole.mass:  # OpenUSD's default in this case
+            if not whole.mass:  # OpenUSD's default
                 r = 0.1 * self.unit
                 whole = Matter(self.kilo, np.zeros(3), 0.4 * self.kilo * r * r * np.eye(3))
                 what = f"mass or inertia of body {name}, which states none: of a ball of {r:g} m, 1 kg unless stated"
@@ -216,7 +216,7 @@ class _Stage:
         return link(matter, T, weightless=bool(value(prim, "physxRigidBody:disableGravity")))
 
     def stated(self, prim: Any, scale: Array, shapes: Matter) -> Matter:
-        """Return the mass properties of a body or collider: specified values, completed from its shapes."""
+        """Return the mass properties of a body or collider: specified values, completed from shapes."""
         mass, size = self.kilo * number(prim, "physics:mass"), self.kilo * self.unit**2
         inertia = (mass / shapes.mass if mass and shapes.mass else 1.0) * shapes.inertia
         moments = numbers(prim, "physics:diagonalInertia", default=(0.0,) * 3)
@@ -229,7 +229,7 @@ class _Stage:
         return Matter(mass or shapes.mass, self.unit * scale * com if np.isfinite(com).all() else shapes.com, inertia)
 
     def shape(self, prim: Any, body: Array, name: str, density: float) -> Matter:
-        """Compute the mass properties of a collider in the frame of its body. body: pose of the body, shape (4, 4)."""
+        """Compute the mass properties of a collider in the frame of its body, given the body's pose, shape (4, 4)."""
         from pxr import UsdGeom, UsdShade
 
         if not prim.IsA(UsdGeom.Gprim):
@@ -258,7 +258,7 @@ class _Stage:
         return displace(self.stated(prim, scale, displace(own, matrix(np.zeros(3), turn))), relative(body, T))
 
     def gravity(self, scene: Any | None) -> Array | None:
-        """Return the gravity of a stage; None without a scene if the z axis points up. Shape (3,)."""
+        """Return the gravity of a stage [m/s^2]; None if it lacks a scene and z points up. Shape (3,)."""
         from pxr import UsdGeom
 
         axis = str(UsdGeom.GetStageUpAxis(self.stage))
@@ -275,7 +275,7 @@ class _Stage:
 
 
 def _turn(q: Array) -> Array:
-    """Compute the rotation of a quaternion (w, x, y, z); the identity for a zero quaternion. Shape (3, 3)."""
+    """Compute the rotation for a quaternion (w, x, y, z); return the identity for a zero quaternion. Shape (3, 3)."""
     return quaternion_rotation(q / np.linalg.norm(q)) if q.any() else np.eye(3)
 
 
@@ -285,7 +285,7 @@ class _Joint:
 
     Attributes:
         kind: One of `_KINDS`.
-        limits: Token of each remaining freedom -> limits [rad or m], in the order of their application.
+        limits: Token of each free rotation or translation -> limits [rad or m], in the order of application.
     """
 
     prim: Any
@@ -301,13 +301,13 @@ class _Joint:
 
     @property
     def coordinates(self) -> dict[str, str]:
-        """Token of each freedom -> its name; a ball has one entry."""
+        """Token of each degree of freedom -> name of its coordinate; a ball has one entry."""
         several = len(self.limits) > 1 and not self.is_ball
         names = {token: f"{self.name}.{token}" if several else self.name for token in self.limits}
         return {_TURNS[0]: self.name} if self.is_ball else names
 
     def placed(self) -> tuple[GraphJoint, float]:
-        """Return the joint as an edge between its bodies, and the gap between its two frames [m or rad]."""
+        """Return the joint as an edge between two bodies, and the gap between its two frames [m or rad]."""
         (parent, X), (child, F) = (self.stage.side(self.prim, k) for k in (0, 1))
         home, freedoms = self.home(relative(X, F)), dict[str, JointReading]()
         for token, name in self.coordinates.items():
@@ -324,7 +324,7 @@ class _Joint:
         return GraphJoint(parent, child, freedoms, X @ np.linalg.inv(F), loop), gap
 
     def home(self, T: Array) -> dict[str, float]:
-        """Compute the joint coordinates from the pose of the second frame in the first. T: shape (4, 4)."""
+        """Compute the joint coordinates from the pose T, shape (4, 4), of the second frame relative to the first."""
         turning = [_TURNS.index(token) for token in self.limits if token in _TURNS]
         order = [*turning, *(i for i in range(3) if i not in turning)]
         P = np.eye(3)[order]
@@ -334,7 +334,7 @@ class _Joint:
         return named | dict(zip(_SLIDES, T[:3, 3].tolist(), strict=True))
 
     def passive(self, token: str) -> dict[str, float]:
-        """Return the passive properties of a freedom, in SI units and per radian."""
+        """Return the passive properties of a degree of freedom, in SI units and per radian."""
         turns, unit = token in _TURNS, self.stage.unit
         size = self.stage.kilo * unit ** (2 if turns else 0)
         found = {what: size * number(self.prim, *names) for what, names in _PASSIVE.items()}
@@ -344,7 +344,7 @@ class _Joint:
         return {**found, "rest": self.stage.scaled(token, number(self.prim, "mjc:springref"))}
 
     def drives(self) -> Iterator[tuple[str, str]]:
-        """Yield the driven coordinates, each with the instance of its drive."""
+        """Yield the driven coordinates, and the instance of the drive of each."""
         for token, name in self.coordinates.items():
             plain = {"Revolute": "angular", "Prismatic": "linear"}.get(self.kind, token)
             if value(self.prim, f"drive:{plain}:physics:stiffness") is not None and not self.is_ball:
@@ -362,13 +362,13 @@ class _Joint:
                 yield force_limits(name, self.stage.kilo * per * most)
 
     def target(self, relationship: str) -> Any:
-        """Return the path of a relationship's first target; None if it has none."""
+        """Return the path of the first target of a relationship, or None."""
         return next(iter(self.prim.GetRelationship(relationship).GetForwardedTargets()), None)
 
     def laws(self) -> Iterator[tuple[Any, str, str, float, float, bool]]:
-        """Yield mimic laws: leading joint, own freedom, its freedom, constant, slope, whether they count degrees.
+        """Yield mimic laws: leading joint, own token, token of the leader, constant, slope, and True if in degrees.
 
-        PhysX laws are used only if there is no Newton law.
+        PhysX laws are used only if a Newton law is missing.
         """
         read = partial(number, self.prim)
         if (to := self.target("newton:mimicJoint")) and value(self.prim, "newton:mimicEnabled", True):
@@ -382,7 +382,7 @@ class _Joint:
             yield self.target(f"{of}:referenceJoint"), token, axis, constant, slope, True
 
     def mimics(self, joints: Mapping[Any, _Joint]) -> Iterator[Mimic]:
-        """Yield the coordinates that follow others. joints: keyed by their paths."""
+        """Yield the coordinates that follow other coordinates, given the joints by path."""
         for path, token, axis, constant, slope, degrees in self.laws():
             leader, scaled = joints.get(path), self.stage.scaled
             if leader is None or not (leader.coordinates and self.coordinates):
