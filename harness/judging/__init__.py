@@ -1,1 +1,1 @@
-"""The judge: checks one engine against the laws of mechanics, without any motion formula of the screw solver."""
+"""The judge: checks one engine against the laws of mechanics, without using motion formulas of the screw solver."""

@@ -1,10 +1,10 @@
-"""Tolerances: the largest accepted difference of two values, with reasons; no other module grants any.
+"""Tolerances: the largest accepted difference between two values, with reasons. No other module sets tolerances.
 
-A scene may allow any error: a tolerance, or the error stated for a table. A judged engine also states its own errors,
-but an engine's statement explains a difference only up to `LIMIT`; beyond that the difference is undecided.
-Where a scene or command names a method with a number type, ``mjwarp@float32``, errors of that type are estimated from
-the description, and at most half of its digits are allowed. Integration error is measured with further runs
-and explains at most `MOST`.
+A scene may allow any error, by a tolerance or by the stated error of a table. A judged engine may also estimate its own
+errors, but this estimate explains a difference only up to `LIMIT`; beyond that the difference is undecided. If a scene
+or command names a method with a number type, such as ``mjwarp@float32``, errors of that type are estimated from the
+description, and at most half of its digits may be lost. Integration error is measured with further runs and explains at
+most `MOST`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Integrated = Mapping[str, Mapping[str, Array]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Left:
-    """Integration error in the difference of two motions, in one quantity and unit.
+    """Integration error in the difference between two motions, in one quantity and unit.
 
     Attributes:
         scale: Scale of the errors.
@@ -56,7 +56,7 @@ class Left:
         return np.asarray(np.minimum(whole, MOST))
 
     def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
-        """Split a scaled difference at a sample into integration error and the rest; "" without an estimate."""
+        """Describe which part of a scaled difference at a sample is integration error; "" without an estimate."""
         sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
         if not sizes or (ok and size <= usual):
             return ""
@@ -72,12 +72,12 @@ class Left:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Granted:
-    """Accepted scaled difference of two solutions in one quantity and unit.
+    """Accepted scaled difference between two solutions in one quantity and unit.
 
     Attributes:
         usual: Limit at any sample.
         limits: Limit at each sample given its condition number, without integration error. Shape (n,).
-        doubts: Limit up to which a difference is undecided, the engines' own admission if larger. Shape (n,).
+        doubts: Limit up to which a difference above `limits` is undecided: the engines' own error estimates. (n,).
         why: Why `usual` exceeds the tolerance of the scene; empty if due to soft constraints.
         left: Integration error.
     """
@@ -95,11 +95,11 @@ class Allowance:
 
     Attributes:
         tolerance_of: Quantity -> scaled error up to which two engines agree, as given by the scene.
-        binding: Quantities whose tolerance the scene itself states: no integration error is allowed in addition.
-        stated: Table -> quantity -> error of its values stated by the scene [their units].
+        binding: Quantities whose tolerance the scene itself sets: no integration error is allowed in addition.
+        stated: Table -> quantity -> error that the scene states for the table's values [their units].
         integration: Engine -> integration error measured with further runs.
-        summands: Returns unit -> size of the terms at the states of the scene: a value below the rounding of its terms
-            is zero.
+        summands: Returns unit -> size of the terms at the states of the scene; a value smaller than the rounding of its
+            terms is zero.
     """
 
     tolerance_of: Callable[[str], float]
@@ -118,7 +118,7 @@ class Allowance:
         scales: Mapping[str, float],
         n: int,
     ) -> Granted:
-        """Compute the accepted difference of two solutions.
+        """Compute the accepted difference between two solutions.
 
         Args:
             scale: Scale of the errors [unit].
@@ -132,7 +132,7 @@ class Allowance:
         source = max(errors, key=lambda error: error.absolute.get(unit, 0.0))
         zero = strict * source.absolute.get(unit, 0.0)
         stated = sum(self.stated.get(one.engine, {}).get(quantity, 0.0) for one in pair)
-        # what soft constraints leave is derived, closure times stiffness, and by engines of this package alone
+        # only engines of this package report errors of soft constraints, derived as closure error times stiffness
         derived, kind = source.source == SOFTNESS, source.kind
         decided = derived or zero <= kind.limit * scale or self._is_zero(zero, scale, kind, unit, scales[unit])
         limit = max(tolerance, stated / scale, zero / scale if decided else kind.sure)
@@ -150,7 +150,7 @@ class Allowance:
         return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
 
     def _is_zero(self, absolute: float, scale: float, kind: NumberType, unit: str, natural: float) -> bool:
-        """True if a number with such an absolute error is rounding at the machine's own size."""
+        """Return True if an absolute error is rounding at the machine's own size."""
         if kind is not FLOAT64 and absolute < DIGIT * scale:  # it has a digit
             return False
         return absolute <= kind.zero * max(natural, self.summands().get(unit, 0.0))

@@ -38,7 +38,7 @@ class Answer:
         motion: Motion of the tree in these states.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
-        admitted: Largest scaled error that the engine states for any of its values.
+        admitted: Largest scaled error that the engine estimates for any of its values.
         kind: Number type that the scene or command names.
         softness: Unit -> effect of the engine's soft constraints on a force of its tree.
         looser: Quantity -> scaled error allowed by the scene, if larger than `tolerance`.
@@ -78,7 +78,7 @@ class Answer:
         return TreeStates(*self.joints)
 
     def has(self, *quantities: str) -> bool:
-        """True if the answer has all of these quantities."""
+        """Return True if the answer has all of these quantities."""
         return set(quantities) <= set(self.values)
 
     def loosened(self, quantity: str, unit: str) -> float:
@@ -89,10 +89,9 @@ class Answer:
         return largest(values.array[:, [has == unit for has in values.units]])
 
     def fastest(self, order: int, unit: str) -> float:
-        """Return the largest derivative of a joint coordinate (or squared rate, for accelerations) in a unit; for
-        coordinates the natural scale.
+        """Return the largest derivative of any joint coordinate in a unit, or the natural scale for order 0.
 
-        The mechanism's length converts coordinates of the other kind.
+        For accelerations, squared rates also count. The mechanism's length converts between angles and lengths.
         """
         if not order:
             return self.scales[unit]
@@ -108,13 +107,13 @@ class Answer:
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
     ) -> SizedResidual:
-        """Build the largest residual of an equation, with component and time.
+        """Return the largest residual of an equation, with component and time.
 
         Args:
             components: Names of the columns.
             missing: Residual of the equation. Shape (n, m).
-            size: Scale of the residual, one number or one for each component, shape (m,): the largest term.
-            of: Quantities in the equation. An error that the scene allows in one of them is the tolerance.
+            size: Scale of the residual, which is its largest term: one number, or one per component, shape (m,).
+            of: Quantities in the equation. A larger error that the scene allows in one of them becomes the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
         scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
@@ -142,7 +141,7 @@ class Answer:
         )
 
     def _reason(self, t: float, *, lost: bool, undecided: int, conditioned: bool) -> str:
-        """Explain why a residual is out of tolerance, or within a larger one."""
+        """Explain why a residual is out of tolerance, or why its tolerance was raised."""
         if lost:
             return f"not a number at t = {t:g} s"
         if undecided:
@@ -160,7 +159,7 @@ def answer_at(
     tolerance: float = SOLVED,
     looser: Mapping[str, float] | None = None,
 ) -> Answer:
-    """Build the answer at some samples; joint positions, or else the assembly, must be known."""
+    """Build the answer at some samples; the solution must contain joint positions or the assembly."""
     values = {name: values.at(rows) for name, values in solution.values.items()}
     scales = natural_scales(mechanism)
     tree = mechanism_tree(mechanism, spanning_tree(mechanism), scales["m"])
@@ -192,12 +191,12 @@ def answer_at(
 
 
 def timed(problem: Problem) -> GivenMotion | InitialValue:
-    """Return the task; TypeError unless it is a motion over time."""
+    """Return the problem's task; raise TypeError unless it is a motion over time."""
     if isinstance(problem.task, States):
         raise TypeError("states of an open tree are no motion over time: there is nothing to compare or to judge")
     return problem.task
 
 
 def largest(*arrays: Array) -> float:
-    """Return the largest finite magnitude; 0 if there is none."""
+    """Return the largest magnitude, ignoring NaN; 0 for empty arrays."""
     return max((float(np.nanmax(np.abs(array), initial=0.0)) for array in arrays), default=0.0)

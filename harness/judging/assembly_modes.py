@@ -1,9 +1,10 @@
 """Assembly modes of the engines' solutions, and conversion of joint angles between charts.
 
-Two engines in two assembly modes answer different questions, which is one message, not a difference of forces. A
-spherical joint has two triples of angles for each orientation, angles may differ by full turns, in gimbal lock only a
-sum of two angles is meaningful. An engine's reading depends on how it follows the motion and where it cuts
-the loops, not on how the mechanism moves, so angles of the same orientation are converted to the same values."""
+Two engines in different assembly modes solve different problems, which is reported by one message rather than as a
+difference in forces. A spherical joint has two triples of angles for each orientation, angles may differ by full turns,
+and in gimbal lock only the sum or difference of two angles is meaningful. An engine's choice depends on how it follows
+the motion and where it cuts the loops, not on how the mechanism moves. Angles of the same orientation are therefore
+converted to the same values."""
 
 from __future__ import annotations
 
@@ -26,15 +27,15 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn, rotation, within_half_turn
 from screwgauge.solution import Solution, Values, common_rows, reference_first
 
-#: Positions of a joint that differ by more are distinct [rad or mechanism lengths]: far above rounding,
-#: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance of assemblies.
+#: Difference above which two positions of a joint are distinct [rad or mechanism lengths]. It is far above rounding,
+#: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance between assembly modes.
 APART = 1e-3
-#: Loops with a larger residual have a geometry other than the description's [rad or mechanism lengths].
+#: Loop residual above which the geometry differs from the description's [rad or mechanism lengths].
 CLOSED = 1e-8
 
 
 def joint_places(joint: Joint, q: Array, length: float) -> Array:
-    """Return a joint's relative placement, independent of angle charts: rotation, and displacement divided by a length.
+    """Return a joint's relative placement, independent of angle charts: rotation, then displacement over a length.
 
     Args:
         q: Coordinates of the joint. Shape (n, m).
@@ -52,7 +53,7 @@ def joint_places(joint: Joint, q: Array, length: float) -> Array:
 
 
 def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
-    """Return joint coordinates that identify the assembly, NaN at unsolved samples; None if there are none."""
+    """Return joint coordinates that identify the assembly mode, NaN at unsolved samples; None if unknown."""
     if solution.assembly is not None:
         return solution.assembly
     given = solution.values.get("joint_position")
@@ -66,9 +67,9 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Return pairs of engines in two assemblies, or both in an assembly other than home's, each with a message.
+    """Return a message for each pair of engines in different assembly modes, or with an engine not in the home mode.
 
-    Joint positions that do not close the description's loops do not count: their geometry differs.
+    Joint positions that do not close the description's loops are ignored, because their geometry differs.
     """
     if isinstance(problem.task, States):
         return {}
@@ -76,7 +77,7 @@ def other_assemblies(
     apart = _away_from_home(mechanism, problem.task, known)
     for (a, q_a), (b, q_b) in combinations(known, 2):
         rows = common_rows(len(problem.task), a, b)
-        if isinstance(problem.task, InitialValue):  # where both have come to, in two assemblies or not
+        if isinstance(problem.task, InitialValue):  # compare only where both simulations reach the same coordinates
             columns = mechanism.independent_columns
             rows = rows[(np.abs(q_a[rows] - q_b[rows])[:, columns] < APART).all(axis=1)]
         if when := _describe_difference(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
@@ -87,9 +88,10 @@ def other_assemblies(
 def _away_from_home(
     mechanism: Mechanism, task: GivenMotion | InitialValue, known: Sequence[tuple[Solution, Array]]
 ) -> dict[frozenset[str], str]:
-    """Return pairs with an engine whose given motion is in an assembly other than home's, which `screw` follows.
+    """Return a message for each pair with an engine whose given motion is not in the home assembly mode.
 
-    A simulation may leave it: where coordinates do not determine the motion, inertia does.
+    The engine `screw` follows that mode, so nothing is checked if it took part. Simulations are not checked, because
+    they may leave the mode: where coordinates do not determine the motion, inertia does.
     """
     if isinstance(task, InitialValue) or any(one.engine == "screw" for one, _ in known):
         return {}
@@ -107,7 +109,7 @@ def _away_from_home(
 
 
 def _describe_difference(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
-    """Describe when and where joint placements of two engines differ; empty if they agree."""
+    """Describe when and where the joint placements of two engines differ; empty if they agree."""
     lay = layout(mechanism)
     length, turns = loop_equations(lay).length, lay.turns
     difference = np.where(turns, within_half_turn(pair[1] - pair[0]), (pair[1] - pair[0]) / length)
@@ -137,7 +139,8 @@ def _describe_difference(mechanism: Mechanism, t: Array, pair: tuple[Array, Arra
     return f"{when}: {name} ({coordinate} {q_b[first, c]:.4g} against {q_a[first, c]:.4g})"
 
 
-#: Angles farther apart in any reading [rad] belong to another orientation or are not angles; they are kept.
+#: Difference above which angles [rad] are not converted, because they belong to different orientations or are not
+#: angles.
 NEAR = 0.1
 
 _POSITION = "joint_position"
@@ -146,15 +149,15 @@ _ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Rewrite joint angles, and rates and forces along these, in the reference's chart.
+    """Convert joint angles, and rates and forces along them, to the reference's chart.
 
-    The reference is the first solution with all joint positions, with the truth before others.
+    The reference is the truth if it has all joint positions, or else the first solution that has them.
 
     Args:
         solutions: Name -> solution, in the order of the run.
 
     Returns:
-        The converted solutions in the same order. If an engine's angles were the other triple, its notes say so.
+        The converted solutions in the same order, each with a note if its angles were the other triple.
     """
     ordered = reference_first(solutions.values())
     complete = (one for one in ordered if _POSITION in one.values and _has(one.values[_POSITION], mechanism))
@@ -168,7 +171,7 @@ def _has(values: Values, mechanism: Mechanism) -> bool:
 
 
 def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
-    """Rewrite a solution in the reference's chart."""
+    """Convert a solution to the reference's chart."""
     arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_ALONG) if name in one.values}
     place = {name: {c: k for k, c in enumerate(one.values[name].components)} for name in arrays}
     own, theirs = _coordinates(mechanism, one), _coordinates(mechanism, reference)
@@ -207,17 +210,17 @@ def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
 
 
 def _angles(joint: Joint) -> list[str]:
-    """Return the names of a joint's angles: the last three of six freedoms."""
+    """Return the names of a joint's angular coordinates."""
     return [name for name, (turns, _) in zip(joint.coordinates, joint.freedoms, strict=True) if turns]
 
 
 def _read_angles(joint: Joint, angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Read a joint's angles in the chart of `near`, and flag samples with the other triple. Shapes (n, m) and (n,)."""
+    """Convert a joint's angles to the chart of `near`, and flag samples with the other triple. Shapes (n, m), (n,)."""
     known = np.isfinite(near)
     read, swapped = nearest_angles(angles, np.where(known, near, angles))
     if angles.shape[1] < 3:
         return read, swapped
-    # in gimbal lock first and last axis are one line: only the sum or the difference of their angles means anything
+    # in gimbal lock the first and last axes coincide: only the sum or difference of their angles is meaningful
     hand = np.sign(joint.axes[2] @ cross(joint.axes[0], joint.axes[1]))
     locked = (np.abs(np.cos(read[:, 1])) * linear.SINGULAR < 1.0) & known.all(axis=1)
     more = np.where(locked, read[:, 0] - near[:, 0], 0.0)

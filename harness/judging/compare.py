@@ -21,9 +21,9 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Failure, Solution, Values, common_rows, reference_first
 
-#: The first component with this fraction of the largest error is named, so that rounding does not decide.
+#: The first component with this fraction of the largest error is named, so that rounding does not affect the choice.
 ALIKE = 1.0 - 1e-9
-#: Marks a force left undetermined by redundant constraints: any value balances, so none is judged.
+#: Rule of a force that redundant constraints leave undetermined: any value balances, so the force is not judged.
 UNDETERMINED = "undetermined"
 
 
@@ -36,20 +36,20 @@ def compare(
     allowance: Allowance,
     refusals: Sequence[Refusal] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Compute errors of every pair of solutions in one angle chart (see `charts`).
+    """Compute errors of every pair of solutions, which must use one angle chart, see `in_one_chart`.
 
     Args:
-        failures: Engines without solution; rows of their pairs state the reason.
+        failures: Engines without solutions; the rows of their pairs give the reason.
         mobility: Uniqueness of forces.
         allowance: Accepted differences.
-        refusals: Samples without numbers, and why.
+        refusals: Samples without numbers, with reasons.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
     """
     errors, pairs = list[SizedResidual](), list[SizedResidual]()
     t, scales = timed(problem).t, natural_scales(mechanism)
-    # the truth is the reference: first of its pairs, and the measure of all others
+    # the truth is the reference: it comes first in its pairs and scales all others
     ordered, tolerance_of = reference_first(solutions.values()), allowance.tolerance_of
     apart = other_assemblies(mechanism, problem, ordered)
     for quantity in QUANTITIES:
@@ -65,7 +65,7 @@ def compare(
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append(replace(row, component=min({*names} ^ {*others}, default="")))
                 continue
-            # measured by the first engine of the run that has these components: one scale for all pairs
+            # the first engine of the run that has these components provides one scale for all pairs
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
@@ -84,14 +84,14 @@ def compare(
 
 
 def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
-    """True if a quantity is comparable: open-tree forces only belong to one tree, and other quantities to equal
-    parts."""
+    """Return True if a quantity can be compared: components must overlap, and open-tree forces must not belong to trees
+    of which one contains the other."""
     names, others = ({*one.values[quantity].components} for one in (a, b))
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
 def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResidual:
-    """Accept a pair, with the reason if it exceeds the scene's own tolerance."""
+    """Set the reason of an accepted pair whose error exceeds the scene's own tolerance."""
     if not row.ok:
         return row
     conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
@@ -100,17 +100,17 @@ def _accept(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResi
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
-    """Return the scale S of errors: largest magnitude of the reference in this unit, at least 1e-6 of the natural
-    one."""
+    """Return the scale S of errors: the reference's largest magnitude in a unit, at least 1e-6 times the natural
+    scale."""
     return max(largest(values.array[:, [i for i, u in enumerate(values.units) if u == unit]]), FLOOR * natural)
 
 
 def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
-    """Return component -> (rule that fixes it, True if unique under any rule); "" stands for all others."""
+    """Map components to the rule that fixes them and True if unique under any rule; "" means all other components."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
     driven = dict[str, str]()
-    if quantity == "axis_moment":  # as unique as the actuator at the coordinate
+    if quantity == "axis_moment":  # unique if the force of the coordinate's actuator is unique
         columns = zip(mechanism.actuator_names, mechanism.actuated_columns, strict=True)
         driven = {name: mechanism.coordinates[column] for name, column in columns}
     named = zip(mobility.names, mobility.unique, mobility.determined, strict=True)
@@ -123,7 +123,7 @@ def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -
 def _compare_with_tolerance(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
     """Add the rule that fixes a component, and compare its errors with the tolerance.
 
-    A component without unique value has no tolerance, and is neither right nor wrong unless it is NaN.
+    A component without a unique value has no tolerance, and is neither right nor wrong unless its error is NaN.
     """
     rule, unique = rules.get(row.component, rules[""])
     if rule == UNDETERMINED and np.isfinite(row.error):
@@ -136,29 +136,29 @@ def _components(
 ) -> Iterator[SizedResidual]:
     """Yield errors of each common component of a unit at samples that both engines solved.
 
-    The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
-    most beyond what it may be, if one is. Their reason is what integration has of them.
+    Yields the error that exceeds its limit most, or the largest error if all are within their limits. Limits vary from
+    sample to sample with conditioning and integration error. The reason states the share of integration error.
     """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
     chosen = [k for k, x in enumerate(first.components) if first.units[k] == unit and x in columns]
     names = [first.components[k] for k in chosen]
     difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
-    known = np.isfinite(difference)  # what is not a number is worse than anything
+    known = np.isfinite(difference)  # NaN counts as worse than any number
     grown, limits = granted.left, granted.limits
     scale, admitted = grown.scale, grown.admitted(len(t))[some]
     scaled, most = difference / scale, (limits[some] + admitted)[:, None]
     beyond = np.where(known, scaled - most, np.inf)
     open_at = known & (beyond > 0.0) & (scaled <= granted.doubts[some][:, None])
     undecided, lost = int(open_at.any(axis=1).sum()), (beyond > 0.0) & ~open_at
-    # what is decided comes first
+    # errors that are out of tolerance precede undecided ones
     beyond = np.where(open_at & lost.any(axis=0), 0.0, beyond)
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
     at = np.where(beyond.max(axis=0) > 0.0, np.argmax(beyond, axis=0), at)
     rms, usual = np.sqrt(np.mean(difference**2, axis=0)), float(limits.min())
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
-        # what conditions explain is the tolerance only where it is needed and suffices at all samples
+        # the limit by conditioning is the tolerance only if it is needed and all samples satisfy their limits
         enough = worst / scale <= usual + admitted[i] or beyond[:, k].max() > 0.0
         limit = usual if enough else float(limits[rows[i]])
         tolerance = float(limit + admitted[i])
@@ -182,7 +182,7 @@ def _components(
 
 
 def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
-    """Summarise the components of a quantity and unit by the worst one, out of tolerance first."""
+    """Summarise the components of a quantity and unit by the worst one; those out of tolerance take precedence."""
     every, rows = rows, [row for row in rows if not row.ok] or rows
     rows = [row for row in rows if not row.undecided] or rows
     sizes = np.array([row.error for row in rows])
@@ -196,13 +196,13 @@ def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
 
 
 def _explain(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> SizedResidual:
-    """Add the engines' own reason, if they have any, to a pair out of tolerance."""
+    """Add the engines' own reason, if any, to a pair out of tolerance."""
     if row.ok:
         return row
     for one in refusals:
         if one.engine in (a.engine, b.engine) and row.quantity in one.quantities:
             return replace(row, reason=f"{one.engine}: {one.sentence}")
-    if row.reason:  # of integration
+    if row.reason:  # the reason concerns integration
         return row
     admitted = {s.engine: s.errors[row.quantity].largest if row.quantity in s.errors else 0.0 for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])

@@ -1,7 +1,8 @@
 """Coverage: the share of each kind of term in the compared values, and parameters without influence on them.
 
-Engines also agree on terms that vanish. Coverage examines the terms of the equations, and the mass, centre of mass
-and inertia of each body and the point of each load: the columns of the regressor of the compared forces.
+Engines agree even on wrong terms if these vanish. Coverage examines the terms of the equations, and the parameters that
+form the columns of the regressor of the compared forces: mass, centre of mass and inertia of each body, and the point
+of each load.
 """
 
 from __future__ import annotations
@@ -35,15 +36,15 @@ Row = dict[str, Any]
 """A row of the coverage."""
 
 MOST = 51  # number of samples examined
-#: Numbers in the regressor; fewer samples where it had more, none where that leaves fewer than `FEWEST`.
+#: Largest number of entries in the regressor, which limits the samples, and the fewest samples worth examining.
 NUMBERS, FEWEST = 3_000_000, 3
-#: Fraction of the largest regressor column, or of a quantity, below which a column, or a term, is rounding.
+#: Fraction of the largest regressor column below which a column is rounding, and of a quantity below which a term is.
 NOTHING = 1e-9
-#: Share of inertia in the forces below which a motion tests statics.
+#: Share of inertia in the forces below which a motion tests only statics.
 STATICS = 0.01
 #: Number of poses at which random velocities are tried, and a tolerance that makes every effect visible.
 ANY, TINY = 6, 1e-300
-#: Names of terms that vanish.
+#: Term -> its name in messages.
 _NAMES = {
     "gravity": "gravity",
     "inertial": "inertial forces",
@@ -59,10 +60,11 @@ class Coverage:
     """Parameters and terms that the motion excites.
 
     Attributes:
-        shares: Rows quantity, unit, term, share: the largest magnitude of a kind of term over that of the quantity.
-            The terms of the Lie bracket are what is lost where these are left out.
-        parameters: Rows parameter, effect, smallest, tested: largest scaled change of a compared force by a parameter
-            that is wrong by its whole size, and the share of that size from which an error is out of tolerance.
+        shares: Rows with quantity, unit, term and share: the largest magnitude of a kind of term divided by the largest
+            magnitude of the quantity. For the Lie bracket, the term is the change if the bracket is left out.
+        parameters: Rows with parameter, effect, smallest and tested. The effect is the largest scaled change of a
+            compared force if the parameter is wrong by its full size; `smallest` is the share of that size from which
+            an error is out of tolerance.
         hidden: Names of parameters and terms that no motion through these poses reveals.
         planar: Whether all joints move in one plane.
         missing: Why coverage is unknown; empty if it is known.
@@ -81,7 +83,7 @@ class Coverage:
 
     @property
     def absent(self) -> list[str]:
-        """Kinds of terms that vanish in all compared numbers, among those of the scene."""
+        """Kinds of terms of the scene that vanish in all compared values."""
         there = {row["term"] for row in self.shares if row["share"]}
         lost = dict.fromkeys(row["term"] for row in self.shares if row["term"] not in there)
         products = [term for term in BRACKET[1:] if term in lost and "bracket" not in lost]
@@ -90,7 +92,7 @@ class Coverage:
 
     @property
     def inertia(self) -> tuple[str, float] | None:
-        """The first compared force and the share of inertia in it; None without compared forces."""
+        """Name of the first compared force, and the share of inertia in this force; None without compared forces."""
         by: dict[str, list[float]] = {}
         for row in self.shares:
             if row["term"] in ("inertial", "gyroscopic"):
@@ -144,8 +146,8 @@ def coverage(
     """Measure which mistakes a given motion would reveal in the requested quantities.
 
     Args:
-        solutions: Solutions; the first with joint coordinates gives the poses.
-        counted: Determined reactions.
+        solutions: Solutions; the first one with joint coordinates provides the poses.
+        counted: Uniqueness of forces; only determined reactions count.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
     """
     motion = problem.task
@@ -165,7 +167,7 @@ def coverage(
     try:
         with np.errstate(all="ignore"):  # NaN at some samples may be finite at others
             return _Composition(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
-    except ScrewgaugeError as error:  # engines met it too, and report it
+    except ScrewgaugeError as error:  # engines raise and report it, too
         return Coverage(missing=f"Coverage is not known: {error}.")
 
 
@@ -174,7 +176,7 @@ _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
 
 
 class _Composition:
-    """Composition of forces and accelerations, in a motion and, at some of its poses, in any other motion."""
+    """Composition of forces and accelerations along a motion, and along a random motion through some of its poses."""
 
     def __init__(
         self, mechanism: Mechanism, problem: Problem, counted: Mobility, q: Array, motion: GivenMotion
@@ -199,7 +201,7 @@ class _Composition:
         self.planar = normal_of_plane(twists) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
-        """Return the coverage of the motion, with the parameters and terms that no motion can reveal."""
+        """Return the coverage of the motion, including the parameters and terms that no motion can reveal."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))
@@ -211,9 +213,9 @@ class _Composition:
         return Coverage(shares, parts, "", hidden, self.planar)
 
     def _shares(self, rows: slice) -> tuple[tuple[Row, ...], dict[tuple[str, str], float]]:
-        """Return the shares of all terms at some rows, and the largest magnitude of each force and unit."""
+        """Return the shares of all terms at the given rows, and the largest magnitude of each force and unit."""
         (names, forces), found, sizes = self.terms, [*self._accelerations(rows)], dict[tuple[str, str], float]()
-        whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
+        whole = [i for i, name in enumerate(names) if name not in BRACKET]  # the bracket is a part of inertia
         for quantity, unit, array in forces:
             each = array[rows]
             size = max(largest(each[..., whole].sum(axis=2)), FLOOR * self.scales[unit])
@@ -222,7 +224,7 @@ class _Composition:
         return tuple(found), sizes
 
     def _accelerations(self, rows: slice) -> Iterator[Row]:
-        """Yield the loss of accelerations without the Lie bracket."""
+        """Yield the relative change of accelerations if terms of the Lie bracket are left out."""
         for (quantity, unit), array in self.whole.items():
             if quantity in self.wanted:
                 size = max(largest(array[rows]), FLOOR * self.scales[unit])
@@ -247,7 +249,7 @@ class _Composition:
 
 
 def _any_poses(y: Array) -> Rows:
-    """Return rows at which to try random velocities; empty if all poses share a coordinate. Shape (k,)."""
+    """Return rows at which to try random velocities; empty if an independent coordinate is constant. Shape (k,)."""
     n = ANY if np.ptp(y, axis=0).all() else 0
     return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
 

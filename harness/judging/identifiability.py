@@ -1,7 +1,7 @@
-"""Identifiability: the needs of every body by term and parameter, and the compared forces, a linear map of them by the
-witness's mechanics.
+"""Identifiability: wrenches that bodies require due to each term and parameter, and the resulting compared forces.
 
-Wrenches on bodies are force over moment about the centre of mass, in p cases of n samples: shape (p, n, n_body, 6).
+The compared forces are linear in these wrenches and computed by the witness's mechanics. A wrench on a body is a force
+followed by the moment about the centre of mass, in p cases of n samples: shape (p, n, n_body, 6).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from screwgauge.witness.wrenches import (
 )
 
 _SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
-#: Terms of the Lie bracket: all of it, and each of its products.
+#: Terms of the Lie bracket: the whole bracket, and each of its products.
 BRACKET = ("bracket", "w1 x w2", "w1 x v2", "w2 x v1")
 _Table = dict[str, tuple[tuple[str, ...], Array]]
 """Quantity -> units and values of its components, shape (n, m, p)."""
@@ -57,23 +57,23 @@ class CoveredMotion:
 
     @property
     def accelerations(self) -> tuple[Array, Array, Array]:
-        """Accelerations of joints, angular ones of bodies, and of centres of mass."""
+        """Accelerations of joints, angular accelerations of bodies, and accelerations of centres of mass."""
         return self.states.qdd, self.motion.com.b, self.motion.com.a
 
     @property
     def axial(self) -> tuple[str, Array] | None:
-        """Joint and direction of eq. (56), if that is the rule of redundant actuators."""
+        """Joint and direction of eq. (56), if redundant actuators follow this rule."""
         return self.mechanism.axial if self.problem.rule == "spherical_axial" else None
 
     @cached_property
     def lost(self) -> dict[str, tuple[Array, Array, Array]]:
-        """Losses of accelerations without single terms of the Lie bracket, in every loop and body."""
+        """Change of the accelerations due to each term of the Lie bracket, in every loop and body."""
         products = velocity_products(self.motion, self.states.qd)
         products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> tuple[Array, Array, Array]:
-        """Return accelerations lost without some of the `velocity_products`. Shape (n, n_freedom, 6)."""
+        """Return the accelerations due to some of the `velocity_products`, of shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products
@@ -87,10 +87,10 @@ class CoveredMotion:
 
 
 def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, q: Array) -> CoveredMotion:
-    """Build the mechanism in motion.
+    """Compute the mechanism's motion from closed poses and given rates.
 
     Args:
-        motion: The motion at these poses.
+        motion: The given motion at these poses.
         q: Joint coordinates of closed poses. Shape (n, n_q).
     """
     tree = mechanism_tree(mechanism, spanning_tree(mechanism), natural_scales(mechanism)["m"])
@@ -108,13 +108,13 @@ def compared_forces(at: CoveredMotion, needed: Array, counted: Mobility) -> Iter
     """Yield (quantity, unit, components) of every compared force. Shape (n, m, p).
 
     Args:
-        needed: Wrenches that joints and actuators must exert on each body: what bodies need themselves, and what
-            applied forces, rotors and friction add, which open trees lack but for rotors. Shape (2, p, n, n_body, 6).
-        counted: Determined reactions; other reactions are not compared.
+        needed: Wrenches that joints and actuators must exert on each body: first due to gravity and inertia, then due
+            to applied forces, rotors and friction, which open-tree forces omit. Shape (2, p, n, n_body, 6).
+        counted: Uniqueness of forces; only determined reactions are compared.
     """
     wanted, table, (own, applied) = at.problem.wanted, _Table(), needed
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
-        table[trees[0]] = _tree_forces(at, own)  # the second adds nothing
+        table[trees[0]] = _tree_forces(at, own)  # both quantities test the same parameters
     if wanted & _SOLVED:
         table |= _solve(at, own + applied, counted)
     for name, (units, array) in table.items():
@@ -133,7 +133,7 @@ def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]
 
 
 def _solve(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
-    """Solve for generalised and actuator forces, and the determined reactions."""
+    """Solve for generalised forces, actuator forces and the determined reactions."""
     mechanism, wanted, partial = at.mechanism, at.problem.wanted, at.admissible.partial
     Q = np.einsum("pnbx,nbxk->nkp", whole, at.admissible.bodies, optimize=True)
     table = {"generalized_force": (_units(mechanism, mechanism.independent_columns), Q)}
@@ -173,7 +173,7 @@ def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
 
 
 def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
-    """Return the names of the kinds of terms, and body needs due to each; the bracket's parts belong to `inertial`."""
+    """Return the kinds of terms and the required wrenches due to each; `inertial` includes the Lie bracket."""
     applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
     split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
     nothing = np.zeros((*com.p.shape[:2], 6))
@@ -197,7 +197,7 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
 
 
 def _needs_of_applied(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
-    """Return body needs due to applied forces. Shape (n, n_body, 6)."""
+    """Return the required wrenches on bodies due to applied forces. Shape (n, n_body, 6)."""
     return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
 
 
@@ -209,11 +209,11 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Array]:
-    """Return names of inertial parameters, load points, rotors and friction, and derivatives of body needs by each.
+    """Return names of inertial parameters, load points, rotors and friction, and derivatives of the required wrenches.
 
-    By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
-    body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
-    inertia. A body without mass has neither centre nor inertia.
+    Each derivative is multiplied by the size of its parameter: the body's mass (or the mechanism's, for a massless
+    body), the mechanism's length for a centre of mass or load point, and the body's largest moment of inertia about its
+    centre of mass. Massless bodies have no parameters of centre of mass and inertia.
     """
     columns, resist = [*_of_bodies(now), *_of_loads(now)], now.mechanism.resistances
     parts = np.zeros((2, len(columns) + len(resist), *now.motion.com.p.shape[:2], 6))

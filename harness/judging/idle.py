@@ -1,7 +1,7 @@
-"""Undriven coordinates: residuals between their motion and the motion that forces produce.
+"""Undriven (idle) coordinates: residuals that compare their given motion with the motion that forces produce.
 
-The witness solves for their accelerations independently. Integrated over some steps of the given motion, they must
-reproduce the change of its rates.
+The witness solves for the accelerations of these coordinates independently. Integrated over a few steps, these
+accelerations must reproduce the change in velocity of the given motion.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.grid import GridMotion
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
-#: Number of steps examined, and of points in each at which accelerations are solved.
+#: Number of steps examined, and number of points in each step at which accelerations are solved.
 STEPS, POINTS = 5, 8
-#: Largest step as a fraction of the time in which anything turns by a radian: eight points leave only rounding.
+#: Largest step as a fraction of the time in which any joint turns by a radian; eight points then leave only rounding.
 SHARE = 0.05
-#: How often steps are made shorter, and what the last term of accelerations may be of them, so that they are.
+#: Largest number of times that steps are shortened, and the fraction of the accelerations above which their last
+#: Legendre term requires shorter steps.
 SHORTER, FINE = 12, 1e-10
 #: Steps of Newton's method from the pose of a sample.
 NEWTON = 6
-#: What counts of the largest force in the work on a motion that does not meet it: some units in the last place, over
-#: the tolerance of residuals.
+#: Fraction of the largest force that counts as a term of the work on motions without this force: some units in the last
+#: place, divided by the tolerance of residuals.
 ROUNDED = 1e-3
 _ABOUT = ("joint_acceleration", *BODY_MOTION.values())
 
@@ -45,10 +46,10 @@ def neutral(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -
 
 
 def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> Array:
-    """Return the effect of idle accelerations on the others, from the engine's own body motions. Shape (n, n_q).
+    """Return the joint accelerations due to idle accelerations, found from the engine's body motions. Shape (n, n_q).
 
     Args:
-        answer: Answer with the given accelerations.
+        answer: Answer in which idle accelerations have their given values.
     """
     n, m, missing, columns = len(answer.t), len(idle), list[Array](), list[Array]()
     for what, part, size in (("a", slice(0, 3), answer.scales["m"]), ("b", slice(3, 6), 1.0)):
@@ -62,7 +63,7 @@ def of_bodies(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int])
 
 
 def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> float:
-    """Return the smallest inertia of some independent coordinates at any sample [kg m^2]."""
+    """Return the smallest inertia of the idle coordinates at any sample [kg m^2]."""
     mechanism, L = answer.mechanism, answer.scales["m"]
     size = np.array([arm(mechanism.units[column], L) for column in mechanism.independent_columns])
     own = np.diagonal(residuals.inertia_of(answer, admissible), axis1=1, axis2=2) * size**2
@@ -70,7 +71,7 @@ def least_inertia(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[i
 
 
 def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
-    """Yield residuals of the engine's own accelerations of idle coordinates, and of their motion.
+    """Yield residuals of the engine's accelerations of idle coordinates, and of the given motion of these coordinates.
 
     Args:
         answer: Answer with all joint coordinates, rates and accelerations.
@@ -79,12 +80,12 @@ def idle_residuals(answer: Answer, given: GivenMotion) -> Residuals:
     if given.idle:
         if any(answer.has(name) for name in _ABOUT):
             yield from _balance(answer, given.idle)
-        if given.drive is not None and not isinstance(given.drive, GridMotion):  # there all are held at rest
+        if given.drive is not None and not isinstance(given.drive, GridMotion):  # a grid's coordinates are at rest
             yield from _motion(answer, given, given.drive)
 
 
 def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
-    """Yield the work of body needs on motions that move no actuator, which must vanish."""
+    """Yield the work of the required wrenches on motions that move no actuator, which must vanish."""
     missing, terms = _work(answer, _admissible(answer), idle)
     mechanism = answer.mechanism
     labels, columns = [*mechanism.independent], mechanism.independent_columns
@@ -96,9 +97,10 @@ def _balance(answer: Answer, idle: Sequence[int]) -> Residuals:
 
 
 def _work(answer: Answer, admissible: AdmissibleMotion, idle: Sequence[int]) -> tuple[Array, Array]:
-    """Return the work of body needs on motions that move no actuator, shape (n, m), and its largest terms, (m,).
+    """Return the work of required wrenches on motions that move no actuator, (n, m), and its largest terms, (m,).
 
-    Rounding of these motions works against the whole weight, though a rod that spins weighs on its bearings alone.
+    The terms include a fraction of the largest force, because rounding of these motions does work against the whole
+    weight, even if, as for a spinning rod, only the bearings carry this weight.
     """
     required, sizes = residuals.required_wrenches(answer)
     load = residuals.level_sizes(sizes, answer.scales["m"])[:, 1].max(initial=0.0)
@@ -121,7 +123,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
         a = a.reshape(POINTS, len(rows), -1)
         if (np.abs(np.einsum("p,prm->rm", last, a)) <= FINE * np.maximum(np.abs(a).max(axis=(0, 1)), push)).all():
             break
-        h = 0.25 * h  # something is faster than anything turns
+        h = 0.25 * h  # accelerations vary faster than the rates suggest
     gained = 0.5 * h[:, None] * np.einsum("p,prm->rm", weights, a)
     missing = (drive(given.t[rows] + h).yd - given.yd[rows])[:, [*given.idle]] - gained
     mechanism, some = answer.mechanism, replace(answer, t=given.t[rows])
@@ -134,7 +136,7 @@ def _motion(answer: Answer, given: GivenMotion, drive: Callable[[Array], GivenMo
 
 
 def _steps(answer: Answer, given: GivenMotion) -> Array:
-    """Return durations of steps from each sample, at most to the next, backwards from the last [s]. Shape (n,)."""
+    """Return the duration of a step from each sample, at most to the next one [s]; negative at the last. Shape (n,)."""
     fall = (G0 / answer.scales["m"]) ** 0.5
     speed = max(fall, answer.fastest(1, "rad/s"), answer.fastest(2, "rad/s^2") ** 0.5)
     h = np.full(len(given), SHARE / speed)
@@ -146,7 +148,7 @@ def _steps(answer: Answer, given: GivenMotion) -> Array:
 
 
 def _answer_at(answer: Answer, given: GivenMotion, rows: Array) -> Answer:
-    """Build the answer at other states of a motion, closed from the poses of some samples. Shape (n,)."""
+    """Build the answer at different states of a motion, closed from the poses of the samples `rows`, of shape (n,)."""
     mechanism = answer.mechanism
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     joints[0] = answer.q[rows]

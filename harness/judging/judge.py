@@ -20,11 +20,11 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
-MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
+MOST = 201  # largest number of samples for residuals that need a pass over the tree per coordinate or a solution
 _MOTION = ("joint_velocity", "joint_acceleration")
 _FORCES = (*residuals.WORKING, "reaction")
 _PER = ("", "/s", "/s^2")
-#: Residual, quantity that it judges, and what the order of the derivative adds to the unit of a coordinate.
+#: Residual, quantity that it judges, and suffix that the derivative adds to a coordinate's unit.
 _CLOSURE = (
     ("loop_closure", "joint_position", _PER[0]),
     ("loop_rate", "joint_velocity", _PER[1]),
@@ -42,14 +42,15 @@ def judge(
     tolerance_of: Callable[[str], float] = lambda quantity: 0.0,
     again: Sequence[Solution] = (),
 ) -> pd.DataFrame:
-    """Compute residuals of answered quantities, one row per residual and unit; missing data are computed for a given
-    motion.
+    """Compute residuals of the solved quantities, one row per residual and unit.
+
+    For a given motion, missing rates, accelerations and forces are computed where possible.
 
     Args:
-        problem: The problem; its gravity overrides that of a model file.
+        problem: The problem; its gravity overrides the gravity of a model file.
         refused: Samples without values, which cannot be judged.
-        tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
-            scene admits more than `tolerance` may be as large.
+        tolerance_of: Quantity -> scaled error that the scene allows for a given motion. If larger than `tolerance`, it
+            limits the residuals of that quantity.
         again: The same simulation with looser tolerances.
     """
     task = timed(problem)
@@ -63,11 +64,11 @@ def judge(
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
-        # without velocities accelerations close no loop: those of a few samples are completed
+        # closure of accelerations needs velocities: missing ones are computed at a few samples
         table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
         if not {*whole.values} <= {"joint_position", "joint_velocity"}:
             table += _judge_bodies(whole, some, task.part(rows[few]))
-    else:  # what a simulation has passed on its way excuses no sample
+    else:  # singular poses that a simulation has passed do not relax tolerances
         parts = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
         whole, some = (replace(part, admitted=0.0) for part in parts)
         table = [*closure(whole)]
@@ -81,7 +82,7 @@ def judge(
 
 
 def _knows_joints(solution: Solution) -> bool:
-    """True if the placement of the joints is known."""
+    """Return True if the positions of the joints are known."""
     return "joint_position" in solution.values or solution.assembly is not None
 
 
@@ -91,11 +92,11 @@ def _few(rows: Rows) -> Rows:
 
 
 def _judge_bodies(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
-    """Yield residuals of body motions and forces, and of accelerations without velocities.
+    """Yield residuals of body motions and forces, and of accelerations if velocities are missing.
 
     Args:
-        whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
-        motion: The given motion at these few.
+        whole, some: The answer at all samples and at a few; all samples are judged if no quantity is missing.
+        motion: The given motion at the few samples.
     """
     tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
@@ -139,7 +140,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
 
     Args:
         given: The given motion, if any; second derivatives of its idle coordinates follow from the forces.
-        orders: Orders of the derivatives, as far as the answer has them.
+        orders: Orders of the derivatives; orders missing from the answer are skipped.
     """
     mechanism = answer.mechanism
     names = [f"{joint}.{axis}" for joint in answer.tree.closures for axis in "xyz"]
@@ -164,13 +165,13 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
                     components.append(f"{label} as asked")
                     columns.append(values[:, [column]] - y[order][:, [k]])
             if components:
-                # velocities and accelerations are measured against the largest of the motion
+                # velocities and accelerations are scaled by the largest value of the motion
                 size = answer.fastest(order, unit)
                 yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size, (quantity,))
 
 
 def body_motions(answer: Answer) -> Residuals:
-    """Yield reported body motions minus those computed from the joint coordinates."""
+    """Yield differences between reported body motions and those computed from the joint coordinates."""
     for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]
@@ -188,9 +189,9 @@ def admitted_by(answer: Answer) -> AdmissibleMotion:
 
 
 def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
-    """Return the size of the terms at the states of a given motion, by unit: rates, accelerations, forces.
+    """Return the size of the terms of rates, accelerations and forces at the states of a motion, by unit.
 
-    The smallest size over several answers counts, so that no engine can make its own errors look small.
+    The smallest size over all answers is returned, so that no engine can make its own errors look small.
     """
     found = list[dict[str, float]]()
     for solution in solutions:
@@ -218,7 +219,7 @@ def _summands(answer: Answer) -> dict[str, float]:
 def answer_in_motion(
     mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
 ) -> tuple[Answer, AdmissibleMotion]:
-    """Return the complete answer to a given motion at some samples, and the motions admitted by its loops."""
+    """Return the answer at some samples, completed if the motion is given, and the motions that its loops admit."""
     answer = answer_at(mechanism, problem, solution, rows)
     admissible = admitted_by(answer)
     if isinstance(problem.task, GivenMotion):

@@ -1,7 +1,7 @@
 """Forces in a model file that no engine includes, measured at the states of an answer.
 
-Every entry of `Mechanism.left_out` becomes what bodies need besides, a wrench on each; from there it is a force of
-actuators, along coordinates, or in joints, like any other. Signs are those of demands.
+Every entry of `Mechanism.left_out` is converted to additional wrenches that bodies require, and then to forces of
+actuators, along coordinates or in joints. Forces have the sign of required forces.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class LeftOutTerm:
     """A kind of omitted force.
 
     Attributes:
-        kind: A kind among those above.
+        kind: One of the kinds named by the constants of this module.
         names: Owners, each as noun and name: ``joint m1``.
-        size: Largest force that it adds to one of the actuators; where these do not drive all freedoms, along an
-            independent coordinate [unit].
-        of: Largest of these forces including all omitted ones [unit].
-        component, t: Place and time [s].
-        file: Name of the model file that has it; empty for the file from which the description was made.
+        size: Largest force that this kind adds to an actuator or, if actuators do not drive all degrees of freedom,
+            along an independent coordinate [unit].
+        of: Largest total force of this unit in the same components, including all omitted forces [unit].
+        component, t: Component and time [s] of the largest force.
+        file: Name of the model file that contains the force; empty for the file from which the description was made.
     """
 
     kind: str
@@ -72,7 +72,7 @@ class LeftOutTerm:
 
     @property
     def inertia(self) -> bool:
-        """True for inertia, which changes the motion under any force."""
+        """True for armature, which changes the motion under given forces."""
         return self.kind == ARMATURE
 
 
@@ -86,7 +86,7 @@ class MeasuredPart:
 
     Attributes:
         admissible: Motions that the loops admit.
-        needed: Body needs by kind.
+        needed: Kind -> required wrenches on bodies.
         names: Kind -> its owners.
     """
 
@@ -101,16 +101,16 @@ class MeasuredPart:
         return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
-        """Return forces along the independent coordinates that meet body needs. Shape (n, k)."""
+        """Return forces along the independent coordinates that supply the required wrenches. Shape (n, k)."""
         return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
-        """Return the minimum-norm actuator forces that meet body needs. Shape (n, n_actuator)."""
+        """Return the minimum-norm actuator forces that supply the required wrenches. Shape (n, n_actuator)."""
         back = np.linalg.pinv(np.swapaxes(self.driven, 1, 2))
         return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
 
     def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
-        """Share of the joints in them besides the actuators. Shape (n, m)."""
+        """Return joint reactions that, with the actuator forces, supply the required wrenches. Shape (n, m)."""
         answer, need = self.answer, wrenches.copy()
         com = answer.motion.com
         driving = [unit for _, unit in unit_wrenches_of(answer, "actuator_force")]
@@ -155,10 +155,10 @@ Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredForces:
-    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit bodies times freedoms.
+    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit memory.
 
     Attributes:
-        springs: Springs of the scene; forces of those along a joint are not left out of it.
+        springs: Springs of the scene; forces of springs along a joint are included, and thus not omitted.
     """
 
     moments: Moments
@@ -177,7 +177,7 @@ class MeasuredForces:
             yield MeasuredPart(answer, admissible, needed, names)
 
     def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Yield the largest force of each kind of omitted term; among units, the one with the largest share."""
+        """Yield the largest force of each kind of omitted term, in the unit in which its share is largest."""
         if not self.left_out:
             return
         times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
@@ -217,7 +217,7 @@ class MeasuredForces:
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds of an entry, and body needs for each."""
+    """Yield the kinds of an entry, and the required wrenches on bodies for each."""
     match one:
         case StrokeResistance() if one.path:
             yield from _along_path(answer, one)
@@ -245,7 +245,7 @@ def _shape(answer: Answer) -> tuple[int, int, int]:
 
 
 def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
-    """Wrench on the second of two bodies of a force at a point and a moment, and its reaction on the first."""
+    """Return wrenches of a force at a point and a moment on the second of two bodies, and the reaction on the first."""
     total, index = np.zeros(_shape(answer)), answer.mechanism.body_index
     for body, sign in zip(bodies, (-1.0, 1.0), strict=True):
         if (i := index.get(body, 0) - 1) >= 0:
@@ -255,7 +255,7 @@ def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Arra
 
 
 def _along_stroke(answer: Answer, one: StrokeResistance, springs: Iterable[JointSpring]) -> Needed:
-    """Kind -> force along the stroke, minus that of the joint's own springs. Shape (n,)."""
+    """Map kinds to forces along the stroke, minus the forces of the scene's springs at the joint. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
     forces = _resisting(one, stroke, rate, acceleration)
@@ -270,7 +270,7 @@ def _along_stroke(answer: Answer, one: StrokeResistance, springs: Iterable[Joint
 
 
 def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
-    """Kind -> force along the stroke. Shape (n,)."""
+    """Map kinds to forces along the stroke. Shape (n,)."""
     return {
         ARMATURE: one.armature * acceleration,
         DAMPING: damper_law(one.damping, rate),
@@ -280,7 +280,7 @@ def _resisting(one: StrokeResistance, stroke: Array, rate: Array, acceleration: 
 
 
 def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds along a path, and the needs at its ends and bends."""
+    """Yield the kinds along a path, and the required wrenches at its ends and bends."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stacked(frames))
     way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
@@ -302,7 +302,10 @@ def _along_path(answer: Answer, one: StrokeResistance) -> Iterator[tuple[str, Ar
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:
-    """Yield the kinds of a ball joint, about the child's axes; for a free joint also along world axes."""
+    """Yield the kinds of a ball joint, and the required wrenches.
+
+    Moments are about the child's axes; a free joint also has forces along world axes.
+    """
     joint = answer.mechanism.joint(one.joint)
     near, far = (_at(answer, answer.tree.on(body, frame)) for body, frame in joint.sides)
     R, point = far.R[:, 0], far.p[:, 0]

@@ -18,16 +18,16 @@ JUDGE = "judge"
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Error of a quantity: between two answers, against the right value, or of an equation.
+    """Error of a quantity between two answers or against the right value, or residual of an equation.
 
     Attributes:
-        quantity: Or the name of an equation, of which `b` is ``judge``.
+        quantity: Quantity, or the name of an equation; for equations, `b` is ``judge``.
         a, b: Engines, models or methods.
         error: Largest scaled error; NaN if a value is missing.
-        tolerance: Limit of agreement; `reason` explains it, or why it is exceeded.
-        ok: None of what has no unique value.
-        component, t: Place and time [s] of the maximum; NaN without a time.
-        values: Values of `a` and `b` there [unit].
+        tolerance: Limit of agreement; `reason` explains the limit, or why it is exceeded.
+        ok: Whether the error is within tolerance; None if the quantity has no unique value.
+        component, t: Component and time [s] of the maximum; the time may be NaN.
+        values: Values of `a` and `b` at the maximum [unit].
     """
 
     quantity: str
@@ -49,27 +49,27 @@ class Residual:
 
     @property
     def share(self) -> float:
-        """Error divided by its tolerance; infinite without a number or tolerance."""
+        """Error divided by its tolerance; infinite if either is missing."""
         size = self.error / self.tolerance if self.tolerance else math.inf
         return size if math.isfinite(size) else math.inf
 
     @property
     def digits(self) -> float:
-        """Digits of agreement, NaN without a number."""
+        """Digits of agreement, NaN if the error is NaN."""
         return digits(self.error)
 
 
 @dataclass(frozen=True, slots=True)
 class SizedResidual(Residual):
-    """A residual with its sizes.
+    """A residual with absolute errors and scale.
 
     Attributes:
-        max_abs, rms: Largest and root mean square error [unit]; scaled if of several units.
+        max_abs, rms: Largest and root mean square error [unit]; scaled errors if there are several units.
         scale: Divisor of the errors [unit].
         rule: Rule that fixes the quantity if it is redundant.
-        unique: Whether its value is the same under any rule.
-        undecided: At how many samples it is out of tolerance by no more than whoever is judged admits; 0 where it is by
-            more at any.
+        unique: Whether the quantity's value is the same under any rule.
+        undecided: Number of samples out of tolerance but within the errors that the engines estimate themselves; 0 if
+            the error exceeds these estimates at any sample.
     """
 
     max_abs: float = math.nan
@@ -87,7 +87,7 @@ def _columns(names: str, **elsewhere: str) -> dict[str, str]:
     return {name: elsewhere.get(name, name) for name in names.split()}
 
 
-#: Column -> attribute of a `SizedResidual`: of components, of pairs, and of equations.
+#: Column -> attribute of a `SizedResidual`, for the tables of components, pairs and equations.
 ERROR_COLUMNS = _columns(
     "quantity component unit a b max_abs rms max_scaled scale worst_t rule unique tolerance ok",
     max_scaled="error",
@@ -121,5 +121,5 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
 
 
 def columns_of(row: type[Any]) -> dict[str, str]:
-    """Map the columns of a dataclass to its fields, under their own names."""
+    """Map columns to the fields of a dataclass, with equal names."""
     return {field.name: field.name for field in fields(row)}

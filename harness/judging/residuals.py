@@ -55,7 +55,7 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         loaded: Whether to include loads, springs and motors besides inertia and gravity.
 
     Returns:
-        Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
+        Wrenches, shape (n, n_body, 6), and the largest force and moment among each body's terms, shape (n_body, 2).
     """
     tree, applied = answer.tree, answer.applied
     w, b, a = (
@@ -78,7 +78,7 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
 
 
 def _vectors(array: Array) -> Array:
-    """Reshape to vectors of each body, laid out as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
+    """Reshape to one vector per body in the memory layout of `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
     vectors = lanes(len(array), array.shape[1] // 3, 3)
     vectors[:] = array.reshape(vectors.shape)
     return vectors
@@ -96,13 +96,13 @@ def level_sizes(sizes: Array, length: float) -> Array:
 
 
 def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
-    """Yield unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
+    """Yield each quantity, ``reaction`` or ``actuator_force``, with the unit wrench of each of its components."""
     for quantity in quantities:
         yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
 
 
 def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
-    """Return an answer's value of a unit wrench [N or N m]. Shape (n, 1)."""
+    """Return an answer's values of the component that a unit wrench represents [N or N m]. Shape (n, 1)."""
     values = answer.values[quantity]
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
@@ -110,8 +110,8 @@ def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """Yield the balance residual of each body under the reported reactions and actuator forces.
 
-    It is scaled by the largest force on the body, or moment divided by the mechanism's length: rounding of a force is
-    rounding of its moment, though its lever may be zero at this body.
+    It is scaled by the largest force on the body, or moment divided by the mechanism's length. Rounding of a force also
+    causes rounding of its moment, even if the force has no lever at this body.
     """
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
@@ -131,28 +131,28 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
 
 
 def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """Yield the power of motion, gravity and loads minus that of the actuators."""
+    """Yield the power of inertia, gravity and loads minus the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
     moved = np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     taken, terms = required * moved, np.repeat(sizes, 3, axis=1) * moved
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
-    # at a dead centre the sum is zero and only its terms show the size of rounding
+    # at a dead centre the sum is zero, and only its terms show the size of rounding
     size, about = largest(given, terms, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
 def _loose(answer: Answer, rates: Array) -> Array:
-    """Return the actuator power as scale of allowed errors; rates are (n, n_actuator, ...)."""
+    """Return the power of the actuator forces whose tolerance the scene loosens; rates are (n, n_actuator, ...)."""
     forces = [answer.loosened("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
 def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
-    """Yield the work of required wrenches on admissible motions minus that of generalised and actuator forces.
+    """Yield the work of required wrenches on admissible motions minus the work of generalised and actuator forces.
 
-    Moments about the joints' own axes count without the springs and motors there, which the wrenches contain. Where an
-    answer has no forces the former must vanish, whatever the reactions. It is scaled by its largest term.
+    Springs and motors at joints are subtracted from axis moments, because the wrenches contain them. If an answer has
+    no forces, the work of the wrenches must vanish for any reactions. The residual is scaled by its largest term.
     """
     mechanism = answer.mechanism
     joints, bodies = admissible.partial, admissible.bodies
@@ -179,14 +179,17 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
 
 
 def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
-    """Return the inertia of all bodies and rotors in the admitted motions. Shape (n, k, k)."""
+    """Return the inertia of all bodies and rotors for the admissible motions. Shape (n, k, k)."""
     partial = admissible.partial
     M = inertia(answer.motion) + np.diag(answer.mechanism.rotors)
     return np.asarray(partial.swapaxes(1, 2) @ M @ partial)
 
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Yield reported inertia minus that of all bodies in the admitted motions, composed from the tips inwards."""
+    """Yield the reported mass matrix minus the inertia of all bodies for the admissible motions.
+
+    The latter is composed from the tips of the tree inwards.
+    """
     mechanism, length = answer.mechanism, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
@@ -201,7 +204,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
 
 
 def jacobian(answer: Answer, admissible: AdmissibleMotion, idle: Collection[int]) -> Residuals:
-    """Yield reported minus admitted rates per rate of each actuator; `idle` coordinates rest."""
+    """Yield reported minus admissible rates per rate of each actuator; `idle` coordinates are at rest."""
     mechanism, com, points = answer.mechanism, answer.motion.com, answer.points
     v, w = np.split(admissible.bodies, 2, axis=2)  # shapes (n, n_body, 3, k)
     spots = [(i, -body.com) for i, body in enumerate(mechanism.bodies)]
@@ -239,8 +242,8 @@ TREE_FORCES = ("tree_force", "tree_force_soft")
 def tree_forces(answer: Answer) -> Residuals:
     """Yield reported forces minus the work of gravity and inertia when a single joint of the tree moves.
 
-    The tree consists of the named joints. A joint that leads to a body already reached leads to a copy of that
-    body; the body and its copies have equal shares of its mass.
+    The tree consists of the joints named in the answer. A joint that leads to a body already reached leads to a copy of
+    that body; the body and its copies have equal shares of the mass.
     """
     mechanism, needed = answer.mechanism, dict[tuple[str, ...], Array]()
     for quantity in TREE_FORCES:
@@ -264,7 +267,7 @@ def tree_forces(answer: Answer) -> Residuals:
             left = values.array[:, units == unit] - right
             some = [name for name, has in zip(names, units, strict=True) if has == unit]
             size = max(largest(right), load * arm(unit, answer.scales["m"]))
-            if quantity == "tree_force_soft":  # soft constraints convert the closure residual of rounding into force
+            if quantity == "tree_force_soft":  # soft constraints convert closure residuals due to rounding to forces
                 size = max(size, answer.softness.get(unit, 0.0) / answer.tolerance)
             yield answer.residual(quantity, unit, some, left, size, (quantity,))
 
@@ -280,14 +283,14 @@ def _tree_force(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple
 
 
 def _is_ruled(answer: Answer) -> bool:
-    """True if actuators outnumber freedoms."""
+    """Return True if there are more actuators than degrees of freedom."""
     return len(answer.mechanism.actuator_names) > len(answer.mechanism.independent)
 
 
 def balanced(answer: Answer, required: Array) -> Answer:
-    """Complete an answer with reactions and actuator forces from the balance of the bodies.
+    """Complete an answer with reactions or actuator forces computed from the balance of the bodies.
 
-    Reactions follow only under a rule about reactions, and nothing follows if both are missing.
+    Reactions are computed only for a rule about reactions. If both quantities are missing, neither is computed.
 
     Args:
         required: Wrenches from `required_wrenches`. Shape (n, n_body, 6).
@@ -319,9 +322,9 @@ def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Re
 
 
 def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
-    """Yield the part of the actuator forces without effect on motion; it vanishes at minimum norm.
+    """Yield the part of the actuator forces without effect on motion, which vanishes for minimum-norm forces.
 
-    Minimum-norm forces are orthogonal to every preload, which does no work on any admissible motion.
+    Minimum-norm forces are orthogonal to every preload. A preload does no work on any admissible motion.
     """
     mechanism, f = answer.mechanism, answer["actuator_force"]
     rates = admissible.partial[:, mechanism.actuated_columns]
@@ -349,19 +352,19 @@ def _axial(answer: Answer) -> Residuals:
             sizes.append(largest(force))
             if act.joint is joint:
                 F += force
-    i = mechanism.body_index[joint.child]  # 0 of ground, which is none of the moving bodies
+    i = mechanism.body_index[joint.child]  # 0 for ground, which is not among the moving bodies
     line = answer.motion.bodies.R[:, i - 1] @ direction if i else np.tile(direction, (len(answer.t), 1))
     names = [f"{name}.f{axis}" for axis in "xyz"]
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
 
 
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
-    """Yield the energy gained since the first sample minus the work done since [J], if known.
+    """Yield the energy gained since the first sample minus the work done since then [J], if known.
 
-    It is scaled by the largest of its terms: kinetic, gravity, springs, work.
+    It is scaled by its largest term: kinetic energy, gravity, springs or work.
 
     Args:
-        looser: The same motion integrated with looser tolerances: what of the balance that changes is integration.
+        looser: The same motion integrated with looser tolerances; changes in the balance count as integration error.
     """
     if (balance := _balance(answer)) is None:
         return

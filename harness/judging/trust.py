@@ -1,8 +1,8 @@
 """Trustworthy accuracy: estimated errors, singular poses passed, integration errors, rejected samples.
 
-Conditioning and integration are what engines estimate of their errors; of a simulation, the same motion integrated less
-exactly shows how large that of integration is. Samples without numbers get the singularity that is the reason, by the
-description alone."""
+Errors are estimated from conditioning, and for simulations also from integration: the same motion, integrated with
+looser tolerances, shows the size of the integration error. For samples without numbers, the singularity that is the
+reason is found from the description."""
 
 from __future__ import annotations
 
@@ -41,9 +41,10 @@ class Guarded:
     """Estimated accuracy of one quantity of an engine over all solved samples.
 
     Attributes:
-        condition: Largest condition number of the systems it was solved from.
+        condition: Largest condition number of the systems from which the quantity was solved.
         estimate: Largest estimated error, infinite if no digit is correct or the value is missing.
-        flagged: Number of samples above that limit, those without a number among them.
+        flagged: Number of samples whose estimate exceeds the limit of the number type, including samples without a
+            number.
         worst_t: Time of the largest estimate [s].
     """
 
@@ -61,7 +62,7 @@ class Guarded:
 
 
 def guarded(solution: Solution, t: Array) -> list[Guarded]:
-    """Build a row for each quantity with an estimate; `t`: times [s], shape (n,)."""
+    """Build a row for each quantity with an error estimate; `t` contains the times [s], shape (n,)."""
     rows = []
     for name, flags in flagged(solution).items():
         error = solution.errors[name]
@@ -77,15 +78,16 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
     Args:
         q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
         t: Times [s]. Shape (m,).
-        near: Condition number assumed of a singular pose that lies between two samples: those above are stepped over.
+        near: Condition number assumed for a singular pose between two samples; poses above it are stepped over.
 
     Returns:
-        Largest condition number of the closed loops over y met up to each sample, shape (m,). What rounding may have
-        made of it: accelerations next to a singular pose are off by about eps times the square, and every later sample
-        has that behind it; infinite where no digit is left, shape (m,). Where the motion passed singular poses, if it
-        did.
+        Largest condition number of the closed loops over y up to each sample, shape (m,).
+        Error that rounding may have caused up to each sample, shape (m,). Accelerations near a singular pose have an
+        error of about eps times the condition number squared, which affects all later samples; infinite if no digit is
+        correct.
+        Description of the singular poses that the motion passed, if any.
     """
-    A = loop_equations(lay).matrix(q)  # no coordinate is at rest here: those that are may begin to move at such a pose
+    A = loop_equations(lay).matrix(q)  # includes coordinates at rest, which may begin to move at a singular pose
     condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
     signs = np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))  # no sign with redundant rows
     crossed = np.flatnonzero(signs[1:] * signs[:-1] < 0)
@@ -106,11 +108,12 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
     return met, np.where(estimate < linear.DIGIT, estimate, np.inf), note
 
 
-#: Tolerances of further runs over that of the first. Steps that truncation decides leave an error in proportion to
-#: them: the largest difference of two of the runs is nine times the error.
+#: Tolerances of further runs relative to the first run. If truncation determines the steps, errors are proportional to
+#: the tolerances, and the largest difference between two runs is nine times the error of the first run.
 LOOSER = (3.0, 10.0)
-#: Where rounding decides, all runs are off by as much, each by chance: of 40 light cart-poles, whose motion is known,
-#: the largest difference of three runs was 0.31 of the error of the first at least, that of two runs 0.05.
+#: Factor of the largest difference. If rounding dominates, all runs have random errors of equal size. For 40 light
+#: cart-poles with known motion, the largest difference among three runs was at least 0.31 of the first run's error; the
+#: difference between two runs was at least 0.05 of that error.
 SAFETY = 4.0
 
 
@@ -125,11 +128,12 @@ def integration_note(found: Integrated) -> str:
 
 
 def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
-    """Estimate a simulation's error from runs with looser tolerances over their common time: it never decreases, and is
-    NaN where a run has no number.
+    """Estimate a simulation's integration error from runs with looser tolerances.
+
+    The error never decreases in time, and is NaN from the first sample at which a run has no number.
 
     Args:
-        looser: The same quantities from those runs; none where they failed.
+        looser: The runs with looser tolerances, with the same quantities and samples; empty if they failed.
     """
     errors: dict[str, dict[str, Array]] = {}
     for name, has in solution.values.items() if looser else ():
@@ -143,7 +147,7 @@ def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
 
 
 def _largest_difference(a: Values, b: Values, unit: str) -> Array:
-    """Return the largest component difference of a unit up to each sample. Shape (n,)."""
+    """Return the largest difference in components of a unit up to each sample. Shape (n,)."""
     columns = [i for i, has in enumerate(a.units) if has == unit]
     difference = a.array[:, columns] - b.array[:, columns]
     if unit == "rad":
@@ -151,7 +155,7 @@ def _largest_difference(a: Values, b: Values, unit: str) -> Array:
     return np.asarray(np.maximum.accumulate(np.abs(difference).max(axis=1)))  # NaN persists
 
 
-#: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
+#: Condition number above which a singular pose or a gimbal lock counts as the reason for missing numbers.
 NEAR = 1e8
 SHOWN = 5
 
@@ -174,14 +178,14 @@ class Refusal:
 
 
 def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tuple[Refusal, ...]:
-    """Group the samples of a given motion without complete numbers by their reasons."""
+    """Group the samples of a given motion that lack numbers by reason."""
     motion = problem.task
     if not isinstance(motion, GivenMotion):
         return ()
     groups: dict[tuple[tuple[int, ...], tuple[str, ...]], list[str]] = {}
     for quantity in (name for name in QUANTITIES if name in solution.values):
         lost = ~np.isfinite(solution.values[quantity].array)
-        # an engine that estimates no conditioning has refused nothing: what it lacks is its own fault
+        # without an estimate of conditioning, missing numbers do not count as rejected: they are the engine's fault
         error = solution.errors.get(quantity)
         condition = np.zeros(1) if error is None or error.condition is None else error.condition
         lost &= ~(condition <= linear.SINGULAR)[:, None]

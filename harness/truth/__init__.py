@@ -1,13 +1,13 @@
 """The truth: motion and forces in ball arithmetic, each number with a rigorous radius.
 
-Independent of `screwgauge.reference`: only the tables of a description, their names and an unverified starting guess
-of the positions come from there. Needs python-flint (the extra ``truth``).
+It takes only the tables of a description, their names and an unverified starting guess of the positions from
+`screwgauge.reference`, and is independent of its equations. It needs python-flint (the extra ``truth``).
 """
 
 #: Largest number of samples that the engine solves.
 MOST = 201
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
-#: Quantity that the engine does not give -> reason.
+#: Quantity that the engine does not compute -> reason.
 LACKS = {
     **_OPEN,
     "mass_matrix": "its Newton-Euler equations are solved whole",

@@ -1,8 +1,9 @@
 """Disk cache of results and machine code, keyed by their inputs and trusted only if this user's program wrote them.
 
-Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
-beside it; so does each line of a journal of long work. So a file that was edited, or put in the place of another one,
-is not used but made anew, and machine code is run, and a script is put into a page, only as it was written here.
+Each file carries a code (HMAC) of its key, of the version that wrote it and of its content. The secret for this code is
+stored in the same folder. Each line of a journal of long work carries such a code, too. A file that was edited or
+exchanged for a different one is therefore not used but computed again, and machine code and scripts in pages are used
+only as this program wrote them.
 """
 
 from __future__ import annotations
@@ -28,29 +29,29 @@ Arrays = Mapping[str, NDArray[Any]]
 VARIABLE = "SCREWGAUGE_CACHE"
 DAMAGED = "the cache file was damaged; computed anew"
 STALE = "the cache file was of another version; computed anew"
-#: The secret's file, and its length in bytes.
+#: Name of the file with the secret, and length of the secret in bytes.
 SECRET, LENGTH = "secret-1", 32
-MOST = 2**28  # bytes of a file
+MOST = 2**28  # largest size of a file in bytes
 _FAMILY, _MAGIC = b"screwgauge-", b"screwgauge-cache-1"
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _CHANGEABLE = stat.S_IWGRP | stat.S_IWOTH
 
 
 class _UnsafeError(OSError):
-    """Raised for a file or folder that others could have written."""
+    """Raised for a file or folder that other users could have written, or that cannot be trusted in another way."""
 
 
 def folder() -> Path:
     """Return the cache directory: ``$SCREWGAUGE_CACHE``, else ``screwgauge/truth`` in the user's cache folder.
 
     Raises:
-        OSError: There is no such place, as the user has no folder of his own.
+        OSError: The user has no home folder, and no environment variable names a cache directory.
     """
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
     place = os.environ.get("XDG_CACHE_HOME", "")
-    if not os.path.isabs(place) and os.environ.get("HOME") != "":  # one that is not, the specification ignores
+    if not os.path.isabs(place) and os.environ.get("HOME") != "":  # the specification ignores relative paths
         place = os.path.expanduser("~/.cache")
     if not os.path.isabs(place):
         raise OSError(f"there is no home folder; {VARIABLE} can name another one")
@@ -58,7 +59,7 @@ def folder() -> Path:
 
 
 def digest(*parts: Any) -> str:
-    """Hash texts, bytes and tables; the order counts, because it is that of columns."""
+    """Hash strings, bytes and tables; the order of a table's keys matters, because it is the order of columns."""
     total = hashlib.sha256()
     for part in parts:
         data = part if isinstance(part, bytes) else json.dumps(part, default=str).encode()
@@ -67,21 +68,21 @@ def digest(*parts: Any) -> str:
 
 
 def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") -> str:
-    """Hash the code and packages that results depend on besides their key; a new version invalidates them.
+    """Hash the code and packages on which results depend, apart from their key; a new version invalidates results.
 
     Args:
         folders: Folders of source files, searched recursively.
-        packages: Distributions.
+        packages: Names of distributions, whose versions are included.
     """
     files = sorted(path for folder in folders for path in folder.rglob("*.py"))
     return digest(extra, [f"{name} {version(name)}" for name in packages], *(path.read_bytes() for path in files))
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """Read the arrays under a key, and a sentence on what is wrong with the file, if anything.
+    """Return the arrays stored under a key, or None, and a sentence about any fault of the file.
 
     Args:
-        key: Hash of all that it was made of.
+        key: Hash of all inputs of the result.
         version: Version of the code; a file of another version is stale.
     """
     try:
@@ -105,12 +106,12 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
     try:
         with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}, ""
-    except Exception:  # numpy, zip and zlib raise what they like about a file
+    except Exception:  # numpy, zip and zlib may raise any exception for a damaged file
         return None, DAMAGED
 
 
 def write(key: str, version: str, arrays: Arrays) -> str:
-    """Write a result; return a sentence instead of raising if that fails."""
+    """Write a result; if this fails, return a sentence instead of raising an exception."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     payload, writer = buffer.getvalue(), version.encode()
@@ -125,10 +126,10 @@ def write(key: str, version: str, arrays: Arrays) -> str:
 
 
 def signer() -> Callable[[str, str], str]:
-    """Return a function that signs a text under a key with the folder's secret.
+    """Return a function that takes a key and a string, and signs them with the folder's secret.
 
     Raises:
-        OSError: There is no such folder of this user's own.
+        OSError: The folder cannot be created or opened, or other users could have written into it.
     """
     folder().mkdir(mode=0o700, parents=True, exist_ok=True)
     with _open() as place:
@@ -137,7 +138,7 @@ def signer() -> Callable[[str, str], str]:
 
 
 def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
-    """Compute a hexadecimal code that includes lengths, so that nothing can move between parts."""
+    """Compute a hexadecimal code that includes the lengths of all parts, so that no bytes can move between parts."""
     parts = (key.encode(), version, payload)
     sizes = b"".join(len(part).to_bytes(8, "big") for part in parts)
     return hmac.new(secret, sizes + b"".join(parts), hashlib.sha256).hexdigest().encode()
@@ -145,10 +146,10 @@ def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:
 
 @contextmanager
 def _open() -> Iterator[int]:
-    """Open the folder: the descriptor that is checked is used, whatever is renamed meanwhile.
+    """Open and check the folder; use of the descriptor keeps the check valid even if the folder is renamed.
 
     Raises:
-        OSError: There is none, or others could have written into it.
+        OSError: The folder does not exist, or other users could have written into it.
     """
     place = os.open(folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -166,10 +167,10 @@ def _check_own(status: os.stat_result, what: str) -> None:
 
 
 def _content(place: int, name: str) -> bytes | None:
-    """Read a file of the folder; None if there is none.
+    """Return the content of a file in the folder; None if the file does not exist.
 
     Raises:
-        OSError: It is no regular file of this user's own, or a link to one.
+        OSError: The file is not a regular file, is a link or too large, or other users own or can write it.
     """
     try:
         file = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=place)
@@ -177,7 +178,7 @@ def _content(place: int, name: str) -> bytes | None:
         return None
     with open(file, "rb") as stream:
         status = os.fstat(file)
-        # the secret has two names for a moment while it is made
+        # the secret has two names for a moment while it is created
         if not stat.S_ISREG(status.st_mode) or status.st_size > MOST or (status.st_nlink > 1 and name != SECRET):
             raise _UnsafeError("the file is a link, too large or no regular file")
         _check_own(status, "file")
@@ -187,7 +188,7 @@ def _content(place: int, name: str) -> bytes | None:
 
 
 def _secret(place: int) -> bytes:
-    """Read the folder's secret; create it on first use, and replace one that others can read."""
+    """Return the folder's secret; create it on first use, and replace it if other users can read it."""
     for replace in (False, True):
         try:
             secret = _content(place, SECRET)
@@ -210,7 +211,7 @@ def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:
         with open(file, "wb") as stream:
             stream.write(data)
         if not replace:
-            with suppress(OSError):  # another process was quicker, or the disk knows no second names
+            with suppress(OSError):  # a different process was faster, or the file system does not support hard links
                 os.link(fresh, name, src_dir_fd=place, dst_dir_fd=place)
         else:
             os.replace(fresh, name, src_dir_fd=place, dst_dir_fd=place)

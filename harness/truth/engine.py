@@ -1,8 +1,8 @@
 """The engine `truth`: ball arithmetic with a rigorous radius for every value.
 
-It reads the text of the description and of the scene exactly, takes the doubles of the times as exact, and solves
-at most the number of samples in its entry, spread evenly. From the float64 solver it takes the positions, as a guess
-without effect on the result: they are certified independently.
+It reads the numbers in the text of the description and the scene exactly, treats the doubles of the times as exact, and
+solves evenly spread samples, at most `MOST`. The float64 solver supplies only a starting guess of the positions, which
+does not affect the result, because positions are certified independently.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
 
-BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are wanted
+BITS = 192  # 57 digits, of which 12 are lost up to the reactions; 30 correct digits are required
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -44,7 +44,7 @@ def load(files: ModelFiles) -> TruthModel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthModel:
-    """A description whose text is read exactly."""
+    """A description whose numbers are read exactly."""
 
     file: Path
     mechanism: Mechanism
@@ -103,7 +103,7 @@ def _usable_table(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, 
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
-    """Hash all input: text if there is any, else the bytes of the doubles."""
+    """Hash all inputs: strings where available, or else the values of the doubles."""
     wording, motion, applied = problem.wording, whole.part(rows), problem.applied
     gravity = None if applied.gravity is None else applied.gravity.tolist()
     idle = [*motion.idle]
@@ -122,7 +122,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
 ) -> SampleTable:
-    """Read decimals exactly; if redundant loops then stay open, read long ones as rounded."""
+    """Compute all samples with exact decimals; if redundant loops then stay open, treat long decimals as rounded."""
     try:
         return _table(model, problem, motion, rows, depth, progress)
     except LoopsOpen:
@@ -151,7 +151,7 @@ def _table(
         sample = partial(centred, sampler(wide=True), sampler(), motion)
     else:
         sample = partial(enclosed, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
-    # a guess, nothing more
+    # only a starting guess
     start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))[rows].tolist()
     balls: list[Balls | None] = []
     reasons: list[str] = []

@@ -1,8 +1,8 @@
-"""Number types of the truth: exact text as balls (arb), matrices of them, and power series in time (jets).
+"""Number types of the truth: numbers from text as balls (arb), matrices of balls, and power series in time (jets).
 
-Decimals become exact rationals, expressions enclosures. A jet is the list of its Taylor coefficients ``[x, x',
-x''/2]``, to the requested order; all derivatives of the truth come from multiplying such series, and no formula
-for a velocity or an acceleration is written down anywhere.
+Decimals become exact rationals, and expressions become enclosures. A jet is the list of its Taylor coefficients ``[x,
+x', x''/2]``, up to the requested order. All derivatives of the truth follow from products of such series; the code
+contains no formulas for velocities or accelerations.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ _FUNCTIONS: dict[str, Callable[..., arb]] = {
 _FUNCTIONS["atan2"] = arb.atan2
 
 
-#: A decimal with this number of digits may be rounded.
+#: Number of digits from which a decimal counts as possibly rounded.
 LONG = 15
-#: Rounding of a computed double, as a share of it: four units of its last place.
+#: Rounding of a computed double relative to its value: four units in the last place.
 ROUNDED = 2.0**-50
 
 
 def number(value: Any) -> arb:
-    """Enclose the number that a text means in a ball of the working precision.
+    """Enclose an entry's value in a ball of the working precision.
 
     Args:
-        value: A checked entry of a description: int or text. A float stands for itself, exactly, as a ball does.
+        value: A checked entry of a description: an int or a string. Floats and balls are converted exactly.
     """
     if isinstance(value, (float, arb)):
         return arb(value)
@@ -54,7 +54,7 @@ def _evaluate(node: ast.expr, text: str) -> arb:
     match node:
         case ast.Constant(value=int() as value):
             return arb(value)
-        case ast.Constant():  # its own text: the parser has already rounded the value
+        case ast.Constant():  # use the source text, because the parser has already rounded the value
             exact = Fraction((ast.get_source_segment(text, node) or "").replace("_", ""))
             return arb(fmpq(exact.numerator, exact.denominator))
         case ast.Name(id="pi"):
@@ -72,9 +72,9 @@ def _evaluate(node: ast.expr, text: str) -> arb:
 
 
 def widened(value: Any) -> Any:
-    """Widen decimals of at least `LONG` digits in a table to balls of all numbers that round to them.
+    """Widen decimals of at least `LONG` digits in a table to balls that contain all numbers that round to them.
 
-    That is half a unit of their last digit, or the rounding of a double as large as the largest of their vector.
+    The radius is half a unit of the last digit, or the rounding of the vector's largest double if this is larger.
     """
     if isinstance(value, Mapping):
         return {key: widened(entry) for key, entry in value.items()}
@@ -102,7 +102,7 @@ def vector(values: Any) -> Vector:
 
 
 def unit_vector(values: Any) -> Vector:
-    """Normalise a vector, because the text may give rounded decimals."""
+    """Convert and normalise a vector, because its decimals may be rounded."""
     return normalized(vector(values))
 
 
@@ -125,7 +125,7 @@ def rotation_matrix(value: Any) -> arb_mat:
 
 
 def _orthonormal(rows: Any) -> arb_mat:
-    """Orthonormalise a matrix with the Gram-Schmidt method; its decimals are orthonormal only to their last digit."""
+    """Orthonormalise a matrix with the Gram-Schmidt method, because its decimals may be rounded."""
     first = unit_vector(rows[0])
     second = vector(rows[1])
     along = dot(first, second)
@@ -160,8 +160,8 @@ def identity(n: int) -> arb_mat:
 def solve(A: arb_mat, b: arb_mat) -> arb_mat:
     """Enclose the solution of ``A x = b``.
 
-    Elimination is ten times as fast as preconditioning, and its balls are wider; where they take more than three
-    eighths of the digits, or where it fails, preconditioning is next.
+    Elimination is ten times as fast as preconditioning, but its balls are wider. If they lose more than three eighths
+    of the digits, or if elimination fails, preconditioning is used.
 
     Raises:
         ZeroDivisionError: A may be singular.
@@ -231,7 +231,7 @@ def inverse_jet(T: MatrixJet) -> MatrixJet:
 
 
 def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
-    """Read checked ``[motion.LABEL]`` tables without rounding their numbers."""
+    """Read validated ``[motion.LABEL]`` tables without rounding their numbers."""
     terms = []
     for label in labels:
         table = tables[label]
@@ -242,7 +242,7 @@ def read_terms(tables: Mapping[str, Any], labels: Sequence[str]) -> Terms:
 
 
 def drive(terms: Terms, t: float) -> list[Jet]:
-    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, whose double is exact."""
+    """Return the series ``[y, y', y''/2]`` of each coordinate at a time, whose double counts as exact."""
     return [_one(polynomial, harmonics, arb(t)) for polynomial, harmonics in terms]
 
 
@@ -257,6 +257,6 @@ def _one(polynomial: list[arb], harmonics: list[list[arb]], t: arb) -> Jet:
 
 
 def samples(motion: GivenMotion, i: int) -> list[Jet]:
-    """Return the series of each coordinate at one sample, whose doubles are exact."""
+    """Return the series of each coordinate at one sample, whose doubles count as exact."""
     columns = zip(motion.y[i].tolist(), motion.yd[i].tolist(), motion.ydd[i].tolist(), strict=True)
     return [[arb(y), arb(yd), arb(ydd) / 2] for y, yd, ydd in columns]

@@ -21,7 +21,7 @@ from screwgauge.truth.linkage import AXES, Linkage, split
 
 
 class RoutesDisagree(NotCertified):
-    """Raised when the two routes give disjoint enclosures, which proves one of them wrong."""
+    """Raised when the enclosures by the two routes are disjoint, which proves that one route is wrong."""
 
 
 BallLoad = tuple[int, Vector | None, Vector, Vector]
@@ -38,7 +38,7 @@ class VaryingLoad:
     Attributes:
         body: Index of its body.
         point: Point on the body; None for the centre of mass.
-        components: Fx, Fy, Fz, Mx, My, Mz.
+        components: Functions of time for Fx, Fy, Fz, Mx, My, Mz.
         turns: Whether the components are in body axes.
     """
 
@@ -56,7 +56,7 @@ class VaryingLoad:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unknown:
-    """A unit force or moment of a joint's parent on its child at a point."""
+    """A unit force or moment that a joint's parent exerts on its child at a point."""
 
     name: str
     unit: str
@@ -67,7 +67,7 @@ class Unknown:
 
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
-    """Compute by route 1 the generalized actuator force along each independent coordinate [N m or N]."""
+    """Compute the generalized actuator force along each independent coordinate by route 1 [N m or N]."""
     forces, resisted = [], [*taken(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
@@ -85,10 +85,10 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
 
 
 def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
-    """Yield the coordinate of each rotor, damper and dry friction, and the force along it.
+    """Yield the column of the coordinate of each rotor, damper and dry friction, and the force along it.
 
     Raises:
-        NotCertified: The sign of a rate, against which friction acts, is not certain.
+        NotCertified: The sign of a rate, which determines the direction of friction, is not certain.
     """
     for one in linkage.mechanism.resistances:
         _, rate, half = now.q[one.column]  # coefficients of a series in time
@@ -125,7 +125,8 @@ def idle_accelerations(
 ) -> list[arb]:
     """Solve for second derivatives x of undriven coordinates, ``N^T (Q + M x) = 0``.
 
-    N has the motions in which the actuators are at rest: one idle coordinate each, with the others that follow it.
+    The columns of N are motions in which the actuators are at rest: one idle coordinate moves, and the driven
+    coordinates compensate.
 
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates. Shape (n_actuator, k).
@@ -134,7 +135,7 @@ def idle_accelerations(
         idle: Indices of the idle coordinates.
 
     Raises:
-        NotCertified: Idle coordinates may have no inertia, or the actuators may not move all others.
+        NotCertified: Idle coordinates may have no inertia, or the actuators may not move all driven coordinates.
     """
     given, m = given_columns(len(Q), idle), len(idle)
     N = arb_mat(len(Q), m, [int(j == i) for j in range(len(Q)) for i in idle])
@@ -156,8 +157,8 @@ def jacobian(linkage: Linkage, now: State, points: Sequence[tuple[int, Vector]],
     """Return body twists about their origins, and point velocities, per rate of each actuator, row by row.
 
     Args:
-        points: Body and place of each.
-        idle: Coordinates that no actuator drives; they rest.
+        points: Index of the body, and position in the body, of each point.
+        idle: Coordinates that no actuator drives; they are at rest.
     """
     rows, origin = linkage.mechanism.actuated_columns, [arb(0)] * 3
     driven = given_columns(now.partial.ncols(), idle)
@@ -203,7 +204,7 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
 
 
 def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_mat) -> list[tuple[str, Vector]]:
-    """List labels and world directions of a joint: frame axes, child axes, across, along or normal."""
+    """List the labels and world vectors of a joint's directions of one kind, an entry of `HELD`."""
     world = [*zip("xyz", AXES, strict=True)]
     if what == "world":
         return world
@@ -215,7 +216,7 @@ def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_m
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
-    """List the actuators as unit forces or moments along their axes, and those along held coordinates."""
+    """List the actuators as unit forces or moments: actuators of joints along their axes, then all others."""
     actuators, index = [], linkage.mechanism.body_index
     for joint in linkage.mechanism.actuators:
         frames = linkage.frames[joint.name]
@@ -248,7 +249,7 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Return the effect of each coupling: 1 along its coordinate, minus the slope along each other coordinate."""
+    """Return the effect of each coupling on the bodies: 1 along its coordinate, minus the slope along each other."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))
@@ -289,22 +290,22 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
 def newton_euler(
     linkage: Linkage, now: State, B: arb_mat, right: list[arb], idle: Sequence[int], *, axial: bool
 ) -> tuple[list[arb], arb_mat, list[arb]]:
-    """Solve by route 2 for reactions, then couplings, and actuator forces, from the balance of all bodies.
+    """Solve for reactions, coupling forces and actuator forces from the balance of all bodies (route 2).
 
-    Least-norm actuator forces lie in the range of B, ``f = B z``: then z is unknown, and the system is square where
-    nothing is overconstrained. The rule ``spherical_axial`` leaves f unknown and adds its own rows. Where redundant
-    constraints leave reactions open, one choice that balances is returned. Along what nothing drives, forces are
-    unknowns that have to come out as zero.
+    Minimum-norm actuator forces lie in the range of B, ``f = B z``. The unknowns are then z, and the system is square
+    unless the mechanism is overconstrained. With the rule ``spherical_axial``, the unknowns are f, and the rule adds
+    its own rows. If redundant constraints leave reactions undetermined, one balancing choice is returned. Forces along
+    undriven coordinates are also unknowns; their solutions must be zero.
 
     Args:
         B: Velocities of the actuators per velocity of the independent coordinates that they drive.
             Shape (n_actuator, k).
         right: Force and moment on each body, see `required`.
         idle: Joint coordinates that nothing drives.
-        axial: Redundant actuators obey the rule of eq. (56).
+        axial: Whether redundant actuators obey the rule of eq. (56).
 
     Returns:
-        Reaction components, f of shape (n_actuator, 1), and the forces along what nothing drives.
+        Reaction components, f of shape (n_actuator, 1), and the forces along undriven coordinates.
 
     Raises:
         NotCertified: The system may be singular.
@@ -325,7 +326,7 @@ def newton_euler(
 
 
 def _solve(columns: Sequence[Sequence[arb]], right: Sequence[arb], length: float) -> list[arb]:
-    """Solve for the coefficients of the columns; omitted dependent columns get zero."""
+    """Solve for the coefficients of the columns; dependent columns are omitted and get zero."""
     chosen = list(range(len(columns)))
     if len(columns) > len(right):
         table = floats(arb_mat(columns)) / np.resize(np.repeat([1.0, length], 3), len(right))

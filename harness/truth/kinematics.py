@@ -1,10 +1,10 @@
 """Certified closed poses, and their velocities and accelerations, in balls.
 
-The start may be any guess and is not trusted. Newton's method in high precision comes first, then an interval
-Newton step: where Krawczyk's operator maps a small box into its own interior, the box holds one and only one solution
-of the loop equations, and the image encloses it. The equations hold at every time, so every coefficient of their power
-series is zero; solved order by order they give the series of the joint coordinates, and the motion of the bodies is
-read off the series of their matrices.
+The start may be any guess and is not trusted. Newton's method in high precision is followed by an interval Newton step:
+if Krawczyk's operator maps a small box into its own interior, the box contains exactly one solution of the loop
+equations, and the image encloses this solution. The equations hold at every time, so every coefficient of their power
+series is zero. Solving them order by order yields the series of the joint coordinates; the motion of the bodies then
+follows from the series of their matrices.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from screwgauge.reference.rotations import Array
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, identity, solve
 from screwgauge.truth.linkage import Linkage, error
 
-NEWTON = 40  # steps; four do from a double start, the rest is for poor ones
+NEWTON = 40  # largest number of steps; four suffice from a start in double precision, poor starts need more
 
 
 class NotCertified(ScrewgaugeError):
-    """Raised for a pose without a provable enclosure."""
+    """Raised for a pose or forces that cannot be enclosed with proof."""
 
 
 def _singular() -> NotCertified:
@@ -32,10 +32,10 @@ def _singular() -> NotCertified:
 
 
 def independent_rows(J: Array, n: int) -> list[int]:
-    """Select n rows of full rank from dimensionless J, the last (selection) rows first; all rows if there are only n.
+    """Select n rows of full rank from dimensionless J, preferring the last (selection) rows; all if J has n rows.
 
     A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
-    checked: they hold within the enclosures.
+    checked to hold within the enclosures.
     """
     if len(J) == n:
         return list(range(n))
@@ -61,7 +61,7 @@ def check_near(G: arb_mat) -> None:
 
 
 class Certifier:
-    """Certifies joint coordinates of a linkage at independent coordinates."""
+    """Solver that encloses the joint coordinates of a linkage for given independent coordinates."""
 
     def __init__(self, linkage: Linkage) -> None:
         self.linkage = linkage
@@ -79,14 +79,14 @@ class Certifier:
             start: An unverified guess of all joint coordinates.
 
         Returns:
-            Balls of the coordinates, the Jacobian over them (square, of the rows chosen), and these rows.
+            Balls of the coordinates, the square Jacobian of the chosen rows over these balls, and the chosen rows.
 
         Raises:
             NotCertified: No box could be verified.
         """
         J = floats(self.linkage.jacobian([arb(x) for x in start]))
         rows = independent_rows(J * self.columns / self.rows[:, None], self.n)
-        for J_start in (J, None):  # the second only where the first does not do
+        for J_start in (J, None):  # None is tried only if the first attempt fails
             try:
                 return *self._verify(*self._newton(start, y, rows, J_start), y, rows), rows
             except NotCertified as error:
@@ -101,17 +101,17 @@ class Certifier:
         """Run Newton's method; return a pose and an approximate inverse of its Jacobian.
 
         Args:
-            J: The one Jacobian of the start, in doubles. None takes one of all digits at every step: near a singular
-                pose doubles have too few.
+            J: Jacobian of the start in doubles, used in all steps. If None, every step uses its own Jacobian with all
+                digits, because near a singular pose doubles have too few digits.
         """
         m = [arb(x) for x in start]
         fixed = None if J is None else arb_mat(np.linalg.inv(J[rows]).tolist())
-        last = 1e3  # [rad or m] a larger step leads nowhere
+        last = 1e3  # larger steps do not converge [rad or m]
         for _ in range(NEWTON):
             Y = _midpoints(self._square(m, rows).inv()) if fixed is None else fixed
             d = (Y * self._error(m, y, rows)).entries()
             size = max(float(x.abs_upper()) for x in d)
-            if fixed is not None and not size < last:  # down to rounding, or lost
+            if fixed is not None and not size < last:  # converged down to rounding, or diverged
                 break
             m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
             last = size / 2
@@ -125,7 +125,7 @@ class Certifier:
         return arb_mat([table[i] for i in rows])
 
     def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
-        """Return the selected rows of the closing errors, of couplings, and of ``q - y``. Shape (n_q, 1)."""
+        """Return the selected rows of the errors of loops, of couplings, and of ``q - y``. Shape (n_q, 1)."""
         jets = [[x] for x in q]
         errors: list[arb] = []
         for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
@@ -180,7 +180,7 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
     """Compute positions, velocities and accelerations from the series of independent coordinates.
 
     Raises:
-        NotCertified: A ball cannot be proved or is not finite.
+        NotCertified: The pose cannot be enclosed, or the closing equations may be singular.
     """
     linkage = certifier.linkage
     q0, J, rows = certifier.solve([x[0] for x in y], start)
@@ -207,22 +207,22 @@ class LoopsOpen(NotCertified):
     """Raised when redundant loops do not close."""
 
 
-#: What to do about decimals of redundant loops.
+#: Remedy for rounded decimals of redundant loops.
 EXPRESSIONS = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
 
 
 def redundant_rows(linkage: Linkage) -> int:
-    """Count the closing rows, couplings included, beyond those that determine the coordinates."""
+    """Return the number of closing rows, including couplings, beyond those needed to determine the coordinates."""
     mechanism = linkage.mechanism
     rows = 6 * len(linkage.cuts) + len(linkage.ties) + len(mechanism.independent_columns)
     return rows - len(mechanism.coordinates)
 
 
 def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
-    """Build the error for decimals that close exactly, while the range of numbers that round to them does not.
+    """Build the error for a motion that exact decimals determine, but that cannot be enclosed for rounded decimals.
 
     Args:
-        reason: Why these could not be enclosed.
+        reason: Why the motion could not be enclosed.
     """
     what = (
         f"{redundant_rows(linkage)} redundant closing rows are open by the rounding of decimals, which is too coarse "
@@ -232,10 +232,11 @@ def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
 
 
 def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
-    """Require every closing error, couplings and unused rows included, to contain zero.
+    """Require the enclosure of every closing error, including couplings and unused rows, to contain zero.
 
     Raises:
-        LoopsOpen: A loop is open.
+        LoopsOpen: The enclosure of a closing error does not contain zero.
+        NotCertified: A loop is far from closed.
     """
     ways = linkage.close(q, bodies)
     for G in ways:
@@ -252,7 +253,7 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
 def spin(T: MatrixJet, order: int) -> Vector:
     """Return angular velocity (order 1) or acceleration (2) in world axes: axial part of ``R' R^T``, ``R'' R^T``."""
     a, b = T[order].tolist(), T[0].tolist()
-    factor = arb(order) / 2  # the axial part halves, the second coefficient is half the second derivative
+    factor = arb(order) / 2  # the axial part has a factor 1/2, and the second coefficient is half the derivative
 
     def entry(i: int, j: int) -> arb:
         return a[i][0] * b[j][0] + a[i][1] * b[j][1] + a[i][2] * b[j][2]

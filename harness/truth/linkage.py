@@ -1,7 +1,7 @@
 """Geometry in balls: bodies along the tree, loop equations of cut joints, and couplings.
 
-Everything is a product of homogeneous matrices, or of their jets. Roots of the equations are certified in
-`kinematics`.
+All quantities are products of homogeneous matrices or of their jets. The module `kinematics` certifies roots of the
+equations.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Tie:
     """A coupling ``q_i = sum_k p_k(q_k)``.
 
     Attributes:
-        column: i.
-        leads: Each k, None where there is no coordinate, and the coefficients of p_k, lowest first.
+        column: Index i of the dependent coordinate.
+        leads: Index k of each leading coordinate, or None for the constant, and coefficients of p_k, lowest first.
     """
 
     column: int
@@ -59,7 +59,7 @@ class Tie:
         return error
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
-        """Return the derivative of the error: columns with 1 and each -p_k'."""
+        """Return the derivative of the error by each coordinate: pairs of a column and 1 or -p_k'."""
         slopes = [(k, -_series(polynomial, [q[k], arb(1)])[1]) for k, polynomial in self.leads if k is not None]
         return [(self.column, arb(1)), *slopes]
 
@@ -84,10 +84,10 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def along(axes: Sequence[Vector], i: int) -> Vector:
-    """Return the vector in the span of one to three axes with component 1 along axis i, and 0 along the others."""
+    """Return the vector in the span of one to three axes whose product with axis i is 1, and with the others 0."""
     if len(axes) == 1:
         return axes[0]
-    # of two, whose decimals are at right angles to rounding only, the third is at right angles to both
+    # two axes may be orthogonal only up to rounding; the third is orthogonal to both
     triad = [*axes, cross(axes[0], axes[1])][:3]
     normal = cross(triad[(i + 1) % 3], triad[(i + 2) % 3])
     volume = dot(triad[i], normal)
@@ -95,17 +95,17 @@ def along(axes: Sequence[Vector], i: int) -> Vector:
 
 
 def owner(mechanism: Mechanism, column: int) -> tuple[Joint, int]:
-    """Return the joint of a coordinate, and the index of its freedom."""
+    """Return the joint of a coordinate, and the index of the coordinate in this joint."""
     name = mechanism.coordinates[column]
     joint = next(joint for joint in mechanism.joints if name in joint.coordinates)
     return joint, joint.coordinates.index(name)
 
 
 def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) -> list[tuple[bool, Vector]]:
-    """Return the directions of a joint's freedoms, each moved by its predecessors.
+    """Return flags for rotation and the world axes of a joint's degrees of freedom, each moved by its predecessors.
 
     Args:
-        steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each freedom.
+        steps: Flag for rotation, axis in the joint frame, and matrix (4, 4) of each degree of freedom.
         start: The joint frame on the parent, in the world. Shape (4, 4).
     """
     axes = []
@@ -116,16 +116,16 @@ def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) ->
     return axes
 
 
-#: Those of a frame, exactly.
+#: Unit vectors of a frame's axes, exactly.
 AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mass:
-    """Mass [kg], centre of mass [m], tensor about it [kg m^2] (3, 3), and pseudo-inertia at the origin (4, 4).
+    """Mass [kg], centre of mass [m], central inertia tensor [kg m^2] (3, 3), and pseudo-inertia at the origin (4, 4).
 
-    The pseudo-inertia is the integral of ``r r^T dm`` over homogeneous points r; with it the power of the inertia on
-    a virtual velocity ``dT`` is ``trace(dT P T''^T)``.
+    The pseudo-inertia P is the integral of ``r r^T dm`` over homogeneous points r. The power of the inertial force on a
+    virtual velocity ``dT`` is ``trace(dT P T''^T)``.
     """
 
     mass: arb
@@ -136,7 +136,7 @@ class Mass:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """Frames of a joint on parent and child (4, 4), and its axes in them, in balls."""
+    """Frames of a joint on parent and child (4, 4), and the joint's axes in these frames, in balls."""
 
     parent: arb_mat
     child: arb_mat
@@ -145,7 +145,7 @@ class Frames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """A freedom's motion ``exp(sign q D)``; D is its derivative at zero, and `square` is D D."""
+    """Motion ``exp(sign q D)`` along a coordinate; D is its derivative at zero, and `square` is D D."""
 
     column: int
     sign: int
@@ -154,7 +154,7 @@ class Move:
     square: arb_mat
 
     def matrix(self, q: Jet) -> MatrixJet:
-        """Return the series of the homogeneous matrix given that of the coordinate."""
+        """Return the series of the homogeneous matrix for the series of the coordinate."""
         if not self.turns:
             return [identity(4) + self.D * (q[0] * self.sign), *(self.D * (x * self.sign) for x in q[1:])]
         sin, cos = sin_cos([x * self.sign for x in q])
@@ -166,15 +166,16 @@ Step = Move | arb_mat
 
 
 class Linkage:
-    """The tree walk of a mechanism and its loops.
+    """The spanning tree and the loops of a mechanism, in balls.
 
     Attributes:
         mechanism: Structure and names; its numerical values are not used.
         frames: Joint name -> frames and axes in balls.
         masses: Mass properties of each body.
-        length: Largest coordinate of a joint's place in its bodies [m], else 1; doubles choose rows by it.
-        axial: Joint and direction, as text, of the rule ``spherical_axial``.
-        loops: For each cut joint the coordinates in its loop, with their side: (column, on via, on tree).
+        length: Largest coordinate of a joint frame's origin in its body [m], or 1 if all are zero; scales the rows.
+        axial: Joint and direction of the rule ``spherical_axial``, as in the description.
+        loops: For each cut joint, the coordinates in its loop: (column, whether on the path to the child through the
+            cut joint, whether on the child's path in the tree).
         ties: The couplings.
     """
 
@@ -208,7 +209,7 @@ class Linkage:
         self.loops = [[(column, column in via, column in back) for column in sorted(via | back)] for via, back in ways]
 
     def _steps(self, joint: Joint, columns: Sequence[int], reverse: bool) -> list[Step]:
-        """List the steps frame, freedoms, frame back, from parent to child or reversed."""
+        """List the steps of a joint, from parent to child or reversed: frame, motions, inverse of the end's frame."""
         frames, sign = self.frames[joint.name], -1 if reverse else 1
         moves: list[Step] = [
             _move(column, sign, turns, frames.axes[min(i, len(frames.axes) - 1)])
@@ -222,7 +223,7 @@ class Linkage:
         """Compute homogeneous matrices of all bodies, ground first, from the series of joint coordinates.
 
         Args:
-            spots: Filled, where given, with ``sign P D P^-1`` of each tree freedom, P being its frame.
+            spots: If given, filled with ``sign P D P^-1`` for each tree coordinate, where P is the frame of its motion.
         """
         ground = [identity(4), *(arb_mat(4, 4) for _ in q[0][1:])]
         bodies: list[MatrixJet] = [ground] * len(self.mechanism.body_index)
@@ -233,17 +234,20 @@ class Linkage:
     def close(
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
-        """Return ``G = via tree^-1`` of each loop, for its two paths to one body; the identity if it closes."""
+        """Return ``G = via tree^-1`` of each loop, where via and tree are its two paths to one body.
+
+        G is the identity if the loop closes.
+        """
         return [
             mul(_walk(bodies[parent], steps, q, spots), inverse_jet(bodies[child]))
             for parent, child, steps in self.cuts
         ]
 
     def along(self, column: int, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> tuple[Joint, bool, Vector, Vector]:
-        """Return a unit force along a joint coordinate without power on the joint's others.
+        """Return a unit force along a joint coordinate that does no work on the joint's other coordinates.
 
         Returns:
-            The joint, whether it is a moment, its direction, and the point of the joint on its child.
+            The joint, whether the force is a moment, its direction, and the joint's point on the child.
         """
         joint, i = owner(self.mechanism, column)
         frames, index, first = self.frames[joint.name], self.mechanism.body_index, column - i
@@ -279,7 +283,7 @@ class Linkage:
 
 
 def error(G: arb_mat) -> list[arb]:
-    """Return six numbers that vanish if G is the identity, and only then if it turns by less than pi."""
+    """Return six numbers that vanish if G is the identity, and only then if G rotates by less than pi."""
     r = G.tolist()
     turn = [(r[2][1] - r[1][2]) / 2, (r[0][2] - r[2][0]) / 2, (r[1][0] - r[0][1]) / 2]
     return [*turn, r[0][3], r[1][3], r[2][3]]
@@ -297,7 +301,7 @@ def _walk(T: MatrixJet, steps: Iterable[Step], q: Sequence[Jet], spots: dict[int
 
 
 def _is_identity(T: arb_mat) -> bool:
-    """True if T certainly is the identity; balls' operator != would be False for a mere possibility."""
+    """Return True if T is certainly the identity; `!=` of balls returns False even if they only may be equal."""
     return bool(identity(4) == T)
 
 
@@ -319,7 +323,7 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
 
 
 def split(axis: Vector) -> list[tuple[str, Vector]]:
-    """List labels and directions, two across an axis and one along it; joint-frame axes if the axis is one."""
+    """List labels and directions: two across an axis and one along it. All are frame axes if the axis is one."""
     k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
     across = [i for i in range(3) if i != k]
     if all(axis[i] == 0 for i in across):

@@ -50,29 +50,30 @@ from screwgauge.truth.linkage import Linkage
 Balls = dict[str, list[arb]]
 """Quantity -> its components."""
 
-#: A sample with a ball wider than this share of its quantity is enclosed again with more bits: near singular poses or
-#: gimbal lock accelerations are small differences of terms that grow as 1 / distance^2.
+#: Relative radius of a ball above which a sample is enclosed again with more bits. Near singular poses or gimbal lock,
+#: accelerations are small differences between terms that grow as 1 / distance^2.
 WIDE = 1e-25
 
 
 def ruled(problem: Problem) -> bool:
-    """True if requested forces depend on a rule of actuators or reactions."""
+    """Return True if requested forces depend on a rule for redundant actuators."""
     return any(QUANTITIES[name].ruled for name in problem.wanted)
 
 
 class Sampler:
-    """Computes samples of one problem, up to the depth that its quantities need: q, v, a or f."""
+    """Solver for samples of one problem, up to the stage that its quantities need: q, v, a or f."""
 
     def __init__(self, linkage: Linkage, problem: Problem, depth: str, clock: Clock, *, redundant: bool = True) -> None:
-        """Read forces and motion in the working precision, which samples also need.
+        """Read forces and motion in the current working precision, which is also used for the samples.
 
         Args:
-            redundant: Whether loops and routes must agree beyond what the solution needs; else only chosen rows count.
+            redundant: Whether redundant rows must close and the two routes must agree. If False, only rows chosen for
+                the solution are used.
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier, self.bits, motion = Certifier(linkage), ctx.prec, problem.wording.motion
         labels = list(linkage.mechanism.independent)
-        #: Places of the coordinates whose motion is said in text, and how each moves.
+        #: Indices of the coordinates whose motion is given as text; `terms` has their functions of time.
         self.said = [] if motion is None else [i for i, label in enumerate(labels) if label in motion]
         self.terms = read_terms(motion or {}, [labels[i] for i in self.said])
         self.ruled, self.resistance = ruled(problem), "resistance" in problem.wanted
@@ -104,10 +105,10 @@ class Sampler:
             y: Series of the independent coordinates.
             start: An unverified guess of the joint coordinates.
             t: Time at which loads are evaluated [s].
-            idle: Indices of coordinates that no actuator drives: their second derivatives follow.
+            idle: Indices of coordinates that no actuator drives; their second derivatives follow from the forces.
 
         Raises:
-            NotCertified: Something could not be enclosed.
+            NotCertified: A quantity could not be enclosed.
         """
         if self.depth == "q":
             with self.clock.stage("positions"):
@@ -134,7 +135,7 @@ class Sampler:
         """Return series in which idle coordinates have the second derivatives that actuators can sustain."""
 
         def forces(moved: int | None) -> tuple[State, list[arb]]:
-            """Forces with the second derivatives of idle coordinates all zero, or one of them unity."""
+            """Return state and forces with zero second derivatives of idle coordinates, except unity for `moved`."""
             some = [[a, b, arb(i == moved) / 2 if i in idle else c] for i, (a, b, c) in enumerate(y)]
             now = state(self.certifier, some, start)
             return now, generalized_force(self.linkage, now, self.gravity, self._loads(now, t))
@@ -196,7 +197,7 @@ def _motion(linkage: Linkage, now: State) -> Balls:
 
 
 def _load_of_doubles(load: Load, body: int) -> VaryingLoad:
-    """Convert a load, whose doubles are exact."""
+    """Convert a load, whose doubles count as exact."""
     at, turns = None if load.point is None else vector(load.point.tolist()), load.axes == "body"
     if not load.courses:
         each = [([arb(x)], list[Vector]()) for x in (*load.force.tolist(), *load.torque.tolist())]
@@ -211,7 +212,7 @@ def _exact(course: Course | Samples) -> Component:
 
 
 def _load_of_text(table: Mapping[str, Any], index: Mapping[str, int]) -> VaryingLoad:
-    """Convert a load's text, with reversed sign if a body exerts it on the environment."""
+    """Convert a load's table; reverse the sign if the body exerts the load on the environment."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")
     components = [x for key in ("force", "torque") for x in table.get(key, [0, 0, 0])]
@@ -225,10 +226,10 @@ def _load_of_text(table: Mapping[str, Any], index: Mapping[str, int]) -> Varying
 
 
 def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-    """Compute a sample by the first sampler with narrow balls, else by the last.
+    """Compute a sample with the first sampler whose balls are narrow, or with the last sampler if none is.
 
     Raises:
-        NotCertified: No sampler had enough bits.
+        NotCertified: The last sampler could not enclose the sample either.
     """
     for sampler in samplers[:-1]:
         try:
@@ -241,13 +242,13 @@ def enclosed(samplers: Sequence[Sampler], motion: GivenMotion, row: int, start: 
 
 
 def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start: Sequence[float]) -> Balls:
-    """Recentre balls of `wide` at the exact text's values, which were found without the redundant rows.
+    """Move the centres of the balls of `wide` to the values of `exact`, which ignores redundant rows.
 
-    Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
+    Ball arithmetic overestimates: if inputs are wide, the enclosed values may lie anywhere in the balls.
 
     Raises:
-        LoopsOpen: The decimals are too coarse to enclose what the exact text determines.
-        NotCertified: Something could not be enclosed.
+        LoopsOpen: The rounded decimals are too coarse to enclose the motion that exact decimals determine.
+        NotCertified: The sample could not be enclosed with exact decimals.
     """
     values = exact.at(motion, row, start)
     try:
@@ -270,10 +271,10 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleTable:
-    """Samples as midpoints and radii by quantity (n_row, m), with reasons for missing ones.
+    """Samples as midpoints and radii by quantity, each of shape (n_row, m), with reasons for missing samples.
 
     Attributes:
-        rounded: Long decimals of the geometry were read as rounded.
+        rounded: Whether long decimals of the geometry were treated as rounded.
     """
 
     mid: dict[str, Array]
@@ -302,7 +303,7 @@ class SampleTable:
         return cls(mid, radius, list(map(str, stored["reasons"])), spent, bool(stored["rounded"]))
 
     def answers(self, wanted: Collection[str], sizes: Mapping[str, int], y: Array, columns: list[int]) -> bool:
-        """True if the table can answer a problem.
+        """Return True if the table contains all data of a problem.
 
         Args:
             wanted: Requested quantities.
@@ -326,8 +327,8 @@ class SampleTable:
 def enclosures(samples: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
     """Return midpoints rounded to doubles, and upper bounds of the radii; NaN for missing samples.
 
-    A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
-    rounded, it may be as wide as a number that does not vanish.
+    A ball that contains zero is centred at zero, so that values that vanish by symmetry are 0 rather than 1e-58. Balls
+    of rounded decimals are not moved, because values that do not vanish may be as small as their radii.
     """
     first = next(one for one in samples if one is not None)
     mid = {name: np.full((len(samples), len(balls)), np.nan) for name, balls in first.items()}

@@ -1,6 +1,7 @@
 """Loop constraints of a tree: residuals of closures and couplings, their rates, and the admitted motions.
 
-The rows that express a loop are a choice (a weld, three points, another order); the admitted motions are not.
+The rows that express a loop can be chosen differently (a weld, three points, a different order); the admitted motions
+do not depend on this choice.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from screwgauge.reference.rotations import Array, cross, quaternion_rotation, ro
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FREEDOMS, Coupled, SpanningTree, TreeStates
 
-#: Newton steps, and largest step size [rad or m]; gaps that count as rounding [rad or lengths of
-#: the machine, or m where it is smaller].
+#: Number of Newton steps; largest step size [rad or m]; gap that counts as rounding, in rad, or in machine lengths but
+#: at least 1 m.
 STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 #: Singular values below this fraction of the largest belong to redundant rows.
 DEPENDENT = 1e-8
@@ -28,14 +29,13 @@ UNCLEAR = 1e-11, 1e-5
 
 
 def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
-    """Return each closure's second frame relative to the first, world axes: displacement, for a weld after the rotation
-    vector.
+    """Return each closure's second frame relative to the first in world axes.
 
     Args:
-        order: 1 or 2 for the first or second derivative of it, of a welded turn where it is closed.
+        order: Order of the derivative, up to 2; derivatives of a weld's rotation are valid where the weld is closed.
 
     Returns:
-        Closure -> shape (n, 3) of points, (n, 6) of welds.
+        Closure -> displacement, shape (n, 3), for points; rotation vector, then displacement, shape (n, 6), for welds.
     """
     ends, m = motion.closures, len(tree.closures)
     first, second = ends.part(slice(m)), ends.part(slice(m, None))
@@ -52,7 +52,7 @@ def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict
 
 
 def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
-    """Return the deviation of coupled coordinates or derivatives from the couplings' values. (n, n_coupling)."""
+    """Return the deviation of coupled coordinates, or their derivatives, from the couplings. Shape (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
         column, velocity, *_ = one
@@ -62,7 +62,7 @@ def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Arr
 
 
 def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
-    """Return the value of a coupling at the other coordinates, and its two derivatives. Shape (n,) each."""
+    """Return a coupling's value, computed from the other coordinates, and two derivatives. Shape (n,) each."""
     _, _, constant, leads = one
     total, rate, change = (np.full(len(states.q), x) for x in (constant, 0.0, 0.0))
     for column, velocity, p in leads:
@@ -73,10 +73,10 @@ def _leads(one: Coupled, states: TreeStates) -> tuple[Array, Array, Array]:
 
 
 def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
-    """Return the relative velocity of each closure's second frame at its origin, world axes, per unit velocity.
+    """Return the velocity of each closure's second frame relative to the first, in world axes, per unit velocity.
 
     Returns:
-        Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
+        Closure -> shape (n, 3, n_freedom) for points, (n, 6, n_freedom) for welds.
     """
     m = len(tree.closures)
     J = motion.jacobian(tree.ends, motion.closures.p)
@@ -99,7 +99,7 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintEquations:
-    """Closures, then couplings, of a tree in motion without accelerations."""
+    """Constraint equations of a tree at zero accelerations: closures, then couplings."""
 
     tree: SpanningTree
     states: TreeStates
@@ -133,7 +133,7 @@ def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: 
 
 
 def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
-    """Rates of all gaps per unit velocity. Shape (n, m, n_freedom)."""
+    """Return the rates of all gaps per unit velocity. Shape (n, m, n_freedom)."""
     return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
 
 
@@ -161,10 +161,10 @@ def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
 
 
 def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
-    """Close the loops with Newton's method, with velocities and accelerations that keep them closed.
+    """Close the loops with Newton's method; correct velocities and accelerations so that the loops stay closed.
 
     Returns:
-        The states that could be closed, and flags of these states, shape (n,).
+        The states that could be closed, and their flags among the given states, shape (n,).
     """
     q, length, todo = states.q.copy(), max(tree.length, 1.0), np.arange(len(states.q))
     for _ in range(STEPS):
@@ -184,15 +184,16 @@ def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[
 
 
 def newton_step(rows: Array, gap: Array) -> Array:
-    """Return the shortest step that closes gaps, with a limit. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
+    """Return the shortest step that closes gaps, limited to `FAR`. (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
     step = -(np.linalg.pinv(rows, rcond=DEPENDENT) @ gap[..., None])[..., 0]
     return np.asarray(step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
 
 
 def clear(rows: Array) -> NDArray[np.bool_]:
-    """Flag states with a clear rank of the rows; shape (n, m, n_freedom) -> (n,).
+    """Flag states in which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
 
-    Near a singular pose Newton's method ends with half the digits, and with singular values neither zero nor regular.
+    Near a singular pose, Newton's method reaches only half the digits, and some singular values are neither zero nor
+    regular.
     """
     s = np.linalg.svd(rows, compute_uv=False)
     s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
@@ -208,8 +209,8 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
         length: Length equivalent to 1 rad [m].
 
     Returns:
-        The projection of each unit velocity, shape (n, n_freedom, n_freedom); and the rows' conditioning, the smallest
-        singular value over the largest, shape (n,).
+        The projection of each unit velocity, shape (n, n_freedom, n_freedom); and the conditioning of the rows: the
+        smallest nonzero singular value divided by the largest, shape (n,).
     """
     _, s, V = np.linalg.svd(rows * np.where(slides, length, 1.0), full_matrices=True)
     s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
@@ -223,10 +224,10 @@ class AdmissibleMotion:
     """Motions admitted by the closed loops at n poses, with dimensionless equations.
 
     Attributes:
-        motion: The poses.
-        equations: Rates of the gaps per velocity, above the selection of y. Shape (n, m + k, n_freedom).
-        gap_size: Unit of each gap, 1 rad or a length. Shape (m,).
-        size: Unit of each velocity: 1 rad, or the length [m]. Shape (n_freedom,).
+        motion: Motion of the tree at the poses.
+        equations: Rates of the gaps per velocity, followed by the rows that select y. Shape (n, m + k, n_freedom).
+        gap_size: Unit of each gap, 1 rad or the machine's length. Shape (m,).
+        size: Unit of each velocity, 1 rad or the machine's length [m]. Shape (n_freedom,).
         columns: Columns of the independent velocities.
     """
 
@@ -237,10 +238,10 @@ class AdmissibleMotion:
     columns: list[int]
 
     def joints(self, y: Array, gaps: Array | None = None) -> Array:
-        """Compute derivatives of all coordinates given those of the independent coordinates.
+        """Compute derivatives of all coordinates from derivatives of the independent coordinates.
 
         Args:
-            y: Shape (n, k) or (n, k, m).
+            y: Derivatives of the independent coordinates. Shape (n, k) or (n, k, m).
             gaps: `constraints.residual` at zero derivatives; zero by default. Shape (n, m).
 
         Returns:
@@ -268,11 +269,11 @@ class AdmissibleMotion:
 
 
 def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
-    """Compute the motions admitted at poses.
+    """Compute the motions that the loops admit at given poses.
 
     Args:
-        units: rad or m, of each velocity.
-        columns: Velocities by which a motion is given.
+        units: Unit of each velocity, rad or m.
+        columns: Columns of the independent velocities.
     """
     tree, length = motion.tree, motion.tree.length
     size = np.array([1.0 if unit == "rad" else length for unit in units])

@@ -13,7 +13,7 @@ from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, Tree
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewtonEulerTerms:
-    """Wrench required by each body, by term: force, and moment about the centre of mass.
+    """Terms of the wrench that each body requires: force, and moment about the centre of mass.
 
     Attributes:
         inertial: ``m a`` and ``J b``. Shape (n, m, 6).
@@ -35,10 +35,10 @@ class NewtonEulerTerms:
 
 
 def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
-    """Compute Newton-Euler terms of bodies from orientation, angular motion and acceleration of the centre of mass.
+    """Compute Newton-Euler terms from bodies' orientation, angular motion and acceleration of the centre of mass.
 
     Args:
-        g: Gravity, for all or of each body [m/s^2]. Shape (3,) or (m, 3).
+        g: Gravity, common or for each body [m/s^2]. Shape (3,) or (m, 3).
     """
     inertial = lanes(len(R), len(matter.mass), 6)
     inertial[..., :3], inertial[..., 3:] = matter.mass[:, None] * a, momentum(matter, R, b)
@@ -68,7 +68,7 @@ def along(motion: TreeMotion, wrenches: Array) -> Array:
     """
     tree, force = motion.tree, wrenches[..., :3]
     number, _, turns = tree.velocity
-    # all that a velocity moves, moments about the world's origin, then about the joint
+    # wrenches summed over all bodies that a velocity moves; moments about the world's origin, then about the joint
     whole = tree.moves.T @ np.concatenate([force, wrenches[..., 3:] + cross(motion.com.p, force)], axis=-1)
     moment = whole[..., 3:] - cross(motion.links.p[:, number], whole[..., :3])
     return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=-1))
@@ -84,8 +84,8 @@ def mass_matrix(motion: TreeMotion) -> Array:
     number, rates = tree.velocity[0], unit_twists(motion)
     carried = np.einsum("bi,nbjk->nijk", tree.moves, _inertia_at_origin(motion), optimize=True)
     momenta = (carried @ rates[..., None])[..., 0]
-    product = rates @ np.swapaxes(momenta, 1, 2)  # of velocity i on the momentum of what j carries
-    inner = tree.before.T + (number[:, None] == number)  # i is before j, or of the same joint
+    product = rates @ np.swapaxes(momenta, 1, 2)  # twist of velocity i times momentum of the bodies moved by j
+    inner = tree.before.T + (number[:, None] == number)  # i precedes j, or belongs to the same joint
     lower = np.swapaxes(product * tree.before.T, 1, 2)
     return np.asarray(product * inner + lower)
 
@@ -152,12 +152,15 @@ def _needed(motion: TreeMotion) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """Return an entry of `Tree.passive`, zeros by default."""
+    """Return an entry of `SpanningTree.passive`, zeros by default."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
 def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
-    """Return the acceleration that armature resists; in world axes for a free translation. Shape (n, n_freedom)."""
+    """Return the acceleration that armature resists; a free joint's translation counts in world axes.
+
+    Shape (n, n_freedom).
+    """
     qdd = states.qdd.copy()
     for link in tree.links:
         if link.kind == "free":

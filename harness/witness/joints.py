@@ -1,7 +1,7 @@
-"""The witness's kinds of joint, and mechanisms as trees of links.
+"""The witness's kinds of joint, and conversion of mechanisms to trees of links.
 
-Derived from the meaning of the kinds, not from the solver's table of joint types, so that a wrong sign or direction
-in that table shows up here.
+This table is derived from the meaning of the kinds, not from the solver's table of joint types, so that the witness
+reveals a wrong sign or direction in that table.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from screwgauge.witness.tree import (
     stacked,
 )
 
-#: Kind -> its elementary joints in order, and the directions in which it holds forces and moments: axes of the world or
-#: of the child's joint frame, those across or along the joint's axis, the normal to its two.
+#: Kind -> its elementary joints in order, and the directions of its constraint forces and of its constraint moments:
+#: axes of the world or of the child's joint frame, directions across or along the joint's axis, or the normal to its
+#: two axes.
 JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "R": (("hinge",), "world", "across"),
     "P": (("slide",), "across", "frame"),
@@ -39,9 +40,10 @@ JOINT_KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
 
 
 def freedoms(joint: Joint) -> list[tuple[str, Array]]:
-    """List kind and axis, in the joint's frame, of its elementary joints in order.
+    """List a joint's elementary joints in order, each as its kind and its axis in the joint's frame.
 
-    Hinges have the joint's axes. One slide is along the first, two are across it, three along the frame's axes.
+    Hinges have the joint's axes. A single slide is along the first axis, two slides are across it, and three slides are
+    along the frame's axes.
     """
     kinds = JOINT_KINDS[joint.kind][0]
     ways = {2: list(across(joint.axes[0]).values()), 3: list(np.eye(3))}
@@ -50,9 +52,10 @@ def freedoms(joint: Joint) -> list[tuple[str, Array]]:
 
 
 def across(axis: Array) -> dict[str, Array]:
-    """Return two directions orthogonal to an axis: frame axes if it is one, else constructed from the first.
+    """Return two directions orthogonal to an axis, with labels.
 
-    Their labels are x, y, z, or else 1 and 2.
+    If the axis is a frame axis, the directions are the other frame axes, labelled x, y or z. If not, they are
+    constructed from one frame axis and labelled 1 and 2.
     """
     main = int(np.abs(axis).argmax())
     others = [i for i in range(3) if i != main]
@@ -76,14 +79,14 @@ class MechanismTree(SpanningTree):
     body_frames: Mapping[str, FixedFrame]
 
     def on(self, body: str, frame: Frame) -> FixedFrame:
-        """Return a frame fixed in a body."""
+        """Return the fixed frame for a frame given in a body."""
         return self.body_frames[body].placed(frame.R, frame.p)
 
 
 def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
     """Convert a mechanism to the spanning tree of a graph.
 
-    A joint that closes a loop leads to a massless copy of its child; the loop is closed where the two coincide.
+    A joint that closes a loop leads to a massless copy of its child; a weld constraint aligns the copy with the child.
     """
     links, at = _span(mechanism, graph)
     closures = {
@@ -105,12 +108,13 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
 
 
 def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
-    """Build the open tree of some joints; a joint that would close a loop leads to a copy of its body.
+    """Build the open tree of the named joints; a joint that would close a loop leads to a copy of its body.
 
-    A body and its copies have equal shares of its mass. Ground has no copies: a joint that ends there leads from it.
+    A body and its copies have equal shares of the mass. Ground has no copies: a joint whose child is ground is walked
+    from ground.
 
     Returns:
-        The tree; for its bodies, copies last, their indices in the mechanism, and their mass shares, (m,).
+        The tree; the index in the mechanism of each of its bodies, with copies last; and their mass shares, (m,).
     """
     links, at = _span(mechanism, graph)
     number = {body.name: i for i, body in enumerate(mechanism.bodies)}
@@ -141,7 +145,7 @@ def _append_links(
     """Append the links of a joint; return the frame of the body beyond it.
 
     Args:
-        near: Frame of the body that it starts from, the child if it is walked in reverse.
+        near: Frame of the body from which the links start; this is the child if `reverse`.
     """
     (_, start), (_, end) = joint.sides[::-1] if reverse else joint.sides
     steps = [*zip(freedoms(joint), mechanism.columns(joint.coordinates), strict=True)]

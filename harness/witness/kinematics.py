@@ -1,6 +1,6 @@
 """Kinematics of a tree: poses, velocities and accelerations of links and fixed frames, vectorised over samples.
 
-Moving points: ``w x (w x r)`` is the acceleration towards the axis, ``2 w x u`` that of Coriolis.
+For moving points, ``w x (w x r)`` is the centripetal acceleration and ``2 w x u`` the Coriolis acceleration.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ class Moving:
 
     @property
     def velocity(self) -> Array:
-        """Angular velocity, then that of the origin. Shape (n, m, 6)."""
+        """Angular velocity, then velocity of the origin. Shape (n, m, 6)."""
         return np.concatenate([self.w, self.v], axis=2)
 
     @property
     def acceleration(self) -> Array:
-        """Angular acceleration, then that of the origin. Shape (n, m, 6)."""
+        """Angular acceleration, then acceleration of the origin. Shape (n, m, 6)."""
         return np.concatenate([self.b, self.a], axis=2)
 
 
@@ -71,8 +71,8 @@ class TreeMotion:
     """A tree in motion.
 
     Attributes:
-        links: Ground and the links.
-        axes: Axis of each unit velocity. Shape (n, n_freedom, 3).
+        links: Motion of ground and the links.
+        axes: Axis of each velocity, in world axes. Shape (n, n_freedom, 3).
     """
 
     tree: SpanningTree
@@ -81,18 +81,18 @@ class TreeMotion:
 
     @cached_property
     def bodies(self) -> Moving:
-        """Frames of the bodies."""
+        """Motion of the body frames."""
         return self.links.frames(self.tree.bodies)
 
     @cached_property
     def com(self) -> Moving:
-        """Bodies at their centres of mass."""
+        """Motion of the bodies at their centres of mass."""
         at = self.tree.bodies
         return self.links.frames(at._replace(p=at.p + (at.R @ self.tree.matter.com[..., None])[..., 0]))
 
     @cached_property
     def closures(self) -> Moving:
-        """First frames of all closures, then the second ones, in motion."""
+        """Motion of the first frames of all closures, then of the second frames."""
         return self.links.frames(self.tree.ends)
 
     def jacobian(self, frames: FixedFrames, points: Array) -> Array:
@@ -140,7 +140,7 @@ def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     toward = cross(near, r)
     v = _accumulate(tree, toward + slide)
     a = cross(pick(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
-    a += cross(spin, slide)  # velocities of a free joint are along axes that it rotates
+    a += cross(spin, slide)  # velocities of a free joint are along axes that the joint itself rotates
     return TreeMotion(tree, Moving(R, p, w, v, b, _accumulate(tree, a)), e)
 
 
@@ -153,15 +153,16 @@ def unit_twists(motion: TreeMotion) -> Array:
 
 
 def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
-    """Return the velocity products in the accelerations of the links beyond each velocity, by term of eq. (36).
+    """Return the velocity products in the accelerations of all links moved by each velocity, by term of eq. (36).
 
-    The first factor is the twist before the joint, the second the twist it adds, both at the world origin.
+    The first factor belongs to the twist before the joint, the second to the twist that the joint adds. Both twists are
+    at the world origin.
 
     Args:
         qd: Velocities of a tree of hinges and slides. Shape (n, n_freedom).
 
     Returns:
-        Term -> angular acceleration over that of the point in the world's origin. Shape (n, n_freedom, 6).
+        Term -> angular acceleration, then acceleration of the point at the world's origin. Shape (n, n_freedom, 6).
     """
     links, before = motion.links, motion.tree.starts.link[motion.tree.velocity[0] - 1]
     w1, v1 = links.w[:, before], (links.v - cross(links.w, links.p))[:, before]
@@ -185,17 +186,20 @@ def _first(x: Array) -> Array:
 
 
 def turned(R: Array, by: Array) -> Array:
-    """Multiply orientations by fixed rotations, most of them the identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
+    """Multiply orientations by fixed rotations, which are often all identity. Shapes (n, m, 3, 3), (m, 3, 3)."""
     return R if (by == np.eye(3)).all() else product(R, by)
 
 
 def pick(x: Array, which: Rows) -> Array:
-    """Return ``x[:, which]``, faster for contiguous samples."""
+    """Return ``x[:, which]``, but faster if samples are contiguous."""
     return _first(_last(x)[which])
 
 
 def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
-    """Compute poses of ground and all links, and vectors from the parents' origins. (n, n_link + 1, ...)."""
+    """Compute poses of ground and all links, and vectors from the parents' origins.
+
+    Shapes (n, n_link + 1, 3, 3), (n, n_link + 1, 3), (n, n_link, 3).
+    """
     n, k = len(q), len(tree.links)
     turn, way = _joints(tree, q)
     R, p, r = np.empty((k + 1, 3, 3, n)), np.empty((k + 1, 3, n)), np.empty((k, 3, n))
@@ -230,7 +234,7 @@ def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
 
 
 def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Array, Array]:
-    """Return the part of joint rates in the angular velocities and those of the origins. Shape (n, n_link, 3) each."""
+    """Return the parts of the links' angular and linear velocities due to joint rates. Shape (n, n_link, 3) each."""
     own, _, velocities, _, _, turns = tree.single
     single, hinges = _last(e)[velocities] * rates.T[velocities, None], turns[..., None] > 0.0
     spin, slide = np.zeros((2, len(tree.links), 3, len(e)))

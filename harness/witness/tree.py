@@ -1,7 +1,7 @@
 """A tree of links as arrays: moving parts, masses, and loop constraints.
 
-A link is carried by one elementary joint: a hinge, a slide, a ball or a free joint. Mechanisms and model files that
-were read are both represented by such a tree.
+Each link is carried by one elementary joint: a hinge, a slide, a ball or a free joint. Such a tree represents a
+mechanism or a model file.
 """
 
 from __future__ import annotations
@@ -19,22 +19,23 @@ from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
 
-#: Kind of an elementary joint -> its coordinates and its velocities. Those of ``ball`` and ``free`` are of the link, in
-#: its axes: coordinates of a free one are first the position of its origin, then the quaternion (w, x, y, z), at rest
-#: (0, 0, 0,) 1, 0, 0, 0; velocities are the angular one, then that of the origin.
+#: Kind of an elementary joint -> number of its coordinates, and number of its velocities. Coordinates of ``ball`` are
+#: the link's quaternion (w, x, y, z), which is (1, 0, 0, 0) at zero displacement; ``free`` has the position of the
+#: link's origin before the quaternion. Velocities are the link's angular velocity and, for ``free``, then the velocity
+#: of its origin, both in the link's axes.
 COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
 FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
 
 
 class FixedFrame(NamedTuple):
-    """A frame fixed to a link; 0 is the ground. `R` has shape (3, 3), `p` shape (3,) [m]."""
+    """A frame fixed to a link; link 0 is the ground. `R` has shape (3, 3), and `p` [m] has shape (3,)."""
 
     link: int = 0
     R: Array = np.eye(3)
     p: Array = np.zeros(3)
 
     def placed(self, R: Array, p: Array) -> FixedFrame:
-        """Return the frame given in this frame."""
+        """Return the fixed frame for a pose given relative to this frame."""
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
@@ -58,8 +59,8 @@ class TreeLink(NamedTuple):
     Attributes:
         kind: An entry of `COORDINATES`.
         start: Frame of the joint on the preceding link.
-        axis: Unit axis of a hinge or slide in that frame. Shape (3,).
-        coordinate, velocity: Its first column among all coordinates and among all velocities.
+        axis: Unit axis of a hinge or slide in `start`. Shape (3,).
+        coordinate, velocity: The joint's first column among all coordinates and among all velocities.
         zero: Coordinate of a hinge or slide at zero displacement.
         sign: -1 if the joint is entered from its child side.
     """
@@ -87,14 +88,14 @@ coordinate, and coefficients of its powers, that of 1 first."""
 
 
 def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> Coupled:
-    """Build a coupling in a tree; `columns`: coordinate -> its column, and that of its velocity."""
+    """Build a coupling in a tree; `columns` maps a coordinate to its column and to its velocity's column."""
     leads = tuple((*columns[name], np.array([0.0, *p])) for name, p in function.terms.items())
     return *columns[coordinate], function.constant, leads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MassProperties:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of bodies, in their axes.
+    """Mass [kg], centre of mass [m] and inertia about the centre of mass [kg m^2] of bodies, in body axes.
 
     Shapes (m,), (m, 3), (m, 3, 3).
     """
@@ -114,9 +115,10 @@ class SpanningTree:
         bodies: Frames of the bodies.
         matter: Mass properties of the bodies.
         closures, couplings: Constraints by name.
-        gravity: [m/s^2]; `weight` is the share of it that acts on each body. Shapes (3,), (n_body,).
-        passive: ``armature``, ``damping``, ``friction``, ``stiffness`` of each velocity, and ``rest``, where springs
-            exert no force; all entries, or none. Shape (n_freedom,).
+        gravity: Gravity [m/s^2]. Shape (3,).
+        weight: Share of gravity that acts on each body. Shape (n_body,) or a number.
+        passive: ``armature``, ``damping``, ``friction`` and ``stiffness`` of each velocity, and ``rest``, the position
+            at which springs exert no force; either all entries or none. Shape (n_freedom,).
         length: Length of the machine [m].
     """
 
@@ -133,13 +135,13 @@ class SpanningTree:
 
     @cached_property
     def starts(self) -> FixedFrames:
-        """Frame of each joint on the preceding link."""
+        """Frames of all joints on the preceding links."""
         return stacked([link.start for link in self.links])
 
     @cached_property
     def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
-        """Hinges and slides: link positions, columns of coordinates and of velocities, zeros, signed axes, and 1 for
-        hinges.
+        """Arrays for hinges and slides: link positions, columns of coordinates and of velocities, zeros, signed axes,
+        and 1 for hinges.
 
         Shapes (k,), (k,), (k,), (k,), (k, 3), (k, 1).
         """
@@ -153,7 +155,7 @@ class SpanningTree:
 
     @cached_property
     def ends(self) -> FixedFrames:
-        """First frames of all closures, then the second ones."""
+        """First frames of all closures, then their second frames."""
         closures = self.closures.values()
         return stacked([each.first for each in closures] + [each.second for each in closures])
 
@@ -162,7 +164,7 @@ class SpanningTree:
         """Links of equal depth, and their parents, level by level."""
         before, left = np.array([0, *(link.start.link for link in self.links)]), [*range(1, len(self.links) + 1)]
         known, levels = {0}, list[tuple[Rows, Rows]]()
-        while left:  # links are in any order
+        while left:  # links may be in any order
             some = np.array([i for i in left if int(before[i]) in known])
             levels.append((some, before[some]))
             known |= {*some.tolist()}
@@ -171,7 +173,7 @@ class SpanningTree:
 
     @cached_property
     def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:
-        """Link of each velocity, its axis there, and True for rotation; 0 if it moves none.
+        """Link that each velocity moves (0 if none), the velocity's axis in that link, and True for rotation.
 
         Shapes (n_freedom,), (n_freedom, 3), (n_freedom,).
         """
@@ -201,7 +203,7 @@ class SpanningTree:
 
     @cached_property
     def before(self) -> Array:
-        """Matrix with 1 where a velocity's joint precedes another's. Shape (n_freedom, n_freedom)."""
+        """Matrix with 1 where the column's joint precedes the row's joint. Shape (n_freedom, n_freedom)."""
         number = self.velocity[0]
         return np.asarray(self.carries[number] * (number[:, None] != number))
 

@@ -26,7 +26,7 @@ class Act:
     """Wrench of a joint's parent on its child.
 
     Attributes:
-        force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
+        force, moment: Force and moment in world axes; one of them is zero. Shape (n, 3), or (3,) if zero.
         point: Point of application [m]. Shape (n, 3).
     """
 
@@ -38,10 +38,10 @@ class Act:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitWrench:
-    """A unit force or moment of a joint; of a coupling, on several joints.
+    """A unit force or moment of a joint, or of a coupling, which acts on several joints.
 
     Attributes:
-        name: Name of the component of a reaction or an actuator.
+        name: Name of a reaction component or an actuator.
         unit: N or N m.
     """
 
@@ -50,7 +50,7 @@ class UnitWrench:
     acts: tuple[Act, ...]
 
     def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
-        """Yield the bodies acted on, except ground, with force, then moment about the centre of mass. Shape (n, 6)."""
+        """Yield each body acted on, except ground, and the force, then moment about the centre of mass. (n, 6)."""
         for act in self.acts:
             for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
                 body = tree.mechanism.body_index[side] - 1
@@ -71,18 +71,18 @@ def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving
 
 
 def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
-    """Solve for multiples of unit wrenches that meet body needs, in the minimum-norm least-squares sense.
+    """Solve for multiples of unit wrenches that supply required wrenches, in the minimum-norm least-squares sense.
 
-    Equations and unknowns are forces: moments are divided by a length.
+    Equations and unknowns are scaled to forces: moments are divided by a length.
 
     Args:
         columns: Effects from `wrench_columns`. Shape (n, n_body, 6, m).
-        need: Body needs in p cases. Shape (n, n_body, 6, p).
-        length: [m].
-        rules: Further linear combinations of the amounts that must vanish. Shape (n, l, m).
+        need: Required wrenches on the bodies in p cases. Shape (n, n_body, 6, p).
+        length: Length that converts moments to forces [m].
+        rules: Further linear combinations of the multiples that must vanish. Shape (n, l, m).
 
     Returns:
-        Amounts [N or N m]. Shape (n, m, p).
+        Multiples of the unit wrenches [N or N m]. Shape (n, m, p).
     """
     n, b, _, p = need.shape
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], b)[:, None]
@@ -93,7 +93,7 @@ def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: 
 
 
 def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
-    """Yield all components of ``reaction``, couplings last, or of ``actuator_force``.
+    """Yield unit wrenches of all components of ``reaction``, couplings last, or of ``actuator_force``.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -118,7 +118,7 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
-    """Yield powerless coupling wrenches: 1 along the coordinate, minus the polynomial's slope along each other."""
+    """Yield powerless wrenches of couplings: 1 along the coordinate, minus the slope along each other coordinate."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
         names = one.named
@@ -130,7 +130,7 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
 
 
 def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
-    """Return a force along a coordinate without power on the joint's others; `amount` has shape (n,)."""
+    """Return a force along a coordinate that does no work on the joint's others; `amount` has shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
     force, moment = (
@@ -141,7 +141,7 @@ def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordina
 
 
 def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
-    """Return force and moment of a unit force along a joint coordinate, without power on the others. (n, 3) each.
+    """Return force and moment of a unit force along a joint coordinate; it does no work on the others. (n, 3) each.
 
     Args:
         near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
@@ -158,18 +158,19 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 
 def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
-    """Return the world axes of a joint's frames on parent and child, and the origin of the latter."""
+    """Return the world axes of a joint's frames on parent and child, and the origin of the child's frame."""
     R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
 
 
 def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
-    """Return the constrained directions of a joint: ``fx`` and so on are forces, ``mx`` and so on moments.
+    """Return the constrained directions of a joint; labels such as ``fx`` are forces, and ``mx`` moments.
 
-    Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
-    three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
-    are called 1 and 2. The force of an E joint is along that axis of the frame that is its normal, or without a letter
-    along the normal. The moment of a U joint is along the cross product of its first and its second axis.
+    Forces of joints with rotations only, and of fixed joints, are along the world's axes. Moments of a P joint are
+    along all three axes of the child's joint frame. The force of an E joint is along its normal, labelled by the frame
+    axis if it is one. The moment of a U joint is along the cross product of its first and second axes. All remaining
+    forces and moments are along the two directions across the joint's axis. These are axes of the child's joint frame
+    if the joint's axis is one, and are labelled 1 and 2 if not.
 
     Args:
         near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
@@ -208,11 +209,11 @@ def exerted_wrenches(
     """Yield the wrenches of loads, springs, dampers and motors, and of rotors and friction of joints.
 
     Args:
-        resist: Rotors, damping and dry friction that count, by default all of the mechanism.
+        resist: Rotors, damping and dry friction to include, by default all of the mechanism's.
 
     Yields:
-        Body, without ground; force and moment, shape (n, 3) or (3,); and where the force acts, from the centre of mass,
-        shape (n, 3).
+        Index of a body, ground excluded; force and moment, shape (n, 3) or (3,); and the vector from the centre of mass
+        to the point at which the force acts, shape (n, 3).
     """
     com, index, mechanism = motion.com, tree.mechanism.body_index, tree.mechanism
     for load in applied.loads:
@@ -235,7 +236,7 @@ def load_in_world(load: Load, t: Array, R: Array) -> tuple[Array, Array]:
 
     Args:
         t: Times [s]. Shape (n,).
-        R: Orientation of its body. Shape (n, 3, 3).
+        R: Orientation of the load's body. Shape (n, 3, 3).
     """
     force, torque = load.force, load.torque
     if load.courses:
@@ -263,7 +264,7 @@ def exerted_on_bodies(
     applied: Applied,
     resist: Sequence[Resistance] | None = None,
 ) -> Array:
-    """Sum of `exerted_wrenches`, moments about the centres of mass. Shape (n, n_body, 6)."""
+    """Return the sum of `exerted_wrenches` on each body, with moments about the centre of mass. (n, n_body, 6)."""
     total = np.zeros((len(t), len(tree.matter.mass), 6))
     for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied, resist):
         total[:, body, :3] += force
@@ -272,7 +273,7 @@ def exerted_on_bodies(
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
-    """Yield forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
+    """Yield coordinates and the forces of motors, springs and dampers along them. Shape (n,)."""
     for motor in applied.motors:
         yield motor.coordinate, _over_time(motor.course, t)
     for spring in applied.springs:
