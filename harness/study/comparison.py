@@ -1,4 +1,4 @@
-"""The result of a run: solutions, comparisons and judgements, and the files that they are based on. `run` makes it."""
+"""The result of a run: solutions, comparisons, judgements, and the files that they are based on. `run` creates it."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ DOUBT = "doubt"  #: Kind of a remark about values that no machine has.
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """Solutions of one scene, compared pair by pair and judged individually.
+    """Solutions of one scene, compared in pairs and judged individually.
 
     Attributes:
         solutions: Engine -> its solution, in the order of the given names.
-        failures: Engine -> reason of its failure.
-        errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale,
-            worst_t, rule, unique, tolerance, ok. For components without a unique value, tolerance and ok are empty.
-        pairs: One row per quantity, pair and unit: quantity, a, b, unit, max_abs, rms, max_scaled,
-            worst_component, worst_t, rule, unique, tolerance, ok, reason.
-        judge: One row per engine, residual and unit: engine, residual, unit, max_abs, max_scaled,
-            worst_component, worst_t, tolerance, ok, reason.
-        remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or an empty text.
-        freedoms: Counts of the mechanism.
+        failures: Engine -> its failure, with the reason.
+        errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale, worst_t,
+            rule, unique, tolerance, ok. For components without a unique value, tolerance and ok are empty.
+        pairs: One row per quantity, pair and unit: quantity, a, b, unit, max_abs, rms, max_scaled, worst_component,
+            worst_t, rule, unique, tolerance, ok, reason.
+        judge: One row per engine, residual and unit: engine, residual, unit, max_abs, max_scaled, worst_component,
+            worst_t, tolerance, ok, reason.
+        remarks: Sentence about the scene -> `DOUBT`, `UNREAD` or an empty string.
+        freedoms: Counts of the degrees of freedom.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
         refusals: Samples at which an engine returns no value, with the reason.
-        left_out: Forces that files contain and no engine includes.
-        reviews: Table -> faults of its columns.
+        left_out: Forces that files contain but no engine includes.
+        reviews: Table -> review of the faults in its columns.
         cover: Function that computes `coverage` on demand.
     """
 
@@ -80,22 +80,22 @@ class Comparison:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Warnings about values that no machine has: engines may agree on input that nobody meant."""
+        """Warnings about implausible values: engines may agree on input that nobody meant."""
         return tuple(sentence for sentence, kind in self.remarks.items() if kind == DOUBT)
 
     @property
     def unread(self) -> tuple[str, ...]:
-        """Warnings about files that the scene names and nothing read."""
+        """Warnings about files that the scene names but that were not read."""
         return tuple(sentence for sentence, kind in self.remarks.items() if kind == UNREAD)
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Versions and machine, name -> value."""
+        """Name -> value, for versions and machine."""
         return environment()
 
     @property
     def mobility(self) -> dict[str, Any]:
-        """Facts about the mechanism (freedoms, rank, redundancy), name -> value, and which forces are unique."""
+        """Name -> value, for counts of the mechanism (mobility, rank, redundancy), and which forces are unique."""
         counts = self.freedoms
         return {
             "moving bodies": counts.bodies,
@@ -111,12 +111,12 @@ class Comparison:
 
     @property
     def undetermined(self) -> Sequence[str]:
-        """Reaction components that redundant constraints leave undetermined: they have no unique value."""
+        """Reaction components without a unique value, because redundant constraints leave them undetermined."""
         return self.freedoms.undetermined
 
     @cached_property
     def known(self) -> list[str]:
-        """Sentences about named discrepancies of the engines that affect results out of tolerance."""
+        """Sentences about named discrepancies of the engines that explain results out of tolerance."""
         bad = self.pairs[~self.pairs["ok"].astype(bool)]
         wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*self.solutions} & {*ENGINES}}
         sentences = []
@@ -127,7 +127,7 @@ class Comparison:
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """All outcomes, the weakest first."""
+        """All outcomes, weakest first."""
         alone = len(self.solutions) == 1
         holds: dict[Outcome, bool] = {
             "failed": bool(self.failures),
@@ -144,14 +144,14 @@ class Comparison:
 
     @property
     def outcome(self) -> Outcome:
-        """The weakest outcome, which the verdict begins with."""
+        """The weakest outcome, with which the verdict begins."""
         return weakest(self.outcomes)
 
     @property
     def ok(self) -> bool:
-        """True if every engine ran, and all that was requested was compared, judged and found within tolerance.
+        """True if every engine ran, and everything requested was compared, judged and found within tolerance.
 
-        A single engine only has to be judged.
+        A single engine only needs to be judged.
         """
         return not EXIT[self.outcome]
 
@@ -161,7 +161,7 @@ class Comparison:
 
     @property
     def exit_status(self) -> int:
-        """Exit status: 0 agreement, 1 out of tolerance or not all compared, 3 an engine failed or is missing."""
+        """Exit status: 0 agreement, 1 out of tolerance or not everything compared, 3 an engine failed or is missing."""
         return EXIT[self.outcome]
 
     @property
@@ -172,31 +172,31 @@ class Comparison:
 
     @property
     def differences(self) -> pd.DataFrame:
-        """Rows of pairs that are out of tolerance by more than the engines admit; missing values do not count."""
+        """Rows of pairs out of tolerance by more than the engines' error estimates; missing values do not count."""
         rows = self.compared
         lost = np.array([self._refused(row) for row in rows.to_dict("records")], dtype=bool)
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0) & ~lost]
 
     @property
     def faults(self) -> pd.DataFrame:
-        """Rows of equations violated by more than the engine admits."""
+        """Rows of equations whose residuals exceed the tolerance by more than the engine's error estimate."""
         rows = self.judge[~self.judge["engine"].isin([*self.failures])]
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0)]
 
     @property
     def undecided(self) -> int:
-        """Number of samples with differences or residuals out of tolerance but within the errors that engines admit."""
+        """Number of samples out of tolerance, but not by more than the engines' error estimates."""
         return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
 
     @property
     def reservations(self) -> list[str]:
-        """Qualifications of an agreement: doubts about the scene, warnings of engines and about their model files."""
+        """Qualifications of an agreement: doubts about the scene, warnings by engines and about their model files."""
         warned = (text for solution in self.solutions.values() for text in solution.warnings)
         return [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*self.doubts, *warned))]
 
     @property
     def mismatches(self) -> dict[str, str]:
-        """Differences of model files from the description that the scene does not admit: key -> sentence."""
+        """Key -> sentence, for differences between model files and the description that the scene does not allow."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
         return {each.key: each.sentence for each in found if each.key not in self.scene.allow}
 
@@ -208,20 +208,20 @@ class Comparison:
 
     @property
     def alone(self) -> Iterator[tuple[str, list[str]]]:
-        """Engines with those of their quantities that no other engine was compared in."""
+        """Pairs of an engine and those of its quantities that were not compared with a different engine."""
         seen = {(row[side], row["quantity"]) for row in self.pairs.to_dict("records") for side in "ab"}
         unique = {name: {*components} for name, components in self.not_unique.items()}
         for engine, solution in self.solutions.items() if len(self.solutions) > 1 else ():
             sized = {name: {*one.components} - unique.get(name, set()) for name, one in solution.values.items()}
             names = [name for name, components in sized.items() if components and (engine, name) not in seen]
-            if names and engine not in self.scene.tables:  # tables have separate remarks
+            if names and engine not in self.scene.tables:  # separate remarks describe tables
                 yield engine, names
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Quantities that several engines give, one of them without a comparison, such as forces of different trees.
+        """Quantities that several engines compute, one of them without comparison, e.g. forces of different trees.
 
-        Empty if the user chose no quantities: then all available ones were requested.
+        Empty if the user chose no quantities, so that all available ones were requested.
         """
         if {*GIVEN} <= {name for one in self.solutions.values() for name in one.values}:
             return ()
@@ -229,19 +229,19 @@ class Comparison:
         return tuple(name for name in names if len(self._having(name)) > 1)
 
     def _refused(self, row: Mapping[Any, Any]) -> bool:
-        """Return True if a row lacks values for which an engine states a reason."""
+        """Return True if a row lacks values because of samples for which an engine states a reason."""
         engines = (row["a"], row["b"])
         known = (one.engine in engines and row["quantity"] in one.quantities for one in self.refusals)
         return not np.isfinite(row["max_scaled"]) and any(known)
 
     @property
     def guard(self) -> list[Guarded]:
-        """Trust in each quantity of each engine, from condition number and estimated error."""
+        """Trust in each quantity of each engine, based on condition number and estimated error."""
         return [row for solution in self.solutions.values() for row in guarded(solution, self.times)]
 
     @property
     def not_unique(self) -> dict[str, tuple[str, ...]]:
-        """Quantity -> components without a unique value, for quantities that have such components."""
+        """Quantity -> its components without a unique value, for quantities that have such components."""
         ruled = [name for name in QUANTITIES if QUANTITIES[name].ruled]
         firsts = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
         shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in firsts.items()}
@@ -252,7 +252,7 @@ class Comparison:
 
     @cached_property
     def coverage(self) -> Coverage:
-        """Mistakes that the scene could have revealed."""
+        """Coverage: which mistakes in parameters the scene could have revealed."""
         return self.cover()
 
     @property
@@ -264,7 +264,7 @@ class Comparison:
         """Return the values of a quantity with names and units, by default from the first engine that has it.
 
         Raises:
-            UnknownNameError: The engine is unknown, or lacks the quantity.
+            UnknownNameError: The engine is unknown, or did not compute the quantity.
         """
         return self._pick("quantity", quantity, {name: s.values for name, s in self.solutions.items()}, engine)
 
@@ -273,15 +273,16 @@ class Comparison:
         return self.quantity(quantity, engine).array
 
     def radius(self, quantity: str, engine: str | None = None) -> Array:
-        """Return the rigorous radius of the truth: no true value is farther from the exact midpoint than this.
+        """Return the rigorous radius of the truth, the largest possible distance of true value and exact midpoint.
 
-        The values themselves are the midpoints rounded to doubles. NaN at samples that the truth did not solve.
+        The values themselves are the midpoints rounded to doubles. The radius is NaN at samples that the truth did not
+        solve.
 
         Returns:
             Shape (n_sample, n_component).
 
         Raises:
-            UnknownNameError: No engine has radii for this quantity.
+            UnknownNameError: No engine computed radii for this quantity.
         """
         return self._pick("radius", quantity, {name: _radii(one) for name, one in self.solutions.items()}, engine)
 
@@ -290,7 +291,7 @@ class Comparison:
         return self.quantity(quantity, engine).components
 
     def _pick(self, kind: str, quantity: str, by_engine: Mapping[str, Mapping[str, T]], engine: str | None) -> T:
-        """Return the entry of a quantity of the named engine, or of the first one that has it."""
+        """Return the entry of a quantity for the named engine, or for the first engine that has it."""
         if engine and engine not in by_engine:
             raise UnknownNameError("engine", engine, by_engine)
         tables = [by_engine[engine]] if engine else list(by_engine.values())
@@ -315,9 +316,9 @@ def provenance(
     """Return names and digests of the judged files.
 
     Args:
-        scene: The scene; None if there is no single one.
-        models: Engine -> model file as the engine read it; generated files must still exist.
-        description: Generated description of the mechanism, if it is not the scene's file.
+        scene: The scene; None without a single scene.
+        models: Engine -> path of the model file that the engine read; generated files must still exist.
+        description: Generated description of the mechanism, if it is not the file of the scene.
         date: Date of the judgement; now by default.
 
     Returns:
@@ -341,7 +342,7 @@ def built_in(path: Path) -> bool:
 
 
 def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
-    """Return name and SHA-256 of a file; the latter is None if the file no longer exists."""
+    """Return the name and SHA-256 of a file; None instead of the hash if the file no longer exists."""
     if is_scratch(path):
         path = catalog.description_source(path)
         generated = is_scratch(path)

@@ -1,4 +1,4 @@
-"""Removal of hinges that stand for fixed joints: results are shown and compared without their coordinates."""
+"""Removal of hinges that represent fixed joints: results are shown and compared without their coordinates."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from screwgauge.quantities import FORCE, QUANTITIES, RATE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, Values
 
-#: Kinds of quantities with a component for each joint coordinate.
+#: Kinds of quantities with one component for each joint coordinate.
 ALONG = ("joint", "tree", "axis")
 
 
@@ -33,13 +33,13 @@ def _moving_components(values: Values, held: set[str]) -> tuple[str, ...]:
 
 
 def with_fixed(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, Values]:
-    """Return values with the coordinates of fixed joints, which are zero, if an engine or a table omits them."""
+    """Return values including the coordinates of fixed joints, which are zero, if an engine or a table omits them."""
     held = [name for name in mechanism.coordinates if name not in mechanism.moving]
     return {name: _fill(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
 
 
 def _fill(quantity: str, values: Values, held: Sequence[str], coordinates: Sequence[str]) -> Values:
-    """Insert zeros for the held coordinates into the values of a quantity, in the order of all coordinates."""
+    """Insert zeros for the coordinates of fixed joints into a quantity, in the order of all coordinates."""
     lost, what = [name for name in held if name not in values.components], QUANTITIES[quantity]
     if what.of not in ("joint", "axis") or not lost:
         return values

@@ -1,7 +1,7 @@
 """Processes forked from one server that has already imported the common modules.
 
-The server starts with the first process, imports `NEEDED` and nothing else, and ends with the last process. It is not
-the server of `multiprocessing.get_context`, which has imported the main script of its first caller; nor do processes
+The server starts with the first process, imports only `NEEDED`, and ends with the last process. The server of
+`multiprocessing.get_context` is not used, because it has imported the main script of its first caller; nor do processes
 run the main script of their caller again.
 """
 
@@ -35,7 +35,7 @@ def _close(*files: int) -> None:
 
 
 class _Popen(popen_forkserver.Popen):
-    """Process started like that of the base class, but from `_SERVER` and without the main script."""
+    """Process started like in the base class, but from `_SERVER` and without the main script."""
 
     _fds: list[int]
 

@@ -1,4 +1,4 @@
-"""Numbers, units and names as text for people."""
+"""Formatting of numbers, units and names for people."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Row = dict[str, Any]
 
 def rows(frame: pd.DataFrame) -> list[Row]:
     """Return the rows of a table as dictionaries, column -> value."""
-    columns = {str(name): frame[name].tolist() for name in frame}  # four times as fast as pandas' own records
+    columns = {str(name): frame[name].tolist() for name in frame}  # four times as fast as pandas' records
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
@@ -37,7 +37,7 @@ def missing(value: Any) -> bool:
 
 
 def number(value: Any, figures: int = 6) -> str:
-    """Format a number with some significant figures, no trailing zeros: ``1.25``, ``1e-11``; empty for None."""
+    """Format a number with given significant figures and no trailing zeros: ``1.25``, ``1e-11``; empty for None."""
     if value is None:
         return ""
     if not np.isfinite(value):
@@ -62,13 +62,13 @@ def size(value: Any) -> str:
 
 
 def digits_text(scaled: float) -> str:
-    """Format the number of digits of a scaled error to one decimal place; ``NaN`` for NaN."""
+    """Format the number of correct digits for a scaled error, to one decimal place; ``NaN`` for NaN."""
     value = digits(scaled)
     return "NaN" if np.isnan(value) else f"{value:.1f}"
 
 
 def beyond(error: float, tolerance: float) -> float:
-    """Return an error as a multiple of its tolerance; infinite if it is NaN, or if nothing is admitted."""
+    """Return an error as a multiple of its tolerance; infinite if the error is NaN or the tolerance zero."""
     return error / tolerance if tolerance > 0.0 and not missing(error) else float("inf")
 
 
@@ -82,12 +82,12 @@ def duration(seconds: float) -> str:
 
 
 def moment(date: str) -> str:
-    """Format an ISO 8601 date as ``2026-11-26 08:17:33 UTC``; return other texts unchanged."""
+    """Format an ISO 8601 date as ``2026-11-26 08:17:33 UTC``; return other strings unchanged."""
     return re.sub(r"^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d).*(Z|[+]00:00)$", r"\1 \2 UTC", date)
 
 
 def span(low: str, high: str) -> str:
-    """Format a range: ``1 to 3``, or one value if both are the same."""
+    """Format a range: ``1 to 3``, or one value if both are equal."""
     return low if low == high else f"{low} to {high}"
 
 
@@ -102,22 +102,22 @@ def unit_text(unit: str) -> str:
 
 
 def words(name: str) -> str:
-    """Replace underscores by spaces: ``loop_closure`` -> ``loop closure``."""
+    """Replace underscores with spaces: ``loop_closure`` -> ``loop closure``."""
     return name.replace("_", " ")
 
 
 def tick(ok: Any) -> str:
-    """Return a mark and words for a status, so that nothing depends on colour or font."""
+    """Return a mark and a word for a status, which do not depend on colour or font."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 
 def file_name(title: str) -> str:
-    """Convert a title to a file name: lower case, words joined by hyphens, short enough for any file system."""
+    """Convert a title to a file name: in lower case, with hyphens between words, short enough for any file system."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower())[:60].strip("-") or "figure"
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
-    """Append a number to a name that is taken."""
+    """Append a number to a name if it is taken."""
     names = (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3)))
     return next(one for one in names if one not in taken)
 

@@ -275,7 +275,7 @@ class _Measurements:
         self.models: dict[tuple[str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
-        """Measure the first settings of all contestants, then the second and so on, so that no budget omits any."""
+        """Measure the first settings of all contestants, then the second ones and so on: a short budget omits none."""
         groups = [list(group) for _, group in groupby(chosen, key=_group)]
         turns = (contestant for turn in zip_longest(*groups) for contestant in turn if contestant is not None)
         for i, contestant in enumerate(turns):

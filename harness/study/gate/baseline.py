@@ -1,4 +1,4 @@
-"""Baselines: the errors of a known state with its versions and hashes, as JSON; later states must not lose digits."""
+"""Baselines: JSON files with the errors of a known state, versions and hashes; later states must not lose digits."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ SCHEMA = 1
 TEXTS = Mapping[str, str]
 #: Remedy for a missing baseline.
 UPDATE = "make one by --update"
-#: Factor by which an error must grow to be reported, and the noise due to rounding on another machine, whichever is
-#: larger: one digit, and a hundredth of the tolerance of solved quantities.
+#: Factor by which an error must grow to be reported, and the noise due to rounding on a different machine: one digit,
+#: and a hundredth of the tolerance of solved quantities. The larger of both limits counts.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 
@@ -35,8 +35,8 @@ class Against:
 
     Attributes:
         changed: Sentences on changed engines, models and versions.
-        worse: Sentences on grown errors, with the lost digits; `improved`: likewise on gained digits.
-        notes: Sentences on rows that one of the two states lacks.
+        worse, improved: Sentences on errors that grew or shrank, with the digits lost or gained.
+        notes: Sentences on rows that only one of the two states contains.
     """
 
     file: str
@@ -47,7 +47,7 @@ class Against:
 
 
 def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
-    """Return the content of a baseline, which does not include run times."""
+    """Return the content of a baseline, which omits run times."""
     record = environment()
     return {
         "schema": SCHEMA,
@@ -65,10 +65,10 @@ def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
 
 
 def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: bool = False) -> None:
-    """Write these rows as the known state.
+    """Write the given rows as the known state.
 
     Raises:
-        OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it is then unchanged.
+        OutputError: A row has no numbers, or the file cannot be written or is not a baseline; it then stays unchanged.
     """
     check_baseline(file, force=force)
     if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
@@ -81,7 +81,8 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
     """Compare rows with a baseline.
 
     Raises:
-        DescriptionError: There is none, or it is of another schema, of other scenes, or of other options.
+        DescriptionError: The file is missing, not a baseline, or made with a different schema, different scenes or
+            options.
     """
     known = read_baseline(file, smoke, [row.scene for row in rows])
     before, now = known["scenes"], state(rows, smoke)
@@ -126,7 +127,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     """Read the entries of a baseline.
 
     Raises:
-        DescriptionError: The file is not a baseline, or has another schema, other scenes or other options.
+        DescriptionError: The file is not a baseline, or was made with a different schema, different scenes or options.
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
@@ -144,7 +145,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
 
 
 def _sound(known: Mapping[str, Any]) -> bool:
-    """Return True if all entries have the form that `state` gives them."""
+    """Return True if all entries have the format that `state` produces."""
     scenes = known.get("scenes")
     if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
         return False
@@ -164,7 +165,7 @@ def _is_size(value: object) -> bool:
 
 
 def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
-    """Yield sentences on entries that differ, without the values of hashes."""
+    """Yield sentences on entries that differ; hashes are only reported as changed."""
     for name in dict.fromkeys([*then, *now]):
         a, b = str(then.get(name, "")), str(now.get(name, ""))
         if a != b:
@@ -175,7 +176,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
 
 
 def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
-    """Return whether an error is worse than before, and by how many digits; None within noise."""
+    """Return True if an error is worse than before, False if better, with a sentence; None within noise."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)
     sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"

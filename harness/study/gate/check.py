@@ -1,4 +1,4 @@
-"""Results of a gate: rows that tests can assert, in the formats that CI services read."""
+"""Results of a gate: rows that tests can assert, in formats that CI services read."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Version of the JSON format.
 ADMITTED = "Admitted on purpose"
-#: File names listed in a sentence.
+#: Number of file names listed in a sentence.
 SHOWN = 5
 #: Exit status of a row -> element of JUnit.
 _KINDS = {1: "failure", 2: "error", 3: "error"}
@@ -60,7 +60,7 @@ class Check:
 
     @property
     def exit_status(self) -> int:
-        """Exit status: 0 all within tolerance; 1 out of tolerance, or digits lost; 2 bad input; 3 a failure."""
+        """Exit status: 0 all within tolerance; 1 out of tolerance, or digits were lost; 2 bad input; 3 a failure."""
         worst = max((EXIT[row.status] for row in self.rows), default=1)
         return worst or int(bool(self.against and self.against.worse))
 
@@ -72,16 +72,17 @@ class Check:
 
     @property
     def left_alone(self) -> str:
-        """Sentence that names unread files of the folders; empty if all were read."""
+        """Sentence that names unread files in the folders; empty if all were read."""
         return f"Not read, because no scene names them: {first_few(self.unread, SHOWN)}." if self.unread else ""
 
     def assert_ok(self) -> None:
         """Raise an error unless the check is ok.
 
         Raises:
-            AssertionError: A row does not pass; the message says what, where, when, by how much and why.
+            AssertionError: A row does not pass, or there is no row; the message says what, where, when, by how much and
+                why.
         """
-        __tracebackhide__ = True  # pytest shows the calling line, not this one
+        __tracebackhide__ = True  # makes pytest show the calling line instead of this one
         if not self.ok:
             raise AssertionError("\n".join(self.faults) or "nothing was checked")
 
@@ -90,26 +91,26 @@ class Check:
 
         Args:
             file: File of the baseline; an existing baseline is replaced.
-            force: Replace any other file, too.
+            force: Replace an existing file even if it is not a baseline.
 
         Raises:
-            OutputError: A row has no numbers, or the file cannot be written; it is then unchanged.
+            OutputError: A row has no numbers, or the file cannot be written; it then stays unchanged.
         """
         write_baseline(Path(file), self.rows, self.smoke, force=force)
 
     @property
     def record(self) -> dict[str, Any]:
-        """The whole check as plain data."""
+        """The whole check, converted to plain data."""
         known = asdict(self.against) if self.against else None
         rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
-        for row in rows:  # `files` has the names as given; absolute paths are specific to this machine
+        for row in rows:  # `files` contains the given names; absolute paths are specific to this machine
             del row["read"]
         content = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
         return {**content, "unread": [*self.unread]}
 
     @property
     def json(self) -> str:
-        """The record as text."""
+        """The record, formatted as JSON."""
         return json_text(self.record, escaped=True)
 
     def junit(self) -> str:
@@ -133,7 +134,7 @@ class Check:
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
 
     def annotations(self) -> Iterator[str]:
-        """Yield GitHub commands that mark a line of a model or scene."""
+        """Yield GitHub commands that annotate a line of a model or scene."""
         for row in self.rows:
             marks = {} if row.ok else {"error": message(row)}
             if row.admitted:
@@ -144,12 +145,12 @@ class Check:
 
 
 def _escape(text: str, signs: str) -> str:
-    """Escape characters that have a meaning for GitHub."""
+    """Escape characters that have a special meaning for GitHub."""
     return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
 def message(row: GateRow) -> str:
-    """Describe the outcome of a row: quantity, component, time, values and tolerance of the worst error; and cause."""
+    """Describe the outcome of a row: quantity, component, time, values and tolerance of the worst error, and cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
         rest = "all else agrees" if row.status == "unread" else row.sentence

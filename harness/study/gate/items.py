@@ -1,4 +1,4 @@
-"""Items of a gate, which its arguments stand for, and rows with their results. Plain data; it pickles."""
+"""Items of a gate, which represent its arguments, and rows with their results. Plain data that can be pickled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
 from screwgauge.study.outcome import EXIT, Outcome
 
-#: Keys that only scenes have: a file with some of them is an incomplete scene, which is rejected.
+#: Keys that only scenes have: a file with any of them is treated as a scene, and rejected if it is incomplete.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
 
 
@@ -28,7 +28,7 @@ class Item:
 
     Attributes:
         name: Name in tables, baselines and JUnit.
-        files: Built-in name or path; two for a pair.
+        files: Built-in name or path; two paths for a pair.
     """
 
     name: str
@@ -36,10 +36,10 @@ class Item:
 
 
 def items(what: Iterable[str | Path]) -> list[Item]:
-    """Make items of arguments: two model files form a pair, four form two pairs; one makes a scene, as in `run`.
+    """Convert arguments to items: two model files form a pair, four form two pairs; one becomes a scene, as in `run`.
 
     Args:
-        what: Built-in scenes, files, folders; nothing for all built-in scenes.
+        what: Built-in scenes, files, folders; all built-in scenes if empty.
 
     Raises:
         ScrewgaugeError: An argument is unknown, a folder has no scene, or two items have the same name.
@@ -84,7 +84,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 
 def _files_in(folder: str, *endings: str) -> list[Path]:
-    """Return the files of a folder with one of some endings.
+    """Return the files in a folder that have one of the given extensions.
 
     Raises:
         DescriptionError: The folder cannot be read.
@@ -97,7 +97,7 @@ def _files_in(folder: str, *endings: str) -> list[Path]:
 
 
 def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
-    """Return descriptions, scenes and models in the folders among the arguments that were not read.
+    """Return descriptions, scenes and models that were not read although their folder is among the arguments.
 
     Args:
         what: Arguments of `items`.
@@ -114,7 +114,7 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
 
 
 def _is_scene(path: Path) -> bool:
-    """Return True for a scene, even an incomplete one, and for an unreadable file: the check reports the reason."""
+    """Return True for a scene, even an incomplete one, or an unreadable file: the check then reports the reason."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -137,14 +137,7 @@ def _check_names(every: Iterable[Item]) -> None:
 
 
 def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str, float]:
-    """Read admitted scaled errors by quantity.
-
-    Args:
-        given: TOML file with ``quantity = value``, or its entries.
-
-    Raises:
-        ScrewgaugeError: A quantity is unknown, or a value is not a positive number.
-    """
+    """Read the admitted scaled errors by quantity."""
     if given is None:
         return {}
     table, where = (dict(given), "tolerances") if isinstance(given, Mapping) else (read_toml(Path(given)), str(given))
@@ -157,7 +150,7 @@ WIDE = 1e-2
 
 
 def admissions(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
-    """List deliberate admissions: entries of ``allow``, and tolerances above `WIDE`."""
+    """List what a user admits deliberately: entries of ``allow``, and tolerances above `WIDE`."""
     wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
     return [*allow, *wide]
 
@@ -169,18 +162,20 @@ class GateRow:
     Attributes:
         scene: Name of the scene; for a pair, ``A.urdf - B.xml``.
         status: Outcome.
-        sentence: The result, with the cause if known.
+        sentence: Description of the result, with the cause if known.
         errors: One error for each quantity, pair and unit.
         coverage: Sentence on what the motion tests.
-        versions: Engine -> version; `files`: file -> SHA-256.
-        doubts: Sentences that qualify agreement, whatever the status: on values that no machine has, on model files.
-        remarks: Sentences that qualify nothing, such as that the home pose was solved for.
-        file, line: Likely place of the cause; 0 if no line is known.
-        unread: Sentences on files that the scene names and nothing read.
-        read: Files that were read, by their given names.
-        more: Sentence on what the files contain beyond the compared rigid machine; empty if nothing.
-        admitted: Deliberate admissions: differences and files that the scene allows, tolerances above `WIDE`.
-        curve: For a scene that does not pass: time [s] and both values of the worst component, at some samples.
+        versions: Engine -> version.
+        files: File -> SHA-256.
+        doubts: Sentences that qualify agreement, whatever the status: on implausible values and on model files.
+        remarks: Sentences that do not qualify agreement, e.g. that the home pose was solved for.
+        file, line: Likely place of the cause; line 0 if unknown.
+        unread: Sentences on files that the scene names but that were not read.
+        read: Given names of the files that were read.
+        more: Sentence on what the files contain in addition to the compared rigid machine; empty if nothing.
+        admitted: What the user admits deliberately: differences and files that the scene allows, tolerances above
+            `WIDE`.
+        curve: For a scene that does not pass, time [s] and both values of the worst component at selected samples.
     """
 
     scene: str

@@ -1,6 +1,6 @@
-"""A smoke test of readers and diagnosis: read, diagnose and import two model files of a built-in mechanism.
+"""Smoke test of readers and diagnosis: read, diagnose and import two model files of a built-in mechanism.
 
-The URDF and the MJCF say the same in different ways: links fixed to others, turned frames, principal moments. The
+The URDF and the MJCF describe the same machine in different ways: fixed links, rotated frames, principal moments. The
 diagnosis must find them equal, and must find differences that are planted in the MJCF.
 """
 
@@ -23,11 +23,11 @@ from screwgauge.study.gate.measure import GateSettings, compared_pair
 
 _FILES = FOLDER / "files"
 PAIR = (str(_FILES / "spatial-slider-crank.urdf"), str(_FILES / "spatial-slider-crank.xml"))
-#: Property -> item that has it, text of the MJCF, and its replacement: one value grows and one shrinks.
+#: Property -> its item, a string in the MJCF, and its replacement: one value grows and one shrinks.
 PLANTED = {"damping": ("slide", 'damping="0.5"', 'damping="0.505"'), "mass": ("rod", 'mass="0.05"', 'mass="0.0495"')}
-#: Relative size of these differences; admitted error of the diagnosed size; and of B - A against A - B.
+#: Relative size of these differences; admitted error in the diagnosed size; and admitted asymmetry of A - B and B - A.
 SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-6
-#: Mechanisms with loops, couplings of degree two and rotated inertias, whose home has no zero coordinate, and with
+#: Mechanisms with loops, couplings of degree two and rotated inertias, whose home coordinates are nonzero, and with
 #: couplings of several coordinates.
 IMPORTED = ("ruse", "belt-leg")
 
@@ -38,14 +38,14 @@ def known_item() -> Item:
 
 
 def known_row(item: Item, settings: GateSettings) -> GateRow:
-    """Check that the pair is the same, planted differences are found, and imports match what was read."""
+    """Check that the pair is the same, that planted differences are found, and that imports match what was read."""
     row = compared_pair(item, settings)
     wrong = next(_failures(), "") if row.ok else ""
     return replace(row, status="failed", sentence=wrong) if wrong else row
 
 
 def _failures() -> Iterator[str]:
-    """Yield a sentence for each failed check of a file."""
+    """Yield a sentence for each failed check of the model files."""
     urdf, text = PAIR[0], read_file(Path(PAIR[1]))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -58,7 +58,7 @@ def _failures() -> Iterator[str]:
 
 
 def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
-    """Yield planted differences that a diagnosis, in either order of the files, misses or sizes wrongly."""
+    """Yield planted differences that a diagnosis misses or sizes wrongly, in either order of the files."""
     planted = f"{what} of {item} that differs by {SIZE:.0%}"
     for each in (found, back):
         told = [(one.what, one.item_a, one.size) for one in each.differences]
@@ -73,7 +73,7 @@ def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator
 
 
 def _import_deviations(folder: Path, name: str) -> Iterator[str]:
-    """Yield differences between MuJoCo's reading, imported as a description, and the reading of Pinocchio."""
+    """Yield differences between MuJoCo's reading, imported as a description, and Pinocchio's reading."""
     texts = model_texts(load_mechanism(name))
     for ending in (".urdf", ".loops.toml", ".xml"):
         (folder / f"{name}{ending}").write_text(texts[f"{name}{ending}"], encoding="utf-8")

@@ -33,19 +33,19 @@ from screwgauge.study.mismatches import physical
 from screwgauge.study.outcome import Outcome, weakest
 from screwgauge.study.run import run
 
-#: Error of a force due to half a unit in the last digit of each of some hundred numbers, in such units.
+#: Error in a force due to half a unit in the last digit of each of some hundred numbers, in units of the last digit.
 DIGITS = 50.0
-CURVE = 400  # samples kept of a scene that does not pass
+CURVE = 400  # number of samples kept for a scene that does not pass
 
 
 @dataclass(frozen=True, slots=True)
 class GateSettings:
-    """Settings for the check of items; they pickle.
+    """Settings for the check of items, which can be pickled.
 
     Attributes:
-        tolerances: Admitted scaled errors of quantities for which a scene has none.
+        tolerances: Admitted scaled errors of quantities for which a scene specifies none.
         tell: Function that describes a comparison in a sentence or two.
-        more: Function that describes in a sentence what files contain beyond the compared machine.
+        more: Function that describes in a sentence what files contain in addition to the compared machine.
         meshes: Compute mass and inertia of model files from meshes.
     """
 
@@ -67,7 +67,7 @@ def compared(
 
     Args:
         progress: Called with the completed share and the running engine.
-        covered: Also state what the motion tests, which takes time.
+        covered: Also describe what the motion tests, which takes time.
     """
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
@@ -99,7 +99,7 @@ def compared(
 
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
-    """Return the weakest outcome of a comparison, if digits of a model file may have widened tolerances."""
+    """Return the weakest outcome of a comparison whose tolerances may have been widened for digits of a model file."""
     outcomes = [*results.outcomes]
     if all(one.ok for one in errors):
         outcomes = [each for each in outcomes if each not in _SIZED] or ["agree"]
@@ -113,10 +113,10 @@ _SIZED: list[Outcome] = ["differ", "faulted", "undecided"]
 
 
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
-    """Return the files that a scene consists of, including those that its description extends.
+    """Return the files that make up a scene, including those that its description extends.
 
     Args:
-        engines: Engines that ran: models and tables of others count only if this is None.
+        engines: Engines that ran; models and tables of all others are omitted. None for all.
     """
     files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
     used = [file for name, file in files.items() if engines is None or name in engines]
@@ -125,11 +125,7 @@ def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
 
 
 def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]:
-    """Yield pairs and residuals with their tolerances.
-
-    Args:
-        given: Quantity -> source of its tolerance.
-    """
+    """Yield the errors of pairs and of residuals, with their tolerances."""
     pairs = [{**row, "of": (row["a"], row["b"])} for row in results.pairs.to_dict("records")]
     judged = [
         {**row, "quantity": row["residual"], "a": row["engine"], "b": JUDGE, "of": (row["engine"],)}
@@ -146,10 +142,10 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
-    """Return the tolerance of a pair or residual, and its source.
+    """Return the tolerance of a pair or residual, and the source of the tolerance.
 
-    The tolerance of the comparison is widened for the rounded digits of a model file, if these are its only difference
-    from the description.
+    The tolerance of the comparison is widened if the only differences between a model file and the description are due
+    to rounded digits.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
@@ -171,7 +167,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
 
 def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
-    """Return what makes the tolerance of a quantity wider than that of the scene."""
+    """Return the reason why the tolerance of a quantity is wider than that of the scene."""
     if scene.simulated:
         return "what integration leaves"
     tables = [one.engine for one in solutions if one.engine in scene.tables]
@@ -182,7 +178,7 @@ def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution])
 
 
 def _column(results: Comparison, worst: Residual, engine: str) -> Array | None:
-    """Return an engine's values of the worst component; None if it has none. Shape (n,)."""
+    """Return an engine's values of the worst component; None if the engine lacks it. Shape (n,)."""
     solution = results.solutions.get(engine)
     values = solution.values.get(worst.quantity) if solution is not None else None
     if values is None or worst.component not in values.components:
@@ -191,7 +187,7 @@ def _column(results: Comparison, worst: Residual, engine: str) -> Array | None:
 
 
 def _value(results: Comparison, worst: Residual, engine: str) -> float:
-    """Return an engine's value at the component and time of the largest difference; NaN if it has none."""
+    """Return an engine's value at the component and time of the largest difference; NaN if it lacks the component."""
     column = _column(results, worst, engine)
     if column is None or not np.isfinite(worst.t):
         return nan
@@ -199,7 +195,7 @@ def _value(results: Comparison, worst: Residual, engine: str) -> float:
 
 
 def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, float, float], ...]:
-    """Return times [s] and values of both engines around the worst error, if that is out of tolerance."""
+    """Return times [s] and values of both engines for the worst error, if it is out of tolerance."""
     if worst is None or worst.ok:
         return ()
     first, second = (_column(results, worst, engine) for engine in (worst.a, worst.b))
@@ -210,7 +206,7 @@ def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, fl
 
 
 def compared_pair(item: Item, settings: GateSettings) -> GateRow:
-    """Compare two model files: torques at random states, and differences of the files."""
+    """Compare two model files: torques at random states, and differences between the files."""
     a, b = (Path(name) for name in item.files)
     sides = (weigh_side(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)
     diagnosis = diagnose(*sides)
@@ -220,7 +216,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     n = min(diagnosis.a.digits, diagnosis.b.digits)
     if not given and rounded:
         tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
-        if n >= ALL:  # not due to rounding
+        if n >= ALL:  # the difference is not due to rounding
             tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
     found = diagnosis.found
     most = found.torques if found.agreement is None else found.agreement
@@ -239,7 +235,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
 
 
 def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) -> int:
-    """Return the line of a model file that names the first differing item; 1 if there is none."""
+    """Return the line of a model file that names the first differing item; 1 if no line does."""
     names = [each.item_b for each in differences if each.item_b]
     text = read_file(file) if names else ""
     match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None

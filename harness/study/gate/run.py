@@ -38,7 +38,7 @@ def check_items(
 
     Args:
         execute: Executor of the checks; this process by default.
-        place: Folder of the report; its rows are kept on disk until all are complete; by default none.
+        place: Folder of the report. With a folder, rows are kept on disk until all are complete.
     """
     kept = Journal(place, address("check", settings.smoke, settings.tolerances, settings.meshes))
     tasks = []
@@ -48,7 +48,7 @@ def check_items(
         tasks.append(Task(item.name, partial(_time, item, settings), key, files))
 
     def keep(key: str, row: GateRow) -> None:
-        with suppress(OutputError):  # the report will run into the full disk again
+        with suppress(OutputError):  # writing the report will report the full disk
             kept.keep(key, row)
 
     rows = run_tasks(
@@ -70,7 +70,7 @@ def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> 
 
 
 def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """Check an item; bad input and engines that fail become rows, too. `progress`: see `compared`."""
+    """Check an item; bad input and engines that fail become rows. `progress`: see `compared`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:
@@ -93,7 +93,7 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 def files_in(item: Item, *, meshes: bool = False) -> list[Path]:
     """Return all files of an item that do not come with this package, including loops files and files that models name.
 
-    Temporary descriptions that are generated from them are not included.
+    Temporary descriptions that are generated from models are omitted.
     """
     with files_read() as read, suppress(ScrewgaugeError):
         models = []

@@ -20,18 +20,19 @@ from screwgauge.study.comparison import Comparison, built_in
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.gate.measure import GateSettings, compared
 
-#: Samples of an exciting motion, out of 101, that a smoke test solves, and its amplitude [rad or lengths]: following
-#: the motion up to them takes most of the time.
+#: Samples of an exciting motion, out of 101, that a smoke test solves, and its amplitude [rad or lengths]. Following
+#: the
+#: motion up to these samples takes most of the time.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
 #: Share of a simulation that a smoke test integrates.
 BEGINNING = 1e-2
-#: Quantity compared for full cuts, to which all loops and their motion contribute; and the number of redundant
-#: actuators of the rule `spherical_axial`.
+#: Quantity compared for full cuts, which depends on all loops and their motion; and the number of redundant actuators
+#: that the rule `spherical_axial` needs.
 OF_FULL_CUTS, AXIAL = "joint_acceleration", 2
 #: Size of a planted difference as a multiple of its tolerance, and the relative accuracy with which it must be found.
 PLANTED, EXACTLY = 4.0, 1e-3
 TWIN = "planted"
-#: Mobility of a mechanism all of whose components are determined, in place of the actual one.
+#: Mobility with which all components are determined, used instead of the actual one.
 _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 
@@ -68,7 +69,8 @@ def _asked(other: Scene, scene: Scene) -> str:
 def smoked(scene: Scene) -> tuple[Scene, str]:
     """Reduce a scene to a few samples; return it with a sentence on them.
 
-    The samples are of an exciting motion, or of the scene's own if there is no room for one. Simulations are shortened.
+    The samples are those of an exciting motion, or of the scene's own motion if there is no room for an exciting one.
+    Simulations are shortened.
     """
     if scene.simulated:
         since = scene.start.since
@@ -78,7 +80,7 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
         return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
     except DescriptionError as error:
-        # among the times of each table
+        # samples of each table
         every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
         rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
         return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
@@ -87,9 +89,9 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
 def full_cuts(scene: Scene) -> Scene | None:
     """Return a copy of a scene for `screw` and the full cuts of its engines, all on the description, with one quantity.
 
-    Nothing else checks the terms that only a full cut has, such as those of welded copies of moving bodies, nor the
-    rule `spherical_axial`, where the mechanism admits it and the scene has another. None if there are no full cuts, or
-    they run anyway, or the scene has no given motion.
+    No other test covers terms that only a full cut has, such as those of welded copies of moving bodies, or the rule
+    `spherical_axial`, which is used if the mechanism permits. Return None without full cuts, if they run anyway, or if
+    the scene has no given motion.
     """
     names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
     if scene.simulated or not names or {*names} <= {*scene.engines}:
@@ -102,9 +104,9 @@ def full_cuts(scene: Scene) -> Scene | None:
 
 
 def with_lagrange(scene: Scene) -> Scene | None:
-    """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, with all quantities it gives.
+    """Reduce a built-in scene to `screw` and the independent formulation `lagrange`, with the quantities of both.
 
-    None if `lagrange` runs anyway, or does not support such a scene. A user's scene names it where it is wanted.
+    Return None if `lagrange` runs anyway, or does not support the scene. Users name `lagrange` in their own scenes.
     """
     quantities = tuple(name for name in scene.quantities if name not in ENGINES["lagrange"].lacks)
     if not (_built_in_for("lagrange", scene) and quantities):
@@ -113,7 +115,7 @@ def with_lagrange(scene: Scene) -> Scene | None:
 
 
 def _built_in_for(engine: str, scene: Scene) -> bool:
-    """Return True for a given motion of a built-in scene that an engine has not yet solved."""
+    """Return True for a built-in scene with a given motion that an installed engine does not solve yet."""
     known = scene.file is not None and built_in(scene.file)
     return known and not scene.simulated and engine not in scene.engines and ENGINES[engine].installed
 
@@ -121,8 +123,8 @@ def _built_in_for(engine: str, scene: Scene) -> bool:
 def with_truth(scene: Scene) -> Scene | None:
     """Reduce a built-in scene to one sample for `screw` and `truth`, without springs and motors, which truth refuses.
 
-    Truth reads the text of a scene with loads, otherwise doubles: the smoke test covers both. None if truth runs
-    anyway, is not installed, or does not support such a scene. A user's scene names `truth` where it is wanted.
+    For a scene with loads, truth reads its strings, otherwise doubles, so that the smoke test covers both. Return None
+    if truth runs anyway, is not installed, or does not support the scene. Users name `truth` in their own scenes.
     """
     if not _built_in_for("truth", scene):
         return None
@@ -132,7 +134,7 @@ def with_truth(scene: Scene) -> Scene | None:
 
 
 def blind(results: Comparison) -> str:
-    """Plant differences, and report the first that the comparison misses or sizes wrongly.
+    """Plant differences, and report the first one that the comparison misses or sizes wrongly.
 
     An answer is compared with a copy in which one value of each quantity and unit has a known error.
 
@@ -163,7 +165,7 @@ def blind(results: Comparison) -> str:
 def _planted(solution: Solution, scene: Scene) -> tuple[Solution, dict[tuple[str, str], float]]:
     """Return a copy of an answer with planted errors, and the scaled size of the error for each quantity and unit.
 
-    Quantities that are zero throughout, or not finite, have no scale and get no error.
+    Quantities that are zero throughout or not finite have no scale, and get no error.
     """
     changed, planted = dict[str, Values](), dict[tuple[str, str], float]()
     for quantity, values in solution.values.items():

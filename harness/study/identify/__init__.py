@@ -1,1 +1,1 @@
-"""Identification: the numbers of a machine that its forces determine, and their estimates from measured forces."""
+"""Identification: which numbers of a machine its forces determine, and their estimates from measured forces."""

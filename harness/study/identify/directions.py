@@ -14,22 +14,22 @@ from screwgauge.reference.parameters import TENSOR, XYZ
 from screwgauge.reference.rotations import Array
 from screwgauge.study.identify.regressor import Regressor
 
-#: Kinds of directions: what may be shifted through a joint without effect; any other direction is a list of numbers.
+#: Kinds of directions: property that can be shifted through a joint without effect; otherwise a list of numbers.
 MASS, FIRST, SECOND, LIST = "point mass", "first moment", "second moment", "numbers"
-#: Range of singular values of the regressor, over the largest, in which the steepest fall determines the rank.
+#: Range of relative singular values of the regressor in which the steepest fall determines the rank.
 LEAST, MOST = 1e-12, 1e-9
-#: Parts of a unit direction outside the null space, and outside its known part, that count as rounding; entries, too.
+#: Limits for rounding: parts of a unit direction outside the null space, and outside the known directions; entries.
 INSIDE, NEW, ENTRY = 1e-7, 1e-5, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """Change of numbers that affects no motion, to first order where a load acts at a centre of mass.
+    """Change in numbers that affects no motion; only to first order if a load acts at a centre of mass.
 
     Attributes:
         kind: `MASS`, `FIRST` or `SECOND` if shifted through a joint from one body to the other; otherwise `LIST`.
-        joint, axis: Joint of the first three kinds, and place in its frame: ``axis``, or names of axes.
-        bodies: Body that loses and body that gains; a single one if the other is the ground.
+        joint, axis: For the first three kinds, joint and place in its frame: ``axis``, or names of axes.
+        bodies: Body that loses and body that gains; a single body if the other is the ground.
         entries: Moment (about the body's origin) or resistance -> its share in SI units; the largest share is one.
     """
 
@@ -42,12 +42,12 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """Numbers that some motion can determine, and directions that none can.
+    """Numbers that some motion can determine, and directions that no motion can determine.
 
     Attributes:
         count: Number of moments and resistances.
-        rank: Number of their combinations on which forces depend.
-        gap: Singular values on both sides of the rank, over the largest.
+        rank: Number of combinations of moments and resistances that affect forces.
+        gap: Singular values on both sides of the rank, relative to the largest one.
         directions: All ``count - rank`` unidentifiable directions.
     """
 
@@ -58,7 +58,7 @@ class Structure:
 
 
 def structure(regressor: Regressor, seed: int = 0) -> Structure:
-    """Compute which of the unknown numbers any motion can determine, from random rates."""
+    """Determine, from random rates, which of the unknown numbers any motion can identify."""
     matrix = regressor.shaken(seed)
     scales = np.linalg.norm(matrix, axis=0)
     scales[scales <= LEAST * scales.max(initial=0.0)] = np.inf
@@ -86,7 +86,7 @@ class _Found:
         self.known, self.directions = np.zeros((0, len(units))), list[Direction]()
 
     def add_all(self, mechanism: Mechanism) -> None:
-        """Add directions of joints, then those of single bodies and of pairs at a joint, then the rest."""
+        """Add directions of joints, then of single bodies and of pairs at a joint, then all remaining ones."""
         for joint in mechanism.joints:
             for kind, axis, ends in _passing(joint):
                 self._pass(joint, kind, axis, ends)
@@ -102,12 +102,12 @@ class _Found:
         return np.asarray(back[int((values > INSIDE).sum()) :] @ self.null)
 
     def _rest(self) -> Array:
-        """Return null directions orthogonal to the known ones, orthonormal. Shape (m, count)."""
+        """Return orthonormal null directions that are orthogonal to the known ones. Shape (m, count)."""
         values, back = np.linalg.svd(self.null - self.null @ self.known.T @ self.known, full_matrices=False)[1:]
         return np.asarray(back[values > NEW])
 
     def _pass(self, joint: Joint, kind: str, axis: str, ends: Sequence[Array]) -> None:
-        """Add a shift through a joint, if forces do not depend on it."""
+        """Add a shift through a joint, if it does not affect forces."""
         vector, bodies = np.zeros(len(self.names)), list[str]()
         for body, moment, sign in zip((joint.parent, joint.child), ends, (1.0, -1.0), strict=True):
             if f"{body}.mass" in self.names:
@@ -138,7 +138,7 @@ class _Found:
         return True
 
     def _entries(self, vector: Array) -> dict[str, float]:
-        """Return the significant entries, ordered by effect, relative to the one with the largest effect."""
+        """Return the significant entries, sorted by effect, relative to the entry with the largest effect."""
         effects = np.abs(vector / self.units)
         order = np.argsort(-effects, kind="stable")
         some = [i for i in order if effects[i] > ENTRY * effects[order[0]]]
@@ -146,7 +146,7 @@ class _Found:
 
 
 def _passing(joint: Joint) -> Iterator[tuple[str, str, list[Array]]]:
-    """Yield what may be shifted through a joint: kind, axis, moments that one body gains and the other loses."""
+    """Yield the shifts through a joint: kind, axis, and the moments that one body gains and the other loses."""
     axes = {"axis": next(iter(joint.axes), np.eye(3)[2]), **dict(zip(XYZ, np.eye(3), strict=True))}
     frames = joint.parent_frame, joint.child_frame
     yield MASS, "", [_point(F.p) for F in frames]
@@ -163,11 +163,11 @@ def _point(x: Array) -> Array:
 
 
 def _second(a: Array, b: Array) -> Array:
-    """Return the moments of a pure second moment: matter along a line through any point, without mass. Shape (10,)."""
+    """Return the moments of a second moment without mass, as of matter along a line through any point. Shape (10,)."""
     return np.array([0.0, 0.0, 0.0, 0.0, *_inertia(0.5 * (np.outer(a, b) + np.outer(b, a)))])
 
 
 def _inertia(second: Array) -> list[float]:
-    """Return the inertia entries of second moments. Shape (3, 3)."""
+    """Convert second moments to the entries of an inertia tensor. Shape (3, 3)."""
     tensor = np.trace(second) * np.eye(3) - second
     return [float(tensor[at]) for at in TENSOR.values()]

@@ -14,17 +14,17 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.study.identify.regressor import Regressor
 
-#: Step of differences; limit of trust region steps, their relative tolerance, and margin of the first point to bounds.
+#: Step of differences; largest number of trust-region steps, their tolerance, and margin of the first point to bounds.
 STEP, STEPS, ENOUGH, TINY = 1e-4, 500, 1e-7, 1e-9
-#: Number of successive noise estimates from residuals, and the smallest noise distinguishable from rounding.
+#: Number of successive noise estimates from residuals, and the smallest noise that differs from rounding.
 ROUNDS, LEAST = 3, 1e-6
 
 
 class Unknowns:
     """Dimensionless coordinates of all numbers: zero is the scene, one is a standard deviation of the prior.
 
-    Each body has ten, see `consistent`, so that every point is a physically consistent body; each resistance has one,
-    with a lower bound.
+    Each body has ten coordinates, see `consistent`, so that every point is a physically consistent body; each
+    resistance has one, with a lower bound.
     """
 
     def __init__(self, regressor: Regressor, prior: float) -> None:
@@ -44,12 +44,12 @@ class Unknowns:
         return np.concatenate([*parts, self.matter.nominal[first:] + self.deviations * x[first:].T], axis=1)
 
     def features(self, x: Array) -> Array:
-        """Return the features in which forces are linear, see `Matter.features`. Shape (count, V) -> (V, n_feature)."""
+        """Return the features on which forces depend linearly, see `Matter.features`. (count, V) -> (V, n_feature)."""
         return self.matter.features(self.numbers(x))
 
     @cached_property
     def nominal_slopes(self) -> tuple[Array, Array]:
-        """Slopes at the numbers of the scene."""
+        """Derivatives at the numbers of the scene, see `slopes`."""
         return self.slopes(np.zeros(self.count))
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
@@ -70,7 +70,7 @@ class Estimate:
     Attributes:
         x: Most likely coordinates. Shape (count,).
         covariance: Covariance of the coordinates. Shape (count, count).
-        noise: Standard deviation of the measured forces, over the largest of their unit.
+        noise: Standard deviation of the measured forces, relative to the largest force with the same unit.
     """
 
     x: Array
@@ -80,11 +80,11 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Forces of some samples over the largest of their unit, and their dependence on features.
+    """Forces at selected samples, relative to the largest force with the same unit, and their derivatives.
 
     Attributes:
         forces: Measured forces minus the forces at zero features. Shape (r,).
-        matrix: Derivatives by the features. Shape (r, n_feature).
+        matrix: Derivatives with respect to the features. Shape (r, n_feature).
         count: Number of independent rows: redundant actuators have more forces than independent measurements.
     """
 
@@ -94,13 +94,13 @@ class Rows:
 
 
 def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Return the singular values of the information in rows, in prior standard deviations over those of the noise."""
+    """Return the singular values of the information in rows, for prior standard deviations relative to the noise."""
     slopes = matrix @ unknowns.nominal_slopes[1] / noise
     return np.asarray(np.linalg.svd(slopes, compute_uv=False))
 
 
 def expected(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
-    """Return the covariance of the coordinates after rows that are not measured yet. Shape (count, count)."""
+    """Return the expected covariance of the coordinates after measuring rows. Shape (count, count)."""
     slopes = matrix @ unknowns.nominal_slopes[1] / noise
     return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
 
@@ -109,10 +109,10 @@ def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> E
     """Estimate the most likely machine.
 
     Args:
-        noise: Noise of the rows; if not `known`, an initial guess that is re-estimated from residuals.
+        noise: Noise of the rows; an initial guess if not `known`, which is re-estimated from residuals.
 
     Raises:
-        ScrewgaugeError: The method does not converge.
+        ScrewgaugeError: The estimate does not converge.
     """
     Q, R = np.linalg.qr(rows.matrix)
     t, rest = Q.T @ rows.forces, float(rows.forces @ rows.forces)
@@ -128,7 +128,7 @@ def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> E
 
 
 def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array) -> tuple[Array, Array]:
-    """Return the coordinates that fit the rows best, from an initial guess, and their covariance."""
+    """Return the coordinates that fit the rows best, starting from an initial guess, and their covariance."""
 
     def left(x: Array) -> Array:
         return np.concatenate([(R @ unknowns.features(x[:, None])[0] - t) / noise, x])
@@ -144,6 +144,6 @@ def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array)
 
 
 def _covariance(slopes: Array) -> Array:
-    """Compute the covariance from slopes of the rows and of the prior. Shape (count, count)."""
+    """Compute the covariance from the derivatives of the rows and of the prior. Shape (count, count)."""
     inverse = solve_triangular(np.linalg.qr(slopes, mode="r"), np.eye(slopes.shape[1]))
     return np.asarray(inverse @ inverse.T)

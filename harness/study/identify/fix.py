@@ -1,4 +1,4 @@
-"""Output of identified numbers: as a description, or into the model file that the scene was made from."""
+"""Output of identified numbers: as a description, or into the model file from which the scene was made."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from screwgauge.study.identify.run import Identification
 
 
 def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
-    """Reject, before any work, a file that numbers cannot be written to.
+    """Reject, before any work, a file to which numbers cannot be written.
 
     Raises:
-        DescriptionError: There are no data, or the scene has no model file with this ending.
+        DescriptionError: There are no data, or the scene was not made from a model file with this extension.
     """
     if data is None:
         raise DescriptionError("nothing was measured", "identify, --fix", "name a file of forces by --data")
@@ -26,9 +26,9 @@ def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
 
 
 def write_fix(found: Identification, out: Path, model: Path | None, *, force: bool = False) -> Iterator[str]:
-    """Write the most likely numbers; yield a sentence on the file and on each number missing from it.
+    """Write the most likely numbers; yield a sentence on the file, and on each number that could not be written.
 
-    A model file is corrected as in ``diagnose``: only differences from the identified machine are written.
+    A model file is corrected as by ``diagnose``, which writes only differences from the identified machine.
 
     Raises:
         ScrewgaugeError: The file cannot be written.

@@ -21,19 +21,19 @@ from screwgauge.scene.default import exciting
 from screwgauge.scene.scene import RULES, Scene
 
 FORCE = "actuator_force"
-#: Number of poses of a motion at which rates are drawn, and of draws per pose.
+#: Number of poses of a motion for which rates are drawn, and number of draws per pose.
 POSES, DRAWS = 60, 3
 #: Names of the moments of a body: mass, mass times centre of mass, inertia about the body's origin.
 MOMENTS = ("mass", "mx", "my", "mz", *(entry.removeprefix("inertia.") for entry in ENTRIES[4:]))
 
 
 class Regressor:
-    """Actuator forces over the largest of their unit, as a function of numbers of the machine.
+    """Actuator forces relative to the largest force with the same unit, as a function of numbers of the machine.
 
     Attributes:
         matter: The unknown numbers.
-        values, matrix: `forces` at the poses of the scene. Shapes (n, m), (n, m, n_feature).
-        sizes: Largest nominal force of the unit of each component [N or N m]. Shape (m,).
+        values, matrix: Result of `forces` at the poses of the scene. Shapes (n, m), (n, m, n_feature).
+        sizes: For each component, the largest nominal force with the same unit [N or N m]. Shape (m,).
         deviations: Prior standard deviation of each resistance. Shape (n_resist,).
     """
 
@@ -42,13 +42,14 @@ class Regressor:
 
         Args:
             patterns: Unknown numbers, see `unknown`.
-            prior: Standard deviation of an existing resistance, relative to its size.
-            share: Prior force of a resistance that the scene lacks, relative to the largest force.
+            prior: Relative standard deviation of an existing resistance.
+            share: Prior standard deviation of the force of a resistance that the scene lacks, relative to the largest
+                force.
 
         Raises:
-            ScrewgaugeError: The motion cannot be followed, or no program answers the question.
+            ScrewgaugeError: The motion cannot be followed, or the forces cannot be computed.
         """
-        self.scene = replace(scene, rule=RULES[0])  # the smallest forces, which are linear like all others
+        self.scene = replace(scene, rule=RULES[0])  # minimum-norm forces are linear, too
         self.machine = NominalMachine(self.scene, [FORCE])
         self.matter = Matter(self.machine, unknown(scene, patterns), "llvm")
         motion = scene.motion
@@ -70,14 +71,14 @@ class Regressor:
         return np.concatenate([base for base, _ in parts]), np.concatenate([matrix for _, matrix in parts])
 
     def without_preload(self, measured: Array) -> Array:
-        """Subtract forces of redundant actuators against each other, which no motion determines. Shape (n, m)."""
+        """Subtract forces of redundant actuators that cancel each other, which no motion determines. Shape (n, m)."""
         loops, motion = self.machine.work.loops, self.poses.motion
         at = ClosedMotion(loops, self.poses.q, motion.yd, motion.ydd, self.scene.applied, motion.t)
         free = preload_space(at.B)
         return np.asarray(measured - np.einsum("nip,njp,nj->ni", free, free, measured))
 
     def rows(self, matrix: Array) -> Array:
-        """Return changes per unit feature over `sizes`, sample after sample. Shapes (n, m, f), (n m, f)."""
+        """Return changes per unit feature relative to `sizes`, sample by sample. Shapes (n, m, f) -> (n m, f)."""
         return np.asarray((matrix / self.sizes[:, None]).reshape(-1, matrix.shape[-1]))
 
     @cached_property
@@ -89,8 +90,8 @@ class Regressor:
     def shaken(self, seed: int) -> Array:
         """Return the effect of a unit of each moment and resistance at poses of the machine with random rates.
 
-        Poses are those of the scene and of an exciting motion; rates and accelerations are random: numbers without
-        effect here have none in any motion through these poses. Shape (rows, n_moment + n_resist).
+        The poses are those of the scene and of an exciting motion. Since rates and accelerations are random, numbers
+        without effect here have no effect in any motion through these poses. Shape (rows, n_moment + n_resist).
         """
         rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
         for poses in self._anywhere():
@@ -104,7 +105,7 @@ class Regressor:
 
     @property
     def _centres(self) -> Array:
-        """Derivatives of the centres of mass of loaded bodies by moments. Shape (n_feature - E, E)."""
+        """Derivatives of the centres of mass of loaded bodies with respect to moments. Shape (n_feature - E, E)."""
         matter, count = self.matter, len(self.matter.nominal)
         bodies, rows = matter.of_bodies(matter.base), list[Array]()
         for i in matter.loaded:
@@ -115,7 +116,7 @@ class Regressor:
         return np.reshape(rows, (-1, count))
 
     def _anywhere(self) -> list[NominalPoses]:
-        """Return the poses of the scene, and those of an exciting motion if there is room for one."""
+        """Return the poses of the scene, and those of an exciting motion if the limits leave room for it."""
         try:
             motion = exciting(self.scene).motion
             return [self.poses, self.machine.at(motion.y, motion.yd, motion.ydd, motion.t)]
@@ -127,11 +128,11 @@ def unknown(scene: Scene, patterns: Sequence[str]) -> list[str]:
     """Return the full names of the unknown numbers.
 
     Args:
-        patterns: Names or patterns; a number of a body stands for all its moments. By default all bodies with mass, and
-            the resistances of actuated joints.
+        patterns: Names or patterns; a number of a body stands for all its moments. By default, all bodies with mass and
+            the resistances of actuated joints are unknown.
 
     Raises:
-        ScrewgaugeError: A name matches nothing, or a number in which forces are not linear.
+        ScrewgaugeError: A name is unknown, or forces do not depend linearly on the number.
     """
     mechanism, known = scene.mechanism, numbers(scene.mechanism, scene.applied)
     of_body = {f"bodies.{body.name}.{entry}": body.name for body in mechanism.bodies if body.mass for entry in ENTRIES}
