@@ -85,7 +85,7 @@ class Trust:
         return rows
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
-        """Replace some samples with those of another solution."""
+        """Return a copy in which some samples have the data of a different solution."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))

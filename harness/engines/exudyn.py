@@ -31,7 +31,7 @@ def load(files: kit.ModelFiles, integrator: str = "", dt: float = 0.0) -> Exudyn
 
 @dataclass(frozen=True)
 class ExudynModel:
-    """A description; each problem builds its own EXUDYN system from it."""
+    """A loaded description. Each problem builds its own EXUDYN system from this description."""
 
     mechanism: kit.Mechanism
     where: str
@@ -56,7 +56,7 @@ class ExudynSystem(kit.Stepped):
     """An EXUDYN system that can be set to any state x: position and Euler parameters of each body.
 
     Attributes:
-        home: x at home. Shape (n_x,).
+        home: x at the home pose. Shape (n_x,).
         kept: Algebraic equations used as gaps: the norm of the Euler parameters of each body, then the joints' gaps.
         rows: Indices of the gaps of each joint.
     """
@@ -133,7 +133,7 @@ class ExudynSystem(kit.Stepped):
         return kit.Placement(*kit.absolute_poses(parts), gaps, G)
 
     def bias(self, x: Array, xd: Array) -> tuple[Array, Array]:
-        """Return second derivatives of the gaps and body accelerations at constant rates, where E(e') e' vanishes."""
+        """Return second derivatives of the gaps at constant rates, and body accelerations, zero since E(e') e' = 0."""
         out = np.empty((len(x), len(self.kept)))
         for i, (at, v) in enumerate(zip(x, xd, strict=True)):
             h = 0.2 / max(float(np.abs(v).max()), 1e-9)

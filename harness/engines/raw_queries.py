@@ -19,7 +19,7 @@ class JointStates:
 
     Attributes:
         kind: An entry of `reading.FREEDOMS`.
-        frame: Frame carried by a ball or free joint, in the world at home. Shape (4, 4).
+        frame: World pose of the frame that a ball or free joint carries, at the home pose. Shape (4, 4).
         q: For a hinge or slide, the coordinate as defined in the file. For a ball or free joint, the pose of its frame
             in the home frame: for a free joint the position, then the quaternion (w, x, y, z). Shape (n, 1, 4 or 7).
         qd, qdd: See `reading.FREEDOMS`. Shape (n, n_freedom).
@@ -34,7 +34,7 @@ class JointStates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answers:
-    """The library's answers along the reading's velocities.
+    """A library's results, with forces along the reading's velocities.
 
     Attributes:
         covers: Forces in `tau` other than inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
@@ -64,11 +64,11 @@ def carried(states: JointStates, frame: Array) -> tuple[Array, Array]:
     """Convert the reading's motion to the motion of a frame of the library.
 
     Args:
-        frame: Frame of the library's joint in the world at home. Shape (4, 4).
+        frame: World pose of the frame of the library's joint, at the home pose. Shape (4, 4).
 
     Returns:
-        Pose relative to that frame at home, (n, 4, 4), and the map from velocities of the reading to velocities of that
-        frame along its axes, (3 or 6, 3 or 6).
+        Pose of the library's frame relative to its home pose, (n, 4, 4), and the map from velocities of the reading to
+        velocities of that frame along its axes, (3 or 6, 3 or 6).
     """
     C = np.linalg.inv(frame) @ states.frame
     if states.kind == "ball":

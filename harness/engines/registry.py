@@ -121,7 +121,7 @@ class Engine:
 
     @property
     def methods(self) -> dict[str, str]:
-        """Map each name to its number type: the bare name means float64, ``mjx@float32`` float32."""
+        """Method name -> number type: the bare name means float64, and ``mjx@float32`` means float32."""
         return {self.name if each == FLOAT64.name else f"{self.name}{AS}{each}": each for each in self.precisions}
 
     def in_precision(self, name: str, where: str = "") -> Engine:

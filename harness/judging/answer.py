@@ -1,4 +1,4 @@
-"""Answer of one engine at the judged samples, and residuals of equations evaluated on it."""
+"""Answer of one engine at the judged samples, and residuals of equations for this answer."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Coverage:
 
     @property
     def poor(self) -> str:
-        """Describe what the motion leaves untested; empty if nothing is known."""
+        """Description of what the motion leaves untested; empty if nothing is known."""
         sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
@@ -119,7 +119,7 @@ class Coverage:
 
     @property
     def sentence(self) -> str:
-        """Summarise the coverage."""
+        """Summary of the coverage."""
         if self.missing:
             return self.missing
         n = len(self.parameters)

@@ -155,7 +155,7 @@ Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredForces:
-    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit memory.
+    """Forces of `Mechanism.left_out` along a motion, computed in parts to limit memory use.
 
     Attributes:
         springs: Springs of the scene; forces of springs along a joint are included, and thus not omitted.

@@ -83,7 +83,7 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
 
     Args:
         key: Hash of all inputs of the result.
-        version: Version of the code; a file of another version is stale.
+        version: Version of the code; a file of a different version is stale.
     """
     try:
         with _open() as place:

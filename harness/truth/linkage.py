@@ -84,7 +84,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
 
 
 def along(axes: Sequence[Vector], i: int) -> Vector:
-    """Return the vector in the span of one to three axes whose product with axis i is 1, and with the others 0."""
+    """Return the vector in the span of one to three axes with scalar product 1 with axis i, and 0 with the others."""
     if len(axes) == 1:
         return axes[0]
     # two axes may be orthogonal only up to rounding; the third is orthogonal to both

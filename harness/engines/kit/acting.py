@@ -1,4 +1,4 @@
-"""Applied forces besides gravity: loads, springs, dampers, motors, rotors, damping and friction of joints.
+"""Applied forces except gravity: loads, springs, dampers, motors, and rotors, damping and friction of joints.
 
 `exert_along` and `exert_on_bodies` compute them for many samples or for one state. `acting` converts them to wrenches
 on bodies and forces along joint coordinates; tree engines use their own conversion.

@@ -39,7 +39,7 @@ def temporary(owner: Any, **values: Any) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answered:
-    """An engine's values at some samples, with what its error estimate needs.
+    """An engine's values at some samples, with data for the error estimate.
 
     Attributes:
         values: Quantity -> its components in the order of `names`; unrequested ones are dropped later. Shape (n, m).

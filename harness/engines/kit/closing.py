@@ -203,7 +203,7 @@ def bind_to(mechanism: Mechanism, columns: list[int]) -> CouplingRows:
 
 
 class Closing:
-    """Closes the loops of an engine with Newton's method along a motion that starts in the home assembly mode.
+    """Solver that closes an engine's loops with Newton's method along a motion starting in the home assembly mode.
 
     Redundant constraints may be among the gaps.
     """

@@ -53,7 +53,7 @@ UNSAFE = 1e-6
 
 
 class MujocoMover:
-    """Accelerations of a closed tree, see `screwgauge.engines.tree.protocol.Mover`."""
+    """Mover that refines the accelerations of `mj_forward`, see `screwgauge.engines.tree.protocol.Mover`."""
 
     def __init__(self, tree: MujocoTree) -> None:
         self.tree = tree
@@ -176,14 +176,14 @@ class MujocoSettings:
 
     @property
     def steps(self) -> str:
-        """Describe the stepper."""
+        """Description of the stepper."""
         solref = self.solref if isinstance(self.solref, tuple) else (self.solref,)
         spring = " ".join("default" if x is None else f"{x:g}" for x in solref)
         return f"{self.integrator}, dt {self.dt:g} s, solref {spring}, {self._constraints('at most ')}"
 
     @property
     def states(self) -> str:
-        """Describe how accelerations of given states are computed."""
+        """Description of how accelerations of given states are computed."""
         return f"mj_forward, {self._constraints()}"
 
     def _constraints(self, most: str = "") -> str:
@@ -226,12 +226,12 @@ def sprung_model(
 
 
 def _off_centre(load: Load) -> bool:
-    """True if the load's moment about the centre of mass turns with the body."""
+    """Return True if the load's moment about the centre of mass changes with the body's orientation."""
     return load.point is not None and bool(load.force.any())
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
-    """Assign a spring to its joint; return False if the joint is cut or has a spring."""
+    """Assign a spring to its joint; return False if the joint is cut or already has a spring."""
     if spring.coordinate not in tree.coordinates:
         return False
     j = tree.coordinates.index(spring.coordinate)

@@ -36,7 +36,7 @@ UNSAFE = 1e-6
 
 
 class PinocchioMover:
-    """Accelerations of a closed tree, see `screwgauge.engines.tree.protocol.Mover`."""
+    """Mover that calls `constraintDynamics` or `aba`, see `screwgauge.engines.tree.protocol.Mover`."""
 
     notes: tuple[str, ...] = ()
 

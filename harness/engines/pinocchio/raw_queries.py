@@ -53,9 +53,9 @@ def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
 
 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
-    """Return Pinocchio's coordinates, the reading's velocities and accelerations, and the velocity map at home.
+    """Return Pinocchio's coordinates, the reading's velocities and accelerations, and the velocity map.
 
-    The map converts the reading's velocities to Pinocchio's.
+    This map, evaluated at the home pose, converts the reading's velocities to Pinocchio's.
     """
     n = len(next(iter(joints.values())).q)
     q = np.tile(start(model), (n, 1))

@@ -36,7 +36,7 @@ MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """State derivatives (y, yd, work) from a program; each pose is predicted from the previous one.
+    """Evaluator of the derivatives of states (y, yd, work) by a program; each pose is predicted from the previous one.
 
     Attributes:
         pose: Closed pose from which the next pose is predicted, see `Forward.program`. Shape (d + d k + k, width).

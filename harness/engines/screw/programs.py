@@ -58,7 +58,7 @@ def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
 
 
 class Bounds:
-    """Interpretation of a program's outputs.
+    """Interpreter of a program's outputs: error data, error estimates and doubtful samples.
 
     Attributes:
         weights: A sample may be doubtful if the sum of its checks times these weights exceeds 1.
@@ -210,7 +210,7 @@ class Bound:
     run: Callable[[], bool]
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
-        """True if these are the bound output arrays and inputs of the same shapes."""
+        """Return True if these are the bound output arrays, and the inputs have the bound shapes."""
         alike = [x.shape for x in inputs] == [place.shape for place in self.inputs]
         return alike and all(map(is_, values.values(), self.values))
 
@@ -261,7 +261,7 @@ def _native(program: Program, dtype: np.dtype[Any]) -> tuple[Native | None, str]
 
 
 class Arcs:
-    """Programs with different pivots; each sample uses the one with the largest pivots there.
+    """Programs with different pivots; each sample uses a program whose pivots are large enough at that sample.
 
     A program's estimate of the gain depends on its pivots. Where the estimate exceeds its values at the samples for
     which the pivots were chosen, the next program is tried.
@@ -289,7 +289,7 @@ class Arcs:
         return run
 
     def again(self) -> Arcs:
-        """Copy the arcs so that both may run at the same time."""
+        """Return a copy that may run concurrently."""
         return Arcs([runner.again() for runner in self.runners], self.limits)
 
 

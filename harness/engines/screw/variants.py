@@ -51,7 +51,7 @@ STATISTICS: Mapping[str, Callable[[Array], Array]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VariantSolution:
-    """Answers for all variants.
+    """Results for all variants.
 
     Attributes:
         values: Quantity -> values, NaN for variants without values. Shape (V, n, n_component); statistics have shape

@@ -207,7 +207,7 @@ class Sizes:
     """Divisors that make the closing equations dimensionless.
 
     Attributes:
-        length: Largest distance between joint points and centres of mass at home [m].
+        length: Largest distance between joint points and centres of mass at the home pose [m].
         q: Unit of each tree coordinate, 1 rad or `length`. Shape (n_v,).
         y: Unit of each independent coordinate. Shape (k,).
         rows: Unit of each closing row, with the rows of y last. Shape (m + k,).
@@ -237,12 +237,12 @@ class ClosedTree:
 
     @cached_property
     def home(self) -> Array:
-        """Tree coordinates at home [rad or m]. Shape (n_v,)."""
+        """Tree coordinates at the home pose [rad or m]. Shape (n_v,)."""
         return np.array([self._at_home[name] for name in self.tree.coordinates])
 
     @cached_property
     def y_home(self) -> Array:
-        """Independent coordinates at home [rad or m]. Shape (k,)."""
+        """Independent coordinates at the home pose [rad or m]. Shape (k,)."""
         return np.array([self._at_home[name] for name in self.file.independent.values()])
 
     @cached_property

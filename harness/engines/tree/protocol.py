@@ -146,7 +146,7 @@ class OpenTree(Protocol):
 
     @abstractmethod
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
-        """Compute inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
+        """Compute inverse dynamics of the open tree under gravity only. Shape (n, n_v)."""
 
     def mass_matrix(self, q: Array) -> Array:
         """Return the tree's mass matrix, by default from `tree_force` at unit accelerations. Shape (n, n_v, n_v)."""
