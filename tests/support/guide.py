@@ -166,45 +166,6 @@ def other_wording(shown: str, printed: str) -> list[str]:
 
 # Pages that are made
 
-COMMANDS = data("guide/commands.md")
-
-BUILTIN = data("guide/built-in.md")
-
-ENGINES_PAGE = data("guide/engines.md")
-
-COMPARED = data("guide/compared.md")
-
-FATES = data("guide/fates.md")
-
-#: Keys of an entry of ``[[left_out]]``, their units, and what they mean.
-LEFT_OUT = (
-    ("`of`", "", 'what has it, a noun and a name: `"joint m1"`; required'),
-    (
-        "`along`",
-        "",
-        "`{ COORDINATE = share }`: it acts along a sum of joint coordinates, of one with share 1 for a joint; or else:",
-    ),
-    ("`path`", "m", '`[{ body = "link", point = [x, y, z] }, ...]`: along a straight path over points; or else:'),
-    ("`joint`", "", "an S or F joint, which resists alike about three axes, an F joint also along three; or else:"),
-    ("`body`", "", "the body on which a weight is borne or a medium drags"),
-    ("`armature`", "kg m^2, kg", "inertia of a rotor, times the square of its gear"),
-    ("`damping`", "N m s/rad, N s/m", "`c`, or `[c0, c1, c2]` of the force v (c0 + c1 abs(v) + c2 v^2)"),
-    ("`friction`", "N m, N", "dry friction"),
-    (
-        "`stiffness`, `rest`",
-        "N m/rad, N/m; rad, m",
-        "`k`, or `[k0, k1, k2]` of the force x (k0 + k1 x + k2 x^2) beyond the coordinate, or "
-        "outside the range `[low, high]`, where it exerts nothing; of `along` and `path` only",
-    ),
-    ("`mass`, `point`", "kg, m", "mass whose weight is borne (gravcomp), and where in the body's frame"),
-    ("`density`, `viscosity`, `wind`", "kg/m^3, Pa s, m/s", "of the medium, wind in axes of the world"),
-    (
-        "`box`, `point`, `rotation`",
-        "m",
-        "edges of a box of the same mass and inertia, its centre and its axes in the body's frame",
-    ),
-)
-
 
 def made() -> dict[Path, str]:
     texts = {"commands.md": _commands(), "python.md": _python(), "compared.md": _compared(), "builtin.md": _builtin()}
@@ -212,12 +173,11 @@ def made() -> dict[Path, str]:
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
 
 
-SCENE_KEYS = data("guide/scene-keys.md")
 OF = {"given": " (given motion alone)", "simulated": " (simulation alone)"}
 
 
 def _scene_keys() -> str:
-    parts = [SCENE_KEYS]
+    parts = [data("guide/scene-keys.md")]
     for table in TABLES.values():
         parts += [f"## {table['title']}", *([table["about"]] if "about" in table else [])]
         rows = [
@@ -248,7 +208,7 @@ def commands() -> dict[str, argparse.ArgumentParser]:
 
 def _commands() -> str:
     known = commands()
-    parts = [COMMANDS]
+    parts = [data("guide/commands.md")]
     for group, names in GROUPS.items():
         parts.append(f"## {group.capitalize()}")
         for name in names:
@@ -364,13 +324,13 @@ def _builtin() -> str:
         scene = load_scene(name)
         motion = f"{'simulation' if scene.simulated else 'given'}, {scene.t[-1]:g} s"
         scenes.append(f"| `{name}` | {scene.title} | {motion} | {' '.join(scene.description.split())} |")
-    return "\n\n".join([BUILTIN, "\n".join(lines), "## Scenes", "\n".join(scenes)])
+    return "\n\n".join([data("guide/built-in.md"), "\n".join(lines), "## Scenes", "\n".join(scenes)])
 
 
 def _engines() -> str:
     known = [*ENGINES.values()]
     own = [f"extra `{one.extra}`" if one.extra else "" for one in known]
-    parts = [ENGINES_PAGE, _ticks("", {"installed by": own}, known)]
+    parts = [data("guide/engines.md"), _ticks("", {"installed by": own}, known)]
     quantities = {f"`{name}`": [name not in one.lacks for one in known] for name in QUANTITIES if name != "observable"}
     parts += ["## Quantities", _ticks("quantity", quantities, known)]
     taken = [{task.__name__ for task in one.tasks} for one in known]
@@ -401,8 +361,7 @@ def _ticks(head: str, rows: Mapping[str, Sequence[object]], known: Sequence[Engi
 def _compared() -> str:
     rows = [f"| {kind.name} | {kind.fate} | {kind.note} | {kind.run} |" for kind in kinds().values()]
     table = ["| content | in a diagnosis | how, or why not | in a run |", "|---|---|---|---|", *rows]
-    keys = ["| entry | unit | meaning |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in LEFT_OUT)]
-    return "\n\n".join([COMPARED, "\n".join(table), FATES, "\n".join(keys)])
+    return "\n\n".join([data("guide/compared.md"), "\n".join(table), data("guide/fates.md")])
 
 
 if __name__ == "__main__":
