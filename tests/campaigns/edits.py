@@ -15,36 +15,12 @@ from campaigns.editors.elements import Edit, NoPlaceError
 from campaigns.editors.forms import FORMS
 from campaigns.editors.rigid import RIGID
 from campaigns.page import study
-from campaigns.public import installed
+from campaigns.public import ROBOTS, installed
 
 import screwgauge
 from screwgauge.report.blocks import Banner
 from screwgauge.study.formatting import rows
 
-#: Package -> name of a model and its file.
-MODELS = {
-    "example-robot-data": {
-        "panda": "panda_description/urdf/panda.urdf",
-        "ur5": "ur_description/urdf/ur5_robot.urdf",
-        "z1": "z1_description/urdf/z1.urdf",
-        "xarm7": "xarm_description/urdf/xarm7.urdf",
-        "talos arm": "talos_data/robots/talos_left_arm.urdf",
-        "allegro hand": "allegro_hand_description/urdf/allegro_right_hand.urdf",
-        "solo12": "solo_description/robots/solo12.urdf",
-        "go2": "go2_description/urdf/go2.urdf",
-        "bolt": "bolt_description/robots/bolt.urdf",
-    },
-    "robosuite": {
-        "sawyer": "robots/sawyer/robot.xml",
-        "iiwa": "robots/iiwa/robot.xml",
-        "jaco": "robots/jaco/robot.xml",
-        "kinova3": "robots/kinova3/robot.xml",
-        "spot": "robots/spot/robot.xml",
-        "robotiq hand": "grippers/robotiq_gripper_85.xml",
-        "jaco hand": "grippers/jaco_three_finger_gripper.xml",
-        "rethink hand": "grippers/rethink_gripper.xml",
-    },
-}
 SEED, COUNT = 2026, 60
 KINDS = {**RIGID, **CONTENT, **FORMS}
 #: Kinds that change no force at a given motion: models stay the same.
@@ -52,7 +28,9 @@ SAME = (*FORMS, "integrator")
 
 
 def edits(count: int, progress: Callable[[str, float], None]) -> pd.DataFrame:
-    models = {name: installed(package, file) for package, files in MODELS.items() for name, file in files.items()}
+    models = {
+        name: installed(package, file) for package, files in ROBOTS["edits"].items() for name, file in files.items()
+    }
     table = []
     for number in range(count):
         kind = [*KINDS][number % len(KINDS)]

@@ -16,6 +16,8 @@ from screwgauge.study.formatting import Row, grouped
 
 #: Package -> its version, its folder of models, their files, and those besides of which the base floats.
 PACKAGES = tomllib.loads(Path(__file__).with_name("public.toml").read_text(encoding="utf-8"))
+#: Models that campaigns change or compare.
+ROBOTS = tomllib.loads(Path(__file__).with_name("robots.toml").read_text(encoding="utf-8"))
 #: Pairs of files of one robot, and the fact that leads.
 PAIRS = PACKAGES.pop("pair")
 

@@ -1,9 +1,10 @@
 """Models changed at random, each put to a diagnosis, and as many that only look different: one row each."""
 
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import PackageNotFoundError
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +16,7 @@ import pandas as pd
 from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
+from campaigns.public import ROBOTS, installed
 from campaigns.rows import CODE
 
 from screwgauge.diagnosis.answer import Diagnosis, Difference, ToldCause
@@ -39,22 +41,6 @@ COLUMNS = (
     *("proved", "cpu_s", "verdict", "first"),
 )
 BUILT_IN = ("arm7", "3ups-upu-s", "stewart")
-#: Path below a folder that Python packages are installed in; the packages are those of the extra ``study``.
-PUBLIC = {
-    name: f"cmeel.prefix/share/example-robot-data/robots/{path}"
-    for name, path in {
-        "panda": "panda_description/urdf/panda.urdf",
-        "ur5": "ur_description/urdf/ur5_robot.urdf",
-        "solo12": "solo_description/robots/solo12.urdf",
-        "kinova": "kinova_description/robots/kinova.urdf",
-        "anymal": "anymal_b_simple_description/robots/anymal.urdf",
-        "tiago": "tiago_description/robots/tiago.urdf",
-        "allegro": "allegro_hand_description/urdf/allegro_right_hand.urdf",
-    }.items()
-} | {
-    "sawyer": "robosuite/models/assets/robots/sawyer/robot.xml",
-    "panda-mjcf": "robosuite/models/assets/robots/panda/robot.xml",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,9 +91,11 @@ def _made(folder: Path) -> Iterator[Machine]:
 
 
 def _public() -> Iterator[Machine]:
-    for name, path in PUBLIC.items():
-        if file := next((file for entry in sys.path if (file := Path(entry) / path).is_file()), None):
-            yield Machine(name, _read(file), True)
+    for package, files in ROBOTS["selftest"].items():
+        with suppress(PackageNotFoundError):
+            for name, file in files.items():
+                if (at := installed(package, file)).is_file():
+                    yield Machine(name, _read(at), True)
 
 
 def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> pd.DataFrame:

@@ -3,8 +3,9 @@
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,6 +24,7 @@ from campaigns.corpus.scrambled import QUIET, Scrambled
 from campaigns.corpus.sentences import Said, first_place, measured, mentions, named, of_item, others
 from campaigns.corpus.shares import shares
 from campaigns.corpus.urdf_scrambler import scramble_urdf
+from campaigns.public import ROBOTS, installed
 from campaigns.rows import rows_in_turn
 
 from support.data import data
@@ -34,29 +36,7 @@ SEEN = ("mass", "com", "inertia", "shift", "rpy", "damping")
 CLEAR = 2.0
 #: Speeds at which it leads [rad/s].
 SPEEDS = 1.0, 4.0
-_URDF = "cmeel.prefix/share/example-robot-data/robots"
-_MJCF = "robosuite/models/assets"
-#: Package -> files below the folder that it is installed in.
-PUBLIC = {
-    "example-robot-data": [
-        *(f"{_URDF}/{file}.urdf" for file in ("panda_description/urdf/panda", "ur_description/urdf/ur5_robot")),
-        *(f"{_URDF}/{file}.urdf" for file in ("z1_description/urdf/z1", "xarm_description/urdf/xarm7")),
-        *(f"{_URDF}/{file}.urdf" for file in ("talos_data/robots/talos_left_arm", "talos_data/robots/talos_reduced")),
-        f"{_URDF}/allegro_hand_description/urdf/allegro_right_hand.urdf",
-        *(f"{_URDF}/{file}.urdf" for file in ("solo_description/robots/solo12", "go2_description/urdf/go2")),
-        *(f"{_URDF}/{file}.urdf" for file in ("bolt_description/robots/bolt", "so_arm_description/urdf/so101")),
-        *(f"{_URDF}/{file}.urdf" for file in ("kinova_description/robots/kinova", "baxter_description/urdf/baxter")),
-        *(f"{_URDF}/{file}.urdf" for file in ("a1_description/urdf/a1", "hyq_description/robots/hyq_no_sensors")),
-        f"{_URDF}/g1_description/urdf/g1_29dof_rev_1_0.urdf",
-        f"{_URDF}/anymal_c_simple_description/urdf/anymal.urdf",
-    ],
-    "robosuite": [
-        *(f"{_MJCF}/robots/{name}/robot.xml" for name in ("sawyer", "iiwa", "jaco", "kinova3", "panda", "ur5e")),
-        *(f"{_MJCF}/robots/{name}/robot.xml" for name in ("spot", "spot_arm", "xarm7", "baxter", "tiago", "gr1")),
-        *(f"{_MJCF}/grippers/{name}.xml" for name in ("robotiq_gripper_85", "jaco_three_finger_gripper")),
-        *(f"{_MJCF}/grippers/{name}.xml" for name in ("panda_gripper", "rethink_gripper", "robotiq_gripper_140")),
-    ],
-}
+PUBLIC = ROBOTS["corpus"]
 _GEARED = data("geared.xml")
 
 
@@ -78,14 +58,11 @@ def own_models(folder: Path) -> dict[str, Path]:
 def public_models(packages: dict[str, list[str]]) -> dict[str, Path]:
     found = {}
     for package, files in packages.items():
-        try:
-            at = distribution(package)
-        except PackageNotFoundError:
-            continue
-        for file in files:
-            parts = Path(file)
-            name = parts.parent.name if parts.stem == "robot" else parts.stem
-            found[f"{name}{parts.suffix}"] = Path(str(at.locate_file(file)))
+        with suppress(PackageNotFoundError):
+            for file in files:
+                parts = Path(file)
+                name = parts.parent.name if parts.stem == "robot" else parts.stem
+                found[f"{name}{parts.suffix}"] = installed(package, file)
     return found
 
 

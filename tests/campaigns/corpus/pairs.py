@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from campaigns.corpus.parts import NoPlaceError, Parts
 from campaigns.corpus.planted import WORDS
 from campaigns.corpus.poses import EYE, turn
 from campaigns.corpus.writers import write_mjcf, write_toml, write_urdf
+from campaigns.public import ROBOTS, installed
 
 SAME, DIFFER = "SAME", "DIFFER"
 SEED = 211
@@ -266,88 +267,20 @@ def _edit(kind: str, number: int, folder: Path) -> tuple[Path, ET.Element, objec
 
 # --- the same robot, in packages
 
-_E, _R = "example-robot-data:cmeel.prefix/share/example-robot-data/robots", "robosuite:robosuite/models/assets"
-_UR, _TALOS, _PEND = f"{_E}/ur_description/urdf", f"{_E}/talos_data/robots", f"{_E}/double_pendulum_description/urdf"
-#: Name, file of A, of B, whether rigid bodies, joints and limits are the same by their text.
-PACKAGES = (
-    ("panda", f"{_E}/panda_description/urdf/panda.urdf", f"{_R}/robots/panda/robot.xml", DIFFER),
-    ("baxter", f"{_E}/baxter_description/urdf/baxter.urdf", f"{_R}/robots/baxter/robot.xml", DIFFER),
-    ("xarm7", f"{_E}/xarm_description/urdf/xarm7.urdf", f"{_R}/robots/xarm7/robot.xml", DIFFER),
-    ("tiago dual", f"{_E}/tiago_description/robots/tiago_dual.urdf", f"{_R}/robots/tiago/robot.xml", DIFFER),
-    ("ur5 ur5e", f"{_UR}/ur5_robot.urdf", f"{_R}/robots/ur5e/robot.xml", DIFFER),
-    (
-        "panda collision",
-        f"{_E}/panda_description/urdf/panda.urdf",
-        f"{_E}/panda_description/urdf/panda_collision.urdf",
-        SAME,
-    ),
-    ("talos reduced box", f"{_TALOS}/talos_reduced.urdf", f"{_TALOS}/talos_reduced_box.urdf", SAME),
-    ("talos full box", f"{_TALOS}/talos_full_v2.urdf", f"{_TALOS}/talos_full_v2_box.urdf", SAME),
-    ("talos corrected", f"{_TALOS}/talos_reduced.urdf", f"{_TALOS}/talos_reduced_corrected.urdf", SAME),
-    ("talos reduced full", f"{_TALOS}/talos_reduced.urdf", f"{_TALOS}/talos_full_v2.urdf", DIFFER),
-    ("ur5 limits", f"{_UR}/ur5_robot.urdf", f"{_UR}/ur5_joint_limited_robot.urdf", DIFFER),
-    ("ur3 limits", f"{_UR}/ur3_robot.urdf", f"{_UR}/ur3_joint_limited_robot.urdf", DIFFER),
-    ("ur10 limits", f"{_UR}/ur10_robot.urdf", f"{_UR}/ur10_joint_limited_robot.urdf", DIFFER),
-    (
-        "tiago hand",
-        f"{_E}/tiago_description/robots/tiago.urdf",
-        f"{_E}/tiago_description/robots/tiago_no_hand.urdf",
-        DIFFER,
-    ),
-    (
-        "romeo laas",
-        f"{_E}/romeo_description/urdf/romeo.urdf",
-        f"{_E}/romeo_description/urdf/romeo_laas_small.urdf",
-        DIFFER,
-    ),
-    (
-        "allegro hands",
-        f"{_E}/allegro_hand_description/urdf/allegro_left_hand.urdf",
-        f"{_E}/allegro_hand_description/urdf/allegro_right_hand.urdf",
-        DIFFER,
-    ),
-    (
-        "icub reduced",
-        f"{_E}/icub_description/robots/icub.urdf",
-        f"{_E}/icub_description/robots/icub_reduced.urdf",
-        DIFFER,
-    ),
-    (
-        "g1 hands",
-        f"{_E}/g1_description/urdf/g1_29dof_rev_1_0.urdf",
-        f"{_E}/g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
-        DIFFER,
-    ),
-    ("so100 so101", f"{_E}/so_arm_description/urdf/so100.urdf", f"{_E}/so_arm_description/urdf/so101.urdf", DIFFER),
-    ("pendulums", f"{_PEND}/double_pendulum.urdf", f"{_PEND}/double_pendulum_continuous.urdf", DIFFER),
-    (
-        "humanoids",
-        f"{_E}/simple_humanoid_description/urdf/simple_humanoid.urdf",
-        f"{_E}/simple_humanoid_description/urdf/simple_humanoid_classical.urdf",
-        DIFFER,
-    ),
-    (
-        "anymals",
-        f"{_E}/anymal_b_simple_description/robots/anymal.urdf",
-        f"{_E}/anymal_c_simple_description/urdf/anymal.urdf",
-        DIFFER,
-    ),
-)
-
 
 def packages() -> Iterator[Pair]:
-    for name, a, b, expected in PACKAGES:
+    for row in ROBOTS["pairs"]:
 
-        def make(_: Path, files: tuple[str, str] = (a, b)) -> tuple[Path, Path]:
+        def make(_: Path, files: tuple[str, str] = (row["a"], row["b"])) -> tuple[Path, Path]:
             return _installed(files[0]), _installed(files[1])
 
-        yield Pair(name, "packages", make, expected)
+        yield Pair(row["name"], "packages", make, row["expected"])
 
 
 def _installed(name: str) -> Path:
     package, _, file = name.partition(":")
     try:
-        return Path(str(distribution(package).locate_file(file)))
+        return installed(package, file)
     except PackageNotFoundError:
         raise MissingError(f"{package} is not installed") from None
 
