@@ -186,10 +186,7 @@ def inertia_of(answer: Answer, admissible: AdmissibleMotion) -> Array:
 
 
 def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Yield the reported mass matrix minus the inertia of all bodies for the admissible motions.
-
-    The latter is composed from the tips of the tree inwards.
-    """
+    """Yield the reported mass matrix minus the inertia for admissible motions, composed from the tips inwards."""
     mechanism, length = answer.mechanism, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
