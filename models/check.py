@@ -36,7 +36,7 @@ from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
 #: Tolerance relative to the scale of a value. Reading a number has an error of 1e-16; roll-pitch-yaw angles,
-#: quaternions #: and the products along a chain of ten joints add about 2e-16 each.
+#: quaternions and the products along a chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
 #: MuJoCo stores principal moments and axes; its diagonalisation has an error of up to 1.1e-14 of the largest moment
 #: (worst of 1200 random tensors, mujoco 4.0.0).

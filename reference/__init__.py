@@ -1,5 +1,5 @@
-"""The screw-based solver: numpy only, no engine.
+"""The screw-based solver, which needs only numpy and no engine.
 
-Twists and screws are ``[angular; linear]`` about the world origin O; everything is SI. Equation numbers are
-those of Zhao, Wei and Sun, "Dynamics of a 3-UPS-UPU-S Parallel Mechanism", Appl. Sci. 2023, 13, 3912.
+Twists and screws are ``[angular; linear]`` about the world origin O; all units are SI. Equation numbers refer to
+Zhao, Wei and Sun, "Dynamics of a 3-UPS-UPU-S Parallel Mechanism", Appl. Sci. 2023, 13, 3912.
 """

@@ -1,4 +1,4 @@
-"""Data classes of applied forces other than actuator forces: gravity, loads, springs and dampers, motors."""
+"""Data classes of applied forces that actuators do not exert: gravity, loads, springs and dampers, motors."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Load:
     """A force and moment on a body.
 
     Attributes:
-        body: Body that the load acts on (signs of an opposite reading are already applied).
-        point: Point of application in the body frame [m], or None for its centre of mass. Shape (3,).
-        force, torque: [N], [N m]. Shape (3,), or (n, 3) for n samples; not numeric where they follow
-            from `courses`, see `at`.
+        body: Body on which the load acts (signs of an opposite reading are already applied).
+        point: Point of application in the body frame [m], or None for the centre of mass. Shape (3,).
+        force, torque: Force [N] and moment [N m]. Shape (3,), or (n, 3) for n samples; NaN if they follow from
+            `courses`, see `at`.
         axes: Axes of force and torque, one of `AXES`.
         courses: Fx, Fy, Fz, Mx, My, Mz as functions of time; empty for a constant load.
     """
@@ -43,13 +43,13 @@ class Load:
 
     @classmethod
     def over_time(cls, body: str, point: Array | None, courses: tuple[Course | Samples, ...], axes: str) -> Load:
-        """Build a load from six components; the arrays are plain numbers if no component changes with time."""
+        """Build a load from six components; evaluate force and torque if no component changes with time."""
         unknown = np.full(3, np.nan)
         load = cls(body, point, unknown, unknown, axes, courses)
         return load.at(0.0) if all(one.constant for one in courses) else load
 
     def at(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Load:
-        """Evaluate the load's force and torque at times [s], which may be of any scalar type. Shape (...)."""
+        """Evaluate force and torque at times [s], which may be of any scalar type. Shape (...)."""
         if not self.courses:
             return self
         each = np.broadcast_arrays(*(course(t, cos, sin) for course in self.courses))
@@ -94,9 +94,9 @@ class JointSpring:
 
     Attributes:
         coordinate: Name of the joint coordinate.
-        stiffness: k [N/m or N m/rad], not negative.
-        rest: q0, at which the spring exerts no force [m or rad].
-        damping: c [N s/m or N m s/rad], not negative.
+        stiffness: k [N/m or N m/rad], non-negative.
+        rest: q0, at which the spring force is zero [m or rad].
+        damping: c [N s/m or N m s/rad], non-negative.
     """
 
     coordinate: str
@@ -116,14 +116,14 @@ class JointSpring:
 class PointSpring:
     """A spring and damper between points of two bodies, with tension ``k (l - l0) + c ld``.
 
-    It pushes as well as it pulls.
+    The tension may be negative: the spring pushes and pulls.
 
     Attributes:
         first, second: Names of the bodies; one may be the ground.
-        first_point, second_point: The points in their body frames [m]. Shape (3,).
-        stiffness: k [N/m], not negative.
-        rest: l0 [m], not negative.
-        damping: c [N s/m], not negative.
+        first_point, second_point: Points in the body frames [m]. Shape (3,).
+        stiffness: k [N/m], non-negative.
+        rest: l0 [m], non-negative.
+        damping: c [N s/m], non-negative.
     """
 
     first: str
@@ -151,7 +151,7 @@ class PointSpring:
 
     @property
     def ends(self) -> tuple[tuple[str, Array], tuple[str, Array]]:
-        """(body, point in the body frame) of both ends."""
+        """Pairs (body, point in the body frame) of both ends."""
         return (self.first, self.first_point), (self.second, self.second_point)
 
     def no_direction(self, when: str = "") -> SingularPoseError:
@@ -165,11 +165,11 @@ Spring = JointSpring | PointSpring
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motor:
-    """A force along one joint coordinate, added to all other forces along it.
+    """A force along one joint coordinate, in addition to all other forces along that coordinate.
 
     Attributes:
         coordinate: Name of the joint coordinate.
-        course: The force as a function of time [N or N m].
+        course: Force as a function of time [N or N m].
     """
 
     coordinate: str
@@ -187,7 +187,7 @@ def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Applied:
-    """All applied forces other than those of actuators.
+    """All applied forces except actuator forces.
 
     Attributes:
         gravity: Gravity in world axes [m/s^2], shape (3,); None keeps the gravity of the model file.
@@ -203,7 +203,7 @@ class Applied:
 
     @property
     def g(self) -> Array:
-        """Gravity, or the default where the model file's own is kept. Shape (3,)."""
+        """Gravity, or the default value if the gravity of the model file is kept [m/s^2]. Shape (3,)."""
         return np.array(GRAVITY) if self.gravity is None else self.gravity
 
     def at(self, t: Array) -> Applied:

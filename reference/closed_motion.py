@@ -1,6 +1,6 @@
 """Motion and forces of a closed mechanism at n samples, as float arrays, with singularity checks.
 
-The equations are those of the package `equations`; closed poses come from the package `closed`.
+The package `equations` has the equations; the package `closed` computes the closed poses.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
 
-#: Distance of a pose beside home from it [rad or mechanism lengths].
+#: Distance of a pose near home from home [rad or mechanism lengths].
 ASIDE = 0.05
 
 
 class ClosedMotion(Forward):
-    """A closed mechanism at n samples of a motion, all in floats; each quantity is computed on first access.
+    """A closed mechanism at n samples of a motion, in floats; each quantity is computed on first access.
 
-    A joint that closes a loop keeps the given coordinates; in gimbal lock its rates are NaN.
+    A joint that closes a loop keeps the given coordinates; in gimbal lock, its rates are NaN.
     """
 
     def __init__(
@@ -50,17 +50,17 @@ class ClosedMotion(Forward):
 
     @cached_property
     def charts(self) -> Array:
-        """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
+        """Condition number of the angles of each cut joint; infinite in gimbal lock. Shape (n, n_cut)."""
         return chart_conditions(self)
 
     @property
     def joint_position(self) -> Array:
-        """Coordinates of all joints, as passed in. Shape (n, n_q)."""
+        """Given coordinates of all joints. Shape (n, n_q)."""
         return self.q
 
     @cached_property
     def screws(self) -> Array:
-        """Unit screws of all joints, NaN for a cut joint in gimbal lock. Shape (n, n_q, 6)."""
+        """Unit screws of all joints; NaN for a cut joint in gimbal lock. Shape (n, n_q, 6)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return super().screws
 
@@ -75,7 +75,8 @@ class ClosedMotion(Forward):
     def response(self) -> Array:
         """Second derivatives of the independent coordinates under all forces. Shape (n, k).
 
-        Only motion is projected, never reactions, so undetermined reactions of redundant constraints do not matter.
+        The equations are projected onto the motion and do not contain reactions; therefore, undetermined reactions of
+        redundant constraints do not matter.
 
         Raises:
             SingularPoseError: See `check`.
@@ -87,8 +88,8 @@ class ClosedMotion(Forward):
         """Reject poses at which forces do not determine the accelerations.
 
         Raises:
-            SingularPoseError: The independent coordinates do not determine the motion, some move no mass, or a
-                spring has no direction.
+            SingularPoseError: The independent coordinates do not determine the motion, a combination of them does not
+                move any mass, or the points of a spring coincide.
         """
         self._check_poses()
         if self.idle:
@@ -108,7 +109,7 @@ class ClosedMotion(Forward):
             )
 
     def _check_inertia(self) -> None:
-        """Reject a singular mass matrix, scaled to a unit diagonal because coordinates may be in rad and m."""
+        """Reject a singular mass matrix; scale it to a unit diagonal, because coordinates may be in rad and m."""
         mechanism, d = self.mechanism, self._sizes
         for j, label in enumerate(mechanism.independent):
             if not (d[:, j] > 0.0).all():
@@ -119,7 +120,7 @@ class ClosedMotion(Forward):
             raise SingularPoseError(what, mechanism.name, "give the bodies inertia")
 
     def _check_idle(self) -> None:
-        """Reject a motion that the driven coordinates and the forces on the others do not determine."""
+        """Reject a motion that is not determined by driven coordinates and forces on the remaining coordinates."""
         steered, moved = self.steering.condition, self.idle_reluctance
         unmoved = "forces do not determine the accelerations of what no actuator drives"
         for condition, what in ((steered, "actuators do not drive what has a motion"), (moved, unmoved)):
@@ -136,12 +137,12 @@ class ClosedMotion(Forward):
 
 
 def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
-    """Choose independent coordinates that actuators drive at home, those of actuators first.
+    """Choose independent coordinates that actuators drive at home; actuated coordinates come first.
 
-    If actuators drive fewer coordinates at home than at a pose beside it, that pose is used.
+    If actuators drive fewer coordinates at home than at a pose near home, the latter pose is used.
 
     Args:
-        among: Candidates; all by default.
+        among: Candidates; by default, all independent coordinates.
     """
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     if "driven" not in lay.kept:
@@ -155,7 +156,7 @@ def driven_at_home(lay: Layout, among: Sequence[int] = ()) -> list[int]:
 
 
 def _rates_near_home(lay: Layout) -> Array:
-    """Return actuator rates per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
+    """Return the actuator rates per rate of each independent coordinate, see `driven_at_home`. Shape (n_act, k)."""
     mechanism, k = lay.mechanism, len(lay.mechanism.independent)
     most: Array = motion_at(lay, mechanism.home[None], np.zeros((1, k))).rates_of_actuators[0]
     if linear.rank(most) < min(most.shape):
@@ -183,21 +184,21 @@ def motion_at(
     """Build the motion of a mechanism at closed poses under applied forces.
 
     Args:
-        q: All joint coordinates of closed poses, as from `kinematics.positions` [rad or m]. Shape (n, n_q).
-        yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); without second derivatives
-            they follow from the forces.
-        applied: Applied forces; by default gravity alone.
-        t: Times at which motors are evaluated [s]. Shape (n,), or a single one.
-        actuators, joints: Given actuator forces, and forces along all joint coordinates, added to the applied forces
-            [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
+        q: All joint coordinates of closed poses, e.g. from `assembly_mode.positions` [rad or m]. Shape (n, n_q).
+        yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); if `ydd` is None, the second
+            derivatives follow from the forces.
+        applied: Applied forces; by default, only gravity.
+        t: Times at which motors are evaluated [s]. Shape (n,), or a single time.
+        actuators, joints: Given actuator forces, and forces along all joint coordinates, in addition to the applied
+            forces [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
 
-    Raises:
-        DescriptionError: Forces have another shape.
-        UnknownNameError: A spring refers to a body or coordinate that does not exist.
+        Raises:
+            DescriptionError: Forces have a different shape.
+            UnknownNameError: A spring refers to a body or coordinate that does not exist.
     """
     system = home_equations(lay)
     if not (q[:, system.fixed] == lay.mechanism.home[system.fixed]).all():
-        system = loop_equations(lay)  # coordinates at rest on the home branch are fixed only on that branch
+        system = loop_equations(lay)  # resting coordinates are fixed only on the home branch
     check_applied(lay.mechanism, applied or Applied())
     at = ClosedMotion(system, q, yd, ydd, applied, t)
     given = (

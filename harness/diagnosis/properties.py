@@ -217,11 +217,11 @@ def _presence(less: Callable[[Reading, str], Reading]) -> Property:
 
 #: Name -> property. As everywhere in a reading, poses, axes and points are expressed in the world frame at the home
 #: pose. ``pose`` moves the frame of a body with its mass; ``placement`` displaces a joint and everything that it
-#: carries, ``seat`` displaces only the bodies that it carries; ``axis`` and ``centre`` move only the screw; ``zero``
-#: is #: the home coordinate; ``sign`` -1 reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint
-#: and #: everything that it carries; ``link`` 0 removes a joint and the body that it moves, and attaches that body's
-#: children #: to its parent. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` also applies
-#: to couplings.
+#: carries, ``seat`` displaces only the bodies that it carries; ``axis`` and ``centre`` move only the screw; ``zero`` is
+#: the home coordinate; ``sign`` -1 reverses the coordinate, its limits and its rest; ``branch`` 0 removes a joint and
+#: everything that it carries; ``link`` 0 removes a joint and the body that it moves, and attaches that body's children
+#: to its parent. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` also applies to
+#: couplings.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", scales=True),
     "com": _matter((3,), "m", noun="centre of mass"),

@@ -1,9 +1,10 @@
 """Anchors: closed poses, each with a ball in which exactly one solution lies near the prediction.
 
-Within the ball the Jacobian J of the loop equations changes by less than one half, ``|J_a^+ J - 1| <= 1/2``, so that
-Newton's method converges from a prediction to the one solution there (Deuflhard, Newton Methods for Nonlinear Problems,
-2011, sections 3.1 and 5.1), and its correction is at most a fifth of the distance to any other solution. The end
-points alone prove nothing, as a kinked branch keeps the sign of det J, so the ball also bounds the second derivative.
+Within the ball, the Jacobian J of the loop equations changes by less than one half, ``|J_a^+ J - 1| <= 1/2``, so that
+Newton's method converges from a prediction to the only solution there (Deuflhard, Newton Methods for Nonlinear
+Problems, 2011, sections 3.1 and 5.1), and its correction is at most a fifth of the distance to any other solution.
+Testing only the end points does not suffice, because a kinked branch keeps the sign of det J; therefore, the ball also
+bounds the second derivative.
 """
 
 from __future__ import annotations
@@ -20,21 +21,23 @@ from screwgauge.reference.rotations import TURN, Array
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-#: Largest allowed change of the Jacobian between an anchor and a sample in its ball, and the targeted fraction of it.
+#: Largest allowed change of the Jacobian between an anchor and a sample in its ball, and the target fraction of that.
 CHANGE, MARGIN = 0.5, 0.8
-#: Longest path in y [rad or mechanism lengths] and in the unknowns from an anchor: half a turn would be ambiguous.
+#: Longest paths from an anchor in y [rad or mechanism lengths] and in the unknowns: half a turn would be ambiguous.
 STEP, FARTHEST = 1.0, 2.0
 #: Largest correction of a prediction by Newton's method, as a fraction of the distance to any other solution.
 NEAR = 0.2
-#: ``|J^-1|`` above which rounding of the residual rotates J by an eighth: meeting branches cannot be told apart.
+#: ``|J^-1|`` above which rounding of the residual rotates J by an eighth, so that meeting branches are
+#: indistinguishable.
 FLOOR = 6e6
 #: Step of the central differences used for the Jacobian.
 DIFFERENCE = 5e-6
-#: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``, 0 that of
-#: ``dJ J^-1``. Next to the lock of a leg p = 1/2 takes tens of steps where p = 1 takes hundreds.
+#: Exponents p of the norms ``|s^-p U^T dJ V s^(p-1)|`` of a change dJ, which must be small in any one of them: p = 1 is
+#: the norm of ``J^-1 dJ``, p = 0 the norm of ``dJ J^-1``. Next to the lock of a leg, p = 1/2 takes tens of steps
+#: where p = 1 takes hundreds.
 NORMS = np.array([0.0, 0.5, 1.0])
 TINY = 1e-100  # smallest singular value whose powers stay finite
-#: Fraction of a turn or length by which two predictions of one pose may always differ.
+#: Angle [rad] or distance [mechanism lengths] by which two predictions of one pose may always differ.
 SAME = 1e-3
 #: Number of distances computed at a time.
 BLOCK = 2**18
@@ -42,18 +45,18 @@ BLOCK = 2**18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Anchor:
-    """A closed pose and measurements of its neighbourhood, all dimensionless.
+    """A closed pose and measurements of its neighbourhood; all quantities are dimensionless.
 
     Attributes:
         z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
         K: Velocity map dz/dy. Shape (n_z, k).
         W: Metric of the ball, ``dy^T W dy <= 1``. Shape (k, k).
         beta: ``|J^-1|``, the amplification of a residual.
-        faint: Largest beta on the path here since it last rose above `FLOOR`; 0 if beta is below `FLOOR`.
-        U, s, Vt: Singular value decomposition of the full Jacobian, coordinates at rest included.
+        faint: Largest beta on the path to this anchor since beta last rose above `FLOOR`; 0 if beta is below `FLOOR`.
+        U, s, Vt: Singular value decomposition of the full Jacobian, including coordinates at rest.
         power: Index of the metric in `NORMS`.
-        weight: Maps a correction of the unknowns to the resulting change of J, with J's rate along the motion: the
-            correction divided by the distance to other solutions. Shape (n, n_z).
+        weight: Matrix that maps a correction of the unknowns to the resulting change of J, using J's rate along the
+            motion; its norm is the correction divided by the distance to other solutions. Shape (n, n_z).
     """
 
     z: Array
@@ -69,16 +72,16 @@ class Anchor:
     weight: Array
 
     def steady(self, K: Array) -> Array:
-        """Replace the velocity map of a nearby pose with this anchor's if they differ only by rounding.
+        """Replace the velocity map of a nearby pose by this anchor's if they differ only by rounding. Shape (n_z, k).
 
-        Near a crossing of two branches, rounding determines K and could lead from one branch to the other; both are
-        smooth. At a fold K grows by more than that. Shape (n_z, k).
+        Near a crossing of two smooth branches, rounding determines K and could lead from one branch to the other. At a
+        fold, K changes by more than rounding.
         """
         explained = CLOSED * self.beta**2 * float(np.linalg.norm(self.K))
         return self.K if np.linalg.norm(K - self.K) <= explained else K
 
     def change(self, J: Array) -> Array:
-        """Compute ``J_a^+ J - 1`` in the anchor's norm. Shape (..., m, n) -> (..., n, n)."""
+        """Compute ``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
         turned = self.U.T @ J @ self.Vt.T - np.diag(self.s)
         return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
 
@@ -97,17 +100,17 @@ def offsets(K: Array) -> tuple[Array, Array]:
 def measure(
     z: Array, y: Array, residual: Array, J: Array, full: Array, slope: Array, base: Anchor | None = None
 ) -> Anchor:
-    """Build an anchor from a nearly closed pose: compute its velocity map and the Jacobian's rate of change along it.
+    """Build an anchor from a nearly closed pose: compute its velocity map and how the Jacobian changes along it.
 
 
     Args:
-        z, y: Shapes (n_z,), (k,).
-        residual: Residual at the pose, which is corrected. Shape (m,).
-        J, full: Jacobian over the unknowns, whose last k rows select y, and over coordinates at rest as well, which
-            come last: a pose where resting coordinates may begin to move is singular, whatever the others do. Shapes
-            (m, n_z), (m, n).
+        z, y: Unknowns and independent coordinates of the pose. Shapes (n_z,), (k,).
+        residual: Residual at the pose, which is removed by a correction of z. Shape (m,).
+        J, full: Jacobian with respect to the unknowns, whose last k rows select y; and Jacobian that additionally has
+            columns, which come last, for coordinates at rest: a pose where these may begin to move is singular,
+            whatever the other coordinates do. Shapes (m, n_z), (m, n).
         slope: Derivative of the full Jacobian with respect to y. Shape (k, m, n).
-        base: The anchor from which the pose was reached.
+        base: Anchor from which the pose was reached.
     """
     k, n_z = len(y), len(z)
     U, s, Vt = np.linalg.svd(full, full_matrices=False)
@@ -119,14 +122,14 @@ def measure(
     K = base.steady(back[:, -k:]) if base else back[:, -k:]
     turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
     balls, weights = _balls(s, turned, Vt[:, :n_z], second, K)
-    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # a long ball may be narrow across, as at a lock
+    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # a long ball may be narrow across, e.g. at a lock
     W, power, weight = balls[chosen], float(NORMS[chosen]), weights[chosen]
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
 
 
 def _balls(s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple[Array, Array]:
-    """Return the metrics of the balls in each of `NORMS`, with the weights of corrections, see `Anchor`.
+    """Return the metrics of the balls in each of `NORMS`, and the weights of corrections, see `Anchor`.
 
     Args:
         turned: Derivative of J with respect to y in the basis of J's singular vectors. Shape (k, n, n).
@@ -146,25 +149,25 @@ def _balls(s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple
 
 
 def _gram(D: Array) -> Array:
-    """Return M of ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)``, Frobenius norm. Shape (..., k, n^2) -> (..., k, k)."""
+    """Return M in ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` (Frobenius norm). Shape (..., k, n^2) -> (..., k, k)."""
     return np.asarray(D @ D.swapaxes(-1, -2))
 
 
 def _steepness(change: Array, L: Array) -> Array:
-    """Return the change of J per length of the unknowns' path, averaged over all directions. Shape (...).
+    """Return the change of J per path length of the unknowns, averaged over all directions. Shape (...).
 
     Args:
         change: Metric of the change of J in y. Shape (..., k, k).
-        L: Path of the unknowns per dy, in the norm that corresponds to J's. Shape (..., n, k).
+        L: Path of the unknowns per dy, in the norm that corresponds to the norm of J. Shape (..., n, k).
     """
     return np.asarray(np.sqrt(np.trace(change, axis1=-2, axis2=-1) / np.maximum((L * L).sum((-2, -1)), TINY)))
 
 
 def _curvature(second: Array) -> Array:
-    """Return M of ``|second(dy, dy)| <= dy^T M dy``, the error of linear predictions. (..., n, k, k) -> (..., k, k).
+    """Return M in ``|second(dy, dy)| <= dy^T M dy``, the error of linear predictions. (..., n, k, k) -> (..., k, k).
 
-    The second derivative of z by y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal basis are
-    quadratic forms, each bounded by the form of the absolute eigenvalues.
+    The second derivative of z with respect to y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal
+    basis are quadratic forms; each is bounded by the form with the absolute eigenvalues.
     """
     *lead, n, k, _ = second.shape
     _, sizes, forms = np.linalg.svd(second.reshape(*lead, n, -1), full_matrices=False)
@@ -182,7 +185,7 @@ class Anchors:
     """
 
     def __init__(self, k: int, n_z: int, angles: Flags) -> None:
-        """Start an empty table; `angles` marks the unknowns that are angles, shape (n_z,)."""
+        """Create an empty table; `angles` is True for unknowns that are angles, shape (n_z,)."""
         self.rows, self.angles, self.turning = list[Anchor](), angles, np.zeros(k, dtype=bool)
         kinds = [("y", float, (k,)), ("z", float, (n_z,)), ("K", float, (n_z, k)), ("W", float, (k, k)), ("sheet", int)]
         self.table = np.zeros(64, dtype=kinds)
@@ -197,7 +200,7 @@ class Anchors:
 
     @property
     def sheets(self) -> int:
-        """Number of sheets."""
+        """Number of sheets, i.e. sets of anchors that lie on one branch wherever their balls meet."""
         return int(self.table["sheet"][: len(self)].max()) + 1
 
     def sheet_of(self, sheet: int) -> Indices:
@@ -214,7 +217,7 @@ class Anchors:
         return i
 
     def move(self, i: int, sheet: int) -> None:
-        """Move an anchor to another sheet."""
+        """Move an anchor to the given sheet."""
         for changed in (int(self.table["sheet"][i]), sheet):
             self.lookups.pop(changed, None)
         self.table["sheet"][i] = sheet
@@ -224,7 +227,7 @@ class Anchors:
         self.table["W"][i] *= 4.0
 
     def turn(self, i: int) -> None:
-        """Mark an independent coordinate that returns to the same pose after a full turn."""
+        """Mark independent coordinate i as returning to the same pose after a full turn."""
         self.turning[i] = True
         self.lookups.clear()
         self.links.clear()
@@ -232,17 +235,17 @@ class Anchors:
     # predictions
 
     def difference(self, y: Array, origin: Array) -> Array:
-        """Return the difference from an origin modulo full turns. Shapes (..., k)."""
+        """Return the difference between y and an origin, modulo full turns. Shapes (..., k)."""
         way = y - origin
         return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
 
     def distance(self, y: Array, a: Indices | int) -> Array:
-        """Return the distance of y from anchors, 1 at the edge of their balls. Shapes (..., k), (...) -> (...)."""
+        """Return the distances of y from anchors; 1 is the edge of a ball. Shapes (..., k), (...) -> (...)."""
         way, W = self.difference(y, self.table["y"][a]), self.table["W"][a]
         return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
 
     def distances(self, y: Array, a: Indices) -> Array:
-        """Return the distances of samples, each of one or several points. Shapes (n, ..., k), (n,) -> (n, ...)."""
+        """Return the distances of samples with one or several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
         squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
             way = self.difference(y[rows], self.table["y"][i])
@@ -250,21 +253,21 @@ class Anchors:
         return np.sqrt(squared)
 
     def predict(self, y: Array, a: Indices) -> Array:
-        """Predict unknowns to first order; y is taken modulo full turns. Shapes (n, k), (n,) -> (n, n_z)."""
+        """Predict unknowns to first order, with y modulo full turns. Shapes (n, k), (n,) -> (n, n_z)."""
         z = np.empty((len(y), len(self.angles)))
         for rows, i in _groups(a):
             z[rows] = self.table["z"][i] + self.difference(y[rows], self.table["y"][i]) @ self.table["K"][i].T
         return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
-        """Divide corrections of unknowns by the distance to other solutions; infinite beyond 1. (n, n_z) -> (n,)."""
+        """Divide corrections of unknowns by the distance to other solutions; inf if above 1. (n, n_z) -> (n,)."""
         norm = np.empty(len(z))
         for rows, i in _groups(a):
             norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def on_one_branch(self, a: int, b: int) -> bool:
-        """True if the predictions of two anchors with intersecting balls agree half-way: they lie on one branch."""
+        """True if two anchors lie on one branch: the predictions of their intersecting balls agree half-way."""
         if (a, b) not in self.links:
             way = self.difference(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))
@@ -280,7 +283,7 @@ class Anchors:
     def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
         """Find the nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
 
-        If y lies outside the ball of the nearest anchor, the best of the nearest eight is taken.
+        If y lies outside the ball of the nearest anchor, the best of the nearest eight anchors is chosen.
         """
         look = self.lookups.get(sheet)
         if look is None or look.count != len(self):
@@ -298,7 +301,7 @@ class Anchors:
 
 
 def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
-    """Group rows of samples by their anchor."""
+    """Yield the rows of samples that share an anchor, and that anchor."""
     if len(a) == 1:
         yield np.zeros(1, dtype=np.intp), int(a[0])
         return
@@ -309,10 +312,10 @@ def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
 
 
 class _Lookup:
-    """Search tree over the anchors of a sheet; a periodic coordinate is represented on the unit circle.
+    """Search table over the anchors of a sheet; a periodic coordinate is represented on the unit circle.
 
     Attributes:
-        count: Number of anchors at the time of construction.
+        count: Number of all anchors at the time of construction.
     """
 
     def __init__(self, anchors: Anchors, sheet: int) -> None:
@@ -327,7 +330,7 @@ class _Lookup:
         return np.concatenate([y[:, ~self.turning], np.cos(angles), np.sin(angles)], axis=1)
 
     def nearest(self, y: Array, m: int) -> Indices:
-        """Return the m anchors nearest to each y. Shape (n, k) -> (n, m)."""
+        """Return the m nearest anchors for each y. Shape (n, k) -> (n, m)."""
         places = np.empty((len(y), m), dtype=np.intp)
         some = max(1, BLOCK // len(self.rows))
         for first in range(0, len(y), some):

@@ -1,8 +1,7 @@
-"""Closed poses on one assembly mode: along a motion, for samples in any order, or step by step along a branch.
+"""Computes closed poses on one assembly mode: along a motion, for samples in any order, or stepwise along a branch.
 
-`AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order
-(`Region`); `BranchPose` continues from the last closed pose, wherever it was; `positions` is the short form for one
-motion.
+`AssemblyMode` starts at the home pose and follows motions (`Continuation`) or reaches samples in any order (`Region`);
+`BranchPose` continues from the last closed pose, wherever it is; `positions` is a shortcut for a single motion.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ class AssemblyMode:
     """Closed poses on the assembly mode of the home pose.
 
     Attributes:
-        system: The loop equations, with the coordinates that are constant on this mode fixed.
+        system: Loop equations in which the coordinates that are constant on this mode are fixed.
     """
 
     def __init__(self, lay: Layout, *, strict: bool = False) -> None:
-        """Start at home; `strict` follows every pose along the motion or a straight path, even where a closed form
-        exists. By default, samples that form no motion may be reached along other paths.
+        """Start at home. With `strict`, every pose is followed along the motion or a straight path, even where a closed
+        form exists. By default, samples that do not form a motion may be reached along other paths.
         """
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.sizes[self.columns], strict
@@ -43,16 +42,16 @@ class AssemblyMode:
 
     @cached_property
     def continuation(self) -> Continuation:
-        """Continuation that keeps the anchors of earlier motions."""
+        """Continuation along motions, which keeps the anchors of earlier motions."""
         return self.system.walk(Continuation, strict=self.strict)
 
     @cached_property
     def region(self) -> Region:
-        """Region that reaches samples in any order; motions do not extend it, so its poses depend on y alone."""
+        """Region that reaches samples in any order; its poses depend on y alone, because motions do not extend it."""
         return self.system.walk(Region)
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
-        """Predict the samples of a motion that continues from earlier ones.
+        """Predict the samples of a motion that continues from earlier samples.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
@@ -60,7 +59,7 @@ class AssemblyMode:
             rates, drive: Derivatives of y, and the motion between these times, see `Continuation.predict`.
 
         Raises:
-            ClosureError: A loop cannot close, or there is no way but over a singular pose.
+            ClosureError: A loop cannot close, or every path leads over a singular pose.
         """
         if (poses := self.in_closed_form(y)) is not None:
             return poses
@@ -76,13 +75,13 @@ class AssemblyMode:
         return self.region.reach(y)
 
     def restart(self) -> None:
-        """Start the next motion in the home pose."""
+        """Start the next motion at the home pose."""
         self.near = self.lay.mechanism.home[None]
         if "continuation" in vars(self):  # a motion is in progress
             self.continuation.restart()
 
     def in_closed_form(self, y: Array) -> Poses | None:
-        """Compute poses that need no continuation: open trees, and legs with a closed form on this mode."""
+        """Compute poses without continuation, for open trees and for legs with a closed form on this mode, or None."""
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
@@ -96,18 +95,18 @@ class AssemblyMode:
         return None if self.strict else closed_form_positions(self.lay, y, self.system.fixed)
 
     def joints(self, poses: Poses) -> Array:
-        """Return predicted joint coordinates [rad or m], with cut joints near the intended angles. Shape (n, n_q)."""
+        """Return predicted joint coordinates [rad or m]; cut joints are near intended angles. Shape (n, n_q)."""
         near = self._turn_home(poses.y) if poses.near is None else poses.near[poses.visit]
-        near[:, self.columns] = poses.y * self.unit  # including the full turns given
+        near[:, self.columns] = poses.y * self.unit  # including given full turns
         return self.system.tree(poses.z, near)
 
     def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
-        """Return the predicted tree coordinates of some columns, one row each [rad or m]. Shape (len(columns), n)."""
+        """Return predicted tree coordinates of the given columns, one row each [rad or m]. Shape (len(columns), n)."""
         places = [self.system.unknown.index(c) for c in columns]
         return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
     def _turn_home(self, y: Array) -> Array:
-        """Return home coordinates shifted by the full turns that follow y. Shape (n, k) -> (n, n_q)."""
+        """Return home coordinates, shifted by the full turns that y implies. Shape (n, k) -> (n, n_q)."""
         home = self.lay.mechanism.home
         near = np.tile(home, (len(y), 1))
         for i, path in self.region.loops.items():
@@ -121,14 +120,14 @@ class AssemblyMode:
         return follow_cut_joints(self.lay, q, near)
 
     def refine(self, poses: Poses) -> Poses:
-        """Replace poor predictions with better ones, see `Continuation.refine`."""
+        """Replace poor predictions by better ones, see `Continuation.refine`."""
         return poses if poses.path is None else poses.path.refine(poses)
 
     def follow(self, poses: Poses) -> tuple[Array, ...]:
-        """Compute the closed poses next to predictions, dimensionless, as returned by `newton`.
+        """Compute the closed poses next to predictions; return the dimensionless result of `newton`.
 
         Raises:
-            ClosureError: A loop stays open.
+            ClosureError: A loop cannot be closed.
         """
         if poses.path is not None:
             return poses.path.close(poses)
@@ -146,18 +145,18 @@ class AssemblyMode:
         return self.close(self.predict(y, t, rates, drive))
 
 
-STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or mechanism lengths]
-#: Largest distance of a closed pose from its prediction, relative to the predicted step. Other branches lie farther.
+STEP, SMALLEST = 0.1, 1e-5  # steps of independent coordinates [rad or mechanism lengths]
+#: Largest distance of a closed pose from its prediction, relative to the predicted step. Other branches are farther
+#: away.
 BEND = 0.3
-#: Largest number of steps for a short path; one that needs more ends at a pose that it cannot pass.
+#: Largest number of steps for a short path; a path that needs more steps ends at a pose that it cannot pass.
 MOST = 40
 
 
 class BranchPose:
-    """A pose that moves along its branch, predicted at each step with the velocity map dq/dy.
+    """A pose that moves along its branch; each step is predicted with the velocity map dq/dy.
 
-    A step may pass over a singular pose: the prediction continues straight on, whereas a branch that turns off there
-    does not.
+    A step may pass over a singular pose: the prediction continues straight on, unlike a branch that turns off there.
     """
 
     def __init__(self, lay: Layout, q: Array) -> None:
@@ -175,7 +174,7 @@ class BranchPose:
             raise ClosureError("the loops do not close there", where, "correct the coordinates")
 
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
-        """Run Newton's method from a prediction; keep the pose if it closes within reach of the prediction."""
+        """Run Newton's method from a prediction; keep the pose if the loops close near the prediction."""
         corrected = self.system.correct(predicted, goal)
         if corrected is None or self._far(corrected[0] - predicted) > bend:
             return False
@@ -183,7 +182,7 @@ class BranchPose:
         return True
 
     def _far(self, way: Array) -> float:
-        """Return the largest change of an unknown, dimensionless. Shape (n_q,)."""
+        """Return the largest dimensionless change of an unknown, given changes of joint coordinates, shape (n_q,)."""
         return float(np.abs(self.system.unknowns(way)).max())
 
     def put(self, q: Array) -> None:
@@ -195,7 +194,7 @@ class BranchPose:
         """Move the pose to independent coordinates `y`, shape (k,), in steps of at most `STEP`.
 
         Raises:
-            ClosureError: The loops cannot close on the way.
+            ClosureError: The loops cannot close along the path.
         """
         if self.is_tree:
             self.q[self.columns] = self.y = y.copy()
@@ -217,7 +216,7 @@ class BranchPose:
         raise ClosureError(no_further(self.y), self.lay.mechanism.name, REMEDY)
 
     def joints(self, y: Array) -> Array:
-        """Compute closed poses along independent coordinates in order. Shape (n, k) -> (n, n_q)."""
+        """Compute closed poses for successive independent coordinates. Shape (n, k) -> (n, n_q)."""
         q = np.empty((len(y), len(self.q)))
         if self.is_tree:
             q[:, self.columns] = y
@@ -240,12 +239,12 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Ar
         Coordinates of all joints [rad or m]. Shape (n, n_q).
 
     Raises:
-        ClosureError: A loop cannot close, or there is no way but over a singular pose.
+        ClosureError: A loop cannot close, or every path leads over a singular pose.
     """
     return AssemblyMode(lay).motion(y, t, rates)
 
 
 def closed_form_positions(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
-    """Return joint coordinates by `equations.closed_form`, or None if there is none. Shape (n, k) -> (n, n_q)."""
+    """Return joint coordinates by `equations.closed_form`, or None if it fails. Shape (n, k) -> (n, n_q)."""
     coordinates = closed_form(lay, y, NUMPY, fixed)
     return None if coordinates is None else read(lay, coordinates.q, near=False)

@@ -1,6 +1,6 @@
-"""Continuation of the home assembly mode along the curve of a motion between its samples.
+"""Continues the home assembly mode along the curve of a motion between its samples.
 
-Where the path ends, the error names the sample and the reason. A `Region` handles samples in any order.
+If the path ends, the error names the sample and the reason. A `Region` handles samples in any order.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Wa
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array
 
-#: Number of samples that become anchors where predictions are poor.
+#: Number of samples that become anchors if predictions are poor.
 SOME = 8
-#: Samples farther away [rad or mechanism lengths] are not reached by following a path.
+#: Largest distance to a sample that is reached by following a path [rad or mechanism lengths].
 LONGEST = 1e3
-#: Number of samples processed together, at first and at most.
+#: Initial and largest number of samples that are processed together.
 WINDOW, WIDEST = 32, 8192
-#: At least `DENSE` closely spaced samples are predicted from every `EVERY`-th of them, at most `SPREAD` apart in y.
+#: If at least `DENSE` samples are closely spaced, they are predicted from every `EVERY`-th sample, at most `SPREAD`
+#: apart in y.
 DENSE, EVERY, SPREAD = 100, 16, 0.1
 #: Largest number of singular poses on the path from home to the start of a motion.
 LEAPS = 8
@@ -54,11 +55,11 @@ class PathEnd(ClosureError):
     """Raised when path following fails.
 
     Attributes:
-        z, y: The last pose reached: dimensionless unknowns, shape (n_z,), and independent coordinates [rad or m],
-            shape (k,).
+        z, y: Dimensionless unknowns, shape (n_z,), and independent coordinates [rad or m], shape (k,), of the last pose
+            that was reached.
         t: Time of the sample that cannot be reached [s].
-        singular: Whether that pose is singular; if not, the path is too long.
-        beyond: Whether the loops close beyond it as well.
+        singular: True if that pose is singular, False if the path is too long.
+        beyond: True if the loops also close beyond that pose.
     """
 
     def __init__(self, z: Array, y: Array, t: float, *, singular: bool, beyond: bool) -> None:
@@ -68,18 +69,18 @@ class PathEnd(ClosureError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """Predictions of n closed poses, dimensionless except `near`.
+    """Predictions of n closed poses; all are dimensionless except `near`.
 
     Attributes:
         t: Times [s], or indices of samples in any order. Shape (n,).
         y: Independent coordinates. Shape (n, k).
-        z: Unknowns to first order. Shape (n, n_z).
+        z: Unknowns, predicted to first order. Shape (n, n_z).
         anchor: Anchor of each sample. Shape (n,).
         visit: Row of `near` for each sample. Shape (n,).
-        path: Owner of these anchors; None where poses have a closed form.
-        near: Joint coordinates [rad or m] that select among equivalent angles of a cut joint, where the angles do not
-            depend on y alone. Shape (v, n_q).
-        ordered: Whether the samples form a sequence.
+        path: Owner of the anchors; None if poses have a closed form.
+        near: Joint coordinates [rad or m] that select among equivalent angles of a cut joint; None if the angles depend
+            on y alone. Shape (v, n_q).
+        ordered: True if the samples form a sequence.
     """
 
     t: Array
@@ -92,7 +93,7 @@ class Poses:
     ordered: bool = False
 
     def rows(self, rows: Indices) -> Poses:
-        """Select the predictions of some samples, in any order."""
+        """Select the predictions of the given samples, in any order."""
         some = self.t[rows], self.y[rows], self.z[rows], self.anchor[rows], self.visit[rows]
         return Poses(*some, self.path, self.near)
 
@@ -101,14 +102,14 @@ class Continuation(Walk):
     """Closed poses of one assembly mode along a motion."""
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
-        """Predict the samples of a motion that continues from earlier ones; each is linked to its predecessor.
+        """Predict the samples of a motion that continues from earlier samples; link each sample to its predecessor.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
-            rates: Derivatives of y: between samples the motion is the curve through both states. Without rates, or
-                where they are inconsistent with y, samples are poses and any path will do. Shape (n, k) each.
-            drive: The motion itself between these times: see `newton.Motion`.
+            rates: Derivatives of y; between samples, the motion is the curve through both states. Without rates, or if
+                they are inconsistent with y, samples are poses that may be reached along any path. Shape (n, k) each.
+            drive: Motion between these times, see `newton.Motion`.
 
         Raises:
             PathEnd: The motion reaches a pose where the loops cannot close, or passes over a singular pose.
@@ -124,7 +125,7 @@ class Continuation(Walk):
         return at
 
     def _pass_samples(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
-        """Pass dimensionless samples, see `predict`."""
+        """Process dimensionless samples, see `predict`."""
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
         anchor, visit = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp)
@@ -143,7 +144,7 @@ class Continuation(Walk):
                 i += 1
                 next_one = int(covering[gap - first])
                 if len(self.anchors) > known or not (inside[gap - first] and self._hop(next_one)):
-                    break  # the anchors found are not valid for the samples that follow
+                    break  # these anchors are not valid for the samples that follow
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
         table = self.anchors.table["z"][self.visits[begin:]]  # full turns are counted along the path
@@ -153,7 +154,7 @@ class Continuation(Walk):
         return Poses(t, y, z, anchor, visit, self, ordered=True)
 
     def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
-        """Pass linked samples. Anchors, shape (n,) -> the same anchors, and the index of each visit."""
+        """Visit the anchors of linked samples, shape (n,); return these anchors and the visit of each sample."""
         changed = np.flatnonzero(np.diff(covering, prepend=self.at))
         visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(covering)), side="right")
         self.visits += covering[changed].tolist()
@@ -161,7 +162,7 @@ class Continuation(Walk):
         return covering, visit
 
     def _hop(self, a: int) -> bool:
-        """Move to an anchor of the same branch whose ball holds the current sample."""
+        """Move to an anchor of the same branch whose ball contains the current sample; return False if this fails."""
         if a != self.at and not self.anchors.on_one_branch(self.at, a):
             return False
         if a != self.at:
@@ -169,7 +170,7 @@ class Continuation(Walk):
         return True
 
     def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
-        """Build the curve to each sample, a flag if it is the motion itself, and its deviation at the midpoint.
+        """Build the curve to each sample, a flag that it is the motion, and the motion's deviation at the midpoint.
 
         Returns:
             Shapes (n, 6, k), (n,), (n, k).
@@ -187,7 +188,7 @@ class Continuation(Walk):
         ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
         rows = slice(0 if known else 1, None)
         moving[rows] = consistent(h, *ends)
-        if drive is not None:  # which also leads from rest to rest
+        if drive is not None:  # the motion also leads from rest to rest
             moving[rows] |= (h > 0.0) & ~np.concatenate([x for end in ends for x in end[1:]], axis=1).any(axis=1)
         points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
         if drive is not None and len(h):
@@ -195,9 +196,10 @@ class Continuation(Walk):
         return points, moving, miss
 
     def _link(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
-        """Find the anchors of samples, flags for those inside their ball, and flags for those linked to their
-        predecessor: both anchors lie on one branch, and the curve from there, or each half of it, lies in one ball.
-        Shape (n, 6, k).
+        """Find the anchors of samples, and flag samples inside the ball and samples linked to their predecessor.
+
+        A sample is linked if both anchors lie on one branch and the curve from the predecessor, or each half of that
+        curve, lies in one ball. Shape (n, 6, k).
         """
         anchors, y = self.anchors, curves[:, -1]
         covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
@@ -215,7 +217,7 @@ class Continuation(Walk):
         return covering, inside, good
 
     def _inside(self, curves: Array, miss: Array, a: Indices) -> Flags:
-        """True for curves inside the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
+        """Return True for curves inside the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
         inside = (self.anchors.distances(curves, a) <= 1.0).all(axis=1)
         if miss.any():
             W = self.anchors.table["W"][a]
@@ -223,7 +225,7 @@ class Continuation(Walk):
         return np.asarray(inside)
 
     def _go(self, curve: Curve, *, moving: bool) -> None:
-        """Move to the end of a curve: along it if it is the motion, else along any path that leads there."""
+        """Move to the end of a curve: along the curve if it is the motion, or else along any path to its end."""
         target, t = curve.points[-1], curve.t[1]
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
@@ -252,7 +254,7 @@ class Continuation(Walk):
         raise ends[0]
 
     def _straight_over(self, target: Array) -> bool:
-        """Move straight to the start of a motion, across singular poses; branches that turn off there are dropped."""
+        """Move straight to the start of a motion, across singular poses; ignore branches that turn off there."""
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):
@@ -266,7 +268,7 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """Build the error for a curve that cannot be followed, stating whether the loops close beyond."""
+        """Build the error for a curve that cannot be followed; it states whether the loops close beyond that pose."""
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._predict_beyond(curve.at(min(1.0, done + LEAP)))
@@ -296,7 +298,7 @@ class Continuation(Walk):
         return tuple(solution)
 
     def refine(self, poses: Poses) -> Poses:
-        """Improve predictions by making anchors of some samples.
+        """Improve predictions by turning some samples into anchors.
 
         Raises:
             PathEnd: Such a sample cannot be reached.

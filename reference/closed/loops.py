@@ -1,7 +1,7 @@
-"""Loop equations over the coordinates of the spanning tree, made dimensionless for Newton's method.
+"""Loop equations in the coordinates of the spanning tree, made dimensionless for Newton's method.
 
-`home_equations` fixes the coordinates that are constant on the home assembly mode; `read` gives the coordinates
-of cut joints from closed poses. The equations themselves are in `equations.closure`.
+`home_equations` fixes the coordinates that are constant on the home assembly mode; `read` computes the coordinates
+of cut joints at closed poses. The equations themselves are in `equations.closure`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
     Args:
         guess: Joint coordinates. Shape (n, n_q).
-        near: Whether the coordinates of cut joints are taken near the guess, see `read_coordinates`.
+        near: Choose the coordinates of cut joints that are nearest to the guess, see `read_coordinates`.
     """
     q = guess.copy()
     if lay.cuts:
@@ -44,10 +44,10 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
-    """Follow joint coordinates along a path, keeping those of each cut joint close to the preceding pose.
+    """Follow joint coordinates along a path such that coordinates of cut joints stay close to the preceding pose.
 
     Args:
-        q: Joint coordinates, of which only those of the tree are used. Shape (v, n_q).
+        q: Joint coordinates, of which only tree coordinates are used. Shape (v, n_q).
         near: Coordinates of the pose before the first. Shape (n_q,).
     """
     q = read(lay, q, near=False)
@@ -61,7 +61,7 @@ W = TypeVar("W", bound=Walk)
 
 
 class LoopEquations(Loops):
-    """The loop equations of a layout over arrays."""
+    """The loop equations of a layout, evaluated with arrays."""
 
     @cached_property
     def unknown(self) -> list[int]:
@@ -80,13 +80,13 @@ class LoopEquations(Loops):
         return Closed(self, coordinates(q, NUMPY), self.folds(q), NUMPY)
 
     def matrix(self, q: Array) -> Array:
-        """Return the derivative of the residuals (loops, couplings, selected coordinates) by the unknowns, all
-        dimensionless. Shape (n, n_q) -> (n, m + k, n_unknown).
+        """Return the derivative of dimensionless residuals (loops, couplings, selected coordinates) with respect to the
+        dimensionless unknowns. Shape (n, n_q) -> (n, m + k, n_unknown).
         """
         return np.asarray(self.closed(q).system.A[..., : self.moving])
 
     def constraints(self, q: Array) -> Array:
-        """Return the rows of `matrix` for the loops and couplings alone. Shape (n, n_q) -> (n, m, n_unknown)."""
+        """Return only the rows of `matrix` for loops and couplings. Shape (n, n_q) -> (n, m, n_unknown)."""
         return self.matrix(q)[:, : self.given.start]
 
     def chart_conditions(self, q: Array) -> Array:
@@ -94,10 +94,9 @@ class LoopEquations(Loops):
         return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Evaluate dimensionless residuals of loops and couplings and their Jacobian: an `Evaluation` for
-        `newton`.
+        """Evaluate dimensionless residuals of loops and couplings, and their Jacobian; an `Evaluation` for `newton`.
 
-        If coordinates are fixed, the Jacobian that includes their columns (last) follows.
+        If coordinates are fixed, also return the Jacobian that includes their columns, which come last.
 
         Args:
             z: Unknowns divided by their `sizes`. Shape (n, n_unknown).
@@ -106,7 +105,7 @@ class LoopEquations(Loops):
         columns = self.y_columns
         given = y * self.sizes[columns]
         q = np.tile(self.lay.mechanism.home, (len(z), 1))
-        q[:, columns] = given  # for a cut joint, the angle nearest to the requested value
+        q[:, columns] = given  # for a cut joint: angle nearest to the requested value
         q[:, self.unknown] = z * self.sizes[self.unknown]
         at = self.closed(q)
         full = np.asarray(at.system.A)
@@ -129,20 +128,20 @@ class LoopEquations(Loops):
 
         Args:
             z: Dimensionless unknowns. Shape (n, n_unknown).
-            guess: Joint coordinates; those of cut joints select among equivalent angles. Shape (n, n_q).
+            guess: Joint coordinates; coordinates of cut joints select among equivalent angles. Shape (n, n_q).
         """
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
-        """Find the closed pose next to a prediction, with dq/dy [rad and m]; None if the loops do not close.
+        """Find the closed pose next to a prediction, and dq/dy [rad and m]; return None if the loops do not close.
 
-        The coordinates of cut joints are read near the prediction.
+        The coordinates of cut joints are chosen near the prediction.
         """
         unit = self.sizes[self.y_columns]
         z, matrix, error = newton(self.evaluate, self.unknowns(q[None]), (y / unit)[None])[:3]
         if not error[0] < OPEN:
             return None
-        K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they diverge
+        K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted because they diverge near gimbal lock
         K[self.unknown] = self.sizes[self.unknown, None] * velocity_map(matrix, len(y))[0] / unit
         return self.coordinates(z, q[None])[0], K
 
@@ -154,25 +153,25 @@ class LoopEquations(Loops):
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
-    """Return the loop equations with some coordinates fixed at their home values, built once per layout."""
+    """Return the loop equations with given coordinates fixed at their home values; build them once per layout."""
     if fixed not in lay.kept:
         lay.kept[fixed] = LoopEquations(lay, fixed)
     equations: LoopEquations = lay.kept[fixed]
     return equations
 
 
-#: Distance of trial poses from home [rad or mechanism lengths], and their number.
+#: Distance of trial poses from home [rad or mechanism lengths], and number of trial poses.
 AWAY, TRIALS = 0.15, 4
-#: Far above the rounding error of a coordinate at rest; a false candidate only costs time.
+#: Rate below which a coordinate may be at rest, far above rounding error; a false candidate only takes time.
 STILL = 1e-7
-#: Trial poses above this condition number prove nothing: rounding moves coordinates at rest.
+#: Condition number above which a trial pose is useless, because rounding moves coordinates at rest.
 CLEAR = 1e4
 
 _known: WeakKeyDictionary[Mechanism, tuple[int, ...]] = WeakKeyDictionary()
 
 
 def home_equations(lay: Layout) -> LoopEquations:
-    """Return the loop equations with all resting coordinates fixed, built once per mechanism."""
+    """Return the loop equations with all resting coordinates fixed; find these once per mechanism."""
     if lay.mechanism not in _known:
         _known[lay.mechanism] = resting_columns(lay)
     return loop_equations(lay, _known[lay.mechanism])
@@ -181,8 +180,9 @@ def home_equations(lay: Layout) -> LoopEquations:
 def resting_columns(lay: Layout) -> tuple[int, ...]:
     """Find the tree coordinates that keep their home value on the home branch, such as c of the symmetric leg.
 
-    Coordinates are analytic in y. A coordinate at rest in several general poses, in value and in every first
-    derivative, is at rest on the whole branch; with it fixed the loops still close to rounding, which is tested too.
+    Coordinates are analytic functions of y. A coordinate that is at rest at several general poses, in value and in
+    every first derivative, is at rest on the whole branch. The loops must still close to rounding if it is fixed, which
+    is tested, too.
     """
     free = loop_equations(lay)
     # in single precision no trial would converge
@@ -204,14 +204,14 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 
 def _may_rest(system: LoopEquations) -> bool:
-    """True if, to first order at home, a dependent coordinate is at rest; in most mechanisms none is."""
+    """True if a dependent coordinate is at rest to first order at home, which is rare."""
     A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
-    """Compute closed poses in general position near home: unknowns, y and matrices; None if there are too few."""
+    """Compute closed poses in general position near home: unknowns, y and matrices; None if too few are found."""
     columns = system.y_columns
     unit, k = system.sizes[columns], np.arange(len(columns))
     home = system.lay.mechanism.home[columns] / unit
@@ -219,7 +219,7 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     for i in range(TRIALS):
         y = home + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
-            path.restart(begun=True)  # straight on or not at all: paths around singular poses take seconds
+            path.restart(begun=True)  # straight paths only: paths around singular poses take seconds
             z, matrix, *_ = path.follow(y[None] * unit, np.zeros(1))
         except ClosureError:
             continue

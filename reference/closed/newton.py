@@ -1,7 +1,7 @@
-"""Numerical tools of the continuation: Newton's method on stacks of poses, Hermite interpolation, Bezier curves.
+"""Numerical tools for continuation: Newton's method on stacks of poses, Hermite interpolation, Bezier curves.
 
-Hermite interpolation between closed poses gives initial guesses; a Bezier curve of degree five lies within the hull
-of its points. Nothing here depends on a mechanism.
+Hermite interpolation between closed poses yields initial guesses; a Bezier curve of degree five lies within the convex
+hull of its control points. This module does not depend on a mechanism.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
-#: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and any further
-#: results at the solutions, (n, ...) each.
+#: Function that evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and
+#: any further results, (n, ...) each.
 Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 
 # Angles are in rad and distances in mechanism lengths wherever these constants are used.
-#: A closure residual below this is as small as float64 allows.
+#: Closure residual that is as small as float64 allows.
 ROUNDING = 2 * linear.EPS
-#: Residual that an engine's own rounding may leave. A step from there follows noise, amplified by 1 / distance.
+#: Residual that the rounding of an engine may leave. A further step only follows noise, amplified by 1 / distance.
 CLOSED = 4 * ROUNDING
-#: Below this residual, rounding may keep a step from halving it.
+#: Residual below which rounding may prevent a step from halving it.
 NOISE = 1e-11
-#: A loop whose closure residual stays above this does not close.
+#: Closure residual above which a loop counts as open.
 OPEN = 1e-10
-#: Steps within which the residual must halve, else no solution is near. At a double root it halves in each step.
+#: Number of steps within which the residual must halve if a solution is near. At a double root, each step halves it.
 PATIENCE = 12
 
 
@@ -42,16 +42,16 @@ def has_stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_
 def newton(
     evaluate: Evaluation, q: Array, y: Array, *, most: int = 60, begun: Sequence[Array] | None = None
 ) -> tuple[Array, ...]:
-    """Run Newton's method with as many steps as each sample needs.
+    """Run Newton's method; each sample takes as many steps as it needs.
 
     Args:
         q: Starting values. Shape (n, n_q).
         y: Independent coordinates. Shape (n, k).
-        begun: Known result of `evaluate` at the starting values, if any.
+        begun: Result of `evaluate` at the starting values, if known.
 
     Returns:
-        Joint coordinates (n, n_q), the derivative of the closure residuals there (n, m, n_q), the largest closure
-        residual of each sample (n,) [rad or m], and the further results of `evaluate`.
+        Joint coordinates (n, n_q), the derivative of the closure residuals at these (n, m, n_q), the largest closure
+        residual of each sample (n,) [rad or m], and further results of `evaluate`.
     """
     q = q.copy()
     residual, matrix, *more = evaluate(q, y) if begun is None else (array.copy() for array in begun)
@@ -91,16 +91,16 @@ def velocity_map(A: Array, k: int) -> Array:
 Rows = NDArray[np.intp]
 
 EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # fourth-order derivative at the first of five samples
-CACHED = 2**14  # array elements processed at a time
-KNOTS = 4  # knots around a predicted sample: a polynomial of degree seven
+CACHED = 2**14  # number of array elements processed at a time
+KNOTS = 4  # number of knots around a predicted sample, for a polynomial of degree seven
 
 
 def knots(y: Array, every: int, step: float) -> Rows:
-    """Choose the samples to follow: the first, the last, and enough between them that none is far from the next.
+    """Choose the samples to follow: the first, the last, and enough in between to limit the distance between them.
 
     Args:
         y: Dimensionless independent coordinates. Shape (n, k).
-        every: Largest number of samples between chosen ones.
+        every: Largest number of samples from one chosen sample to the next.
         step: Largest step in y between chosen samples, unless samples are farther apart.
     """
     way = np.abs(np.diff(y, axis=0)).max(axis=1, initial=0.0)
@@ -113,13 +113,13 @@ def knots(y: Array, every: int, step: float) -> Rows:
 def predict_unknowns(y: Array, rows: Rows, z: Array, K: Array) -> Array:
     """Interpolate the unknowns of all samples with Hermite's formula over the sample index. Shape (n, n_z).
 
-    Deviations of the samples from the interpolated motion are corrected to first order, so samples need not be evenly
-    spaced; where they jump, the prediction is poor.
+    Deviations of samples from the interpolated motion are corrected to first order; therefore, samples need not be
+    evenly spaced. Where samples jump, the prediction is poor.
 
     Args:
         y: Independent coordinates. Shape (n, k).
         rows: Samples with known poses, including the first and the last. Shape (m,).
-        z, K: Unknowns of these samples, shape (m, n_z), and their velocity map, (m, n_z, k).
+        z, K: Unknowns, shape (m, n_z), and velocity maps, (m, n_z, k), of these samples.
     """
     slope = slopes(y)[rows]
     value = interpolate(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
@@ -142,7 +142,7 @@ def slopes(y: Array) -> Array:
 
 
 def interpolate(n: int, rows: Rows, values: Array, rates: Array) -> Array:
-    """Interpolate known values and derivatives to n samples, see `predict_unknowns`. Shapes (m, d) -> (n, d)."""
+    """Interpolate known values and derivatives at n samples, see `predict_unknowns`. Shapes (m, d) -> (n, d)."""
     x, c = _differences(rows.astype(float), values, rates)
     result, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
     for first in range(0, n, some):
@@ -161,7 +161,7 @@ def _interval(at: Rows, rows: Rows) -> Rows:
 
 
 def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
-    """Compute Newton's divided differences for each interval from up to `KNOTS` double knots around it.
+    """Compute Newton's divided differences for each interval from up to `KNOTS` surrounding double knots.
 
     Args:
         at: Positions of the knots. Shape (m,).
@@ -191,16 +191,17 @@ Drive = Callable[[Array], State]
 Motion = Callable[[Array], Any]
 """Times (n,) -> an object with y, yd and ydd there [rad or m]."""
 
-#: Derivatives are consistent with a motion if they miss a step by less than this fraction of it.
+#: Derivatives are consistent with a motion if they predict each step with a relative error below this value.
 CONSISTENT = 0.1
-#: Weights that map control points to those of both halves (de Casteljau), and to the midpoint. Shape (2, 6, 6), (6,).
+#: Weights that map control points to control points of both halves (de Casteljau), and to the midpoint. Shapes
+#: (2, 6, 6), (6,).
 _LEFT = np.array([[math.comb(i, j) / 2.0**i for j in range(6)] for i in range(6)])
 HALVES = np.stack([_LEFT, _LEFT[::-1, ::-1]])
 HALF = _LEFT[-1]
 
 
 def hermite(h: Array, before: State, after: State) -> Array:
-    """Return control points of the quintic polynomials with given values and derivatives at both ends.
+    """Return control points of quintic polynomials with given values and derivatives at both ends.
 
     Args:
         h: Duration [s]. Shape (...).
@@ -223,7 +224,7 @@ def straight(y0: Array, y1: Array) -> Array:
 
 
 def bent(y0: Array, y1: Array) -> list[Array]:
-    """Return control points of two paths bent to either side of the straight one; empty if k = 1. (6, k)."""
+    """Return control points, (6, k), of two paths bent to either side of the straight path; empty if k = 1."""
     way = y1 - y0
     if len(way) < 2:
         return []
@@ -234,7 +235,7 @@ def bent(y0: Array, y1: Array) -> list[Array]:
 
 
 def consistent(h: Array, before: State, after: State) -> Array:
-    """True where derivatives belong to a motion through both values; in a list of poses they may not. Shape (...)."""
+    """Return True where derivatives fit a motion through both values, unlike in a mere list of poses. Shape (...)."""
     h = h[..., None]
     (y0, v0, a0), (y1, v1, a1) = before, after
     miss = y1 - y0 - 0.5 * h * (v0 + v1) + h * h * (a1 - a0) / 12.0
@@ -249,7 +250,7 @@ class Curve:
     Attributes:
         points: Control points. Shape (6, k).
         t: Start and end time [s].
-        drive: The motion itself, if known; else the curve is the motion.
+        drive: The motion itself, if known; if None, the curve is the motion.
     """
 
     points: Array
@@ -257,7 +258,7 @@ class Curve:
     drive: Drive | None = None
 
     def at(self, share: float) -> Array:
-        """Return independent coordinates after a fraction of the time. Shape (k,)."""
+        """Return the independent coordinates at a fraction of the time. Shape (k,)."""
         t0, t1 = self.t
         if self.drive is not None:
             return np.asarray(self.drive(np.array([t0 + share * (t1 - t0)]))[0][0])
@@ -265,7 +266,7 @@ class Curve:
         return np.asarray(weights @ self.points)
 
     def halves(self) -> tuple[Curve, Curve, Array]:
-        """Split the curve; also return how far the motion half-way deviates from it, shape (k,)."""
+        """Split the curve in two; also return the deviation of the motion from the curve at half time, shape (k,)."""
         (t0, t1), p = self.t, self.points
         middle = 0.5 * (t0 + t1)
         if self.drive is None:

@@ -1,6 +1,6 @@
-"""Closed poses for samples in any order: a region around home, covered by anchors that spread from there.
+"""Closed poses for samples in any order: a region around home, covered by anchors that spread from home.
 
-Samples that are not reached, or lie under two sheets, are flagged. Poses do not depend on earlier calls; the set of
+Samples that are not reached or lie under two sheets are flagged. Poses do not depend on earlier calls, but the set of
 samples that are not reached may. `continuation` follows motions, whose samples are in order.
 """
 
@@ -13,9 +13,9 @@ from screwgauge.reference.closed.continuation import Continuation, Poses
 from screwgauge.reference.closed.walk import MOST, Blocked
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Largest number of anchors added at a time, and number of paths tried to each sample.
+#: Largest number of anchors to add in one call, and number of paths to try to each sample.
 LARGEST, PATIENCE = 2000, 3
-#: Poses are not explored where beta exceeds this multiple of home's beta, that is, near singular poses.
+#: Multiple of home's beta above which poses are not explored, because they are near singular poses.
 STEEP = 1e3
 
 
@@ -29,9 +29,9 @@ class Region(Continuation):
             y: Independent coordinates [rad or m]. Shape (n, k).
 
         Returns:
-            Predictions; flags of samples not reached without passing near a singular pose, or with `LARGEST` more
-            anchors; and flags of samples also under another sheet of the same piece, so that y alone does not fix the
-            pose. Shape (n,) each.
+            Predictions; flags of samples that cannot be reached without passing near a singular pose or with `LARGEST`
+            additional anchors; and flags of samples that also lie under a different sheet of the same piece, so that y
+            alone does not determine the pose. Shape (n,) each.
         """
         y = y / self.size
         self._look_for_turns(y)
@@ -39,7 +39,7 @@ class Region(Continuation):
         return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._flag_covered_twice(y, anchor)
 
     def _spread(self, y: Array) -> Indices:
-        """Assign samples to anchors of home's sheet, adding anchors as needed; -1 for samples out of reach."""
+        """Assign samples to anchors of home's sheet, adding anchors as needed; return -1 for samples out of reach."""
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
         most = len(anchors) + LARGEST  # independent of earlier calls
         covering, inside = anchors.cover(y, 0)
@@ -66,7 +66,7 @@ class Region(Continuation):
         return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
-        """Reach an anchor of home's sheet along path number i: from the nearest anchor, from home, or from others."""
+        """Reach an anchor of home's sheet along path i: from the nearest anchor, from home, or from another anchor."""
         first = len(self.anchors)
         self.at, self.left = (nearest, 0, self._anchor_nearby(y, 3))[i], MOST
         try:
@@ -78,7 +78,7 @@ class Region(Continuation):
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
     def _flag_covered_twice(self, y: Array, anchor: Indices) -> Flags:
-        """Flag reached samples that also lie in balls of another sheet of the same piece. Shape (n,)."""
+        """Flag reached samples that also lie in balls of a different sheet of the same piece. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
@@ -88,9 +88,9 @@ class Region(Continuation):
         return twice
 
     def _keep_straight(self, first: int) -> None:
-        """Move anchors from number `first` on off home's sheet unless the straight path from home leads to them.
+        """Remove anchors from number `first` on from home's sheet if the straight path from home misses them.
 
-        Around a cusp two paths lead to two poses; the choice between them must not depend on earlier calls.
+        Around a cusp, two paths lead to two poses; the choice between them must not depend on earlier calls.
         """
         anchors = self.anchors
         for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:
@@ -104,7 +104,7 @@ class Region(Continuation):
                 anchors.move(a, 1)
 
     def _anchor_nearby(self, y: Array, i: int) -> int:
-        """Return the i-th anchor of home's sheet, by distance from the nearest."""
+        """Return the i-th nearest anchor of home's sheet; i = 0 is the nearest."""
         kin = self.anchors.sheet_of(0)
         order = np.argsort(np.linalg.norm(self.anchors.difference(y, self.anchors.table["y"][kin]), axis=1))
         return int(kin[order[min(i, len(kin) - 1)]])
@@ -112,8 +112,8 @@ class Region(Continuation):
     def _of_region(self, y: Array, anchor: Indices) -> Poses:
         """Return predictions whose angles depend on y alone.
 
-        With several independent coordinates, each angle is taken within half a turn of the value expected from y; with
-        a single one, as it was followed from home.
+        With several independent coordinates, each angle is within half a turn of the value expected from y; with a
+        single independent coordinate, each angle is as it was followed from home.
         """
         anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
         z, home = anchors.predict(y, anchor), self.anchors[0]
@@ -122,7 +122,7 @@ class Region(Continuation):
             z += TURN * turned @ self.windings
         if y.shape[1] > 1:
             lag = np.abs(table["z"] - home.z - (table["y"] - home.y) @ self.windings)[:, anchors.angles]
-            if lag.max(initial=0.0) > np.pi - FARTHEST:  # no unknown moves farther within a ball
+            if lag.max(initial=0.0) > np.pi - FARTHEST:  # within a ball, no unknown moves farther
                 expected = home.z + (y - home.y) @ self.windings
                 z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
         return Poses(np.arange(float(len(y))), y, z, anchor, anchor, self)

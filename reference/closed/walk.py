@@ -1,7 +1,7 @@
-"""Steps from anchor to anchor along straight paths and curves, each within the ball of the preceding anchor.
+"""Steps from anchor to anchor along straight paths and curves; each step stays in the ball of the preceding anchor.
 
-All anchors lie on the connected piece of regular closed poses that contains home: no step crosses a singular pose,
-however small.
+All anchors lie on the connected piece of regular closed poses that contains home: even the smallest step does not
+cross a singular pose.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from screwgauge.reference.closed.newton import CLOSED, OPEN, Curve, Evaluation, 
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Paths in y so short that rounding dominates.
+#: Length of a path in y below which rounding dominates.
 SHORTEST = 1e-13
 #: Largest number of steps along one piece of a motion: a constant, and a number per length [rad or mechanism lengths].
 MOST, EACH = 400, 20
 #: Largest number of halvings of a curve.
 DEEPEST = 48
-#: Newton steps to an anchor, and residual from which the last step closes it to less than `OPEN`.
+#: Largest number of Newton steps to an anchor, and residual from which the last step closes loops to less than `OPEN`.
 NEWTON, CLOSE = 8, 1e-6
-#: Fraction of its smallest singular value by which the last step may change the Jacobian, which is not reevaluated.
+#: Largest change of the Jacobian in the last step, after which it is not reevaluated, relative to its smallest
+#: singular value.
 TURNED = 0.125
-#: Fraction of a ball by which a motion may differ from the curve through its samples.
+#: Largest deviation of a motion from the curve through its samples, as a fraction of a ball.
 MISS = 0.1
-#: Fraction of a path by which a step passes a singular pose on it, and the fraction of the largest singular
-#: value below which a singular direction does not show where the branch continues.
+#: Fraction of a path by which a step passes a singular pose on the path; and fraction of the largest singular value
+#: below which a singular direction does not indicate where the branch continues.
 LEAP, BLUR = 1e-3, 1e-6
 
 
@@ -37,7 +38,7 @@ class Blocked(Exception):
     """Raised when no further step is possible.
 
     Attributes:
-        singular: True if a singular pose blocks the path; else there were too many steps.
+        singular: True if a singular pose blocks the path, False if it needs too many steps.
     """
 
     def __init__(self, *, singular: bool) -> None:
@@ -50,8 +51,8 @@ class Walk:
 
     Attributes:
         anchors: All known anchors.
-        at: The current anchor.
-        left: Number of steps that may follow.
+        at: Number of the current anchor.
+        left: Number of remaining steps.
         loops: Coordinate that returns home after a full turn -> unknowns along that turn. Shape (v, n_z).
     """
 
@@ -68,12 +69,12 @@ class Walk:
         """Start at a pose that nearly closes the loops, such as home.
 
         Args:
-            evaluate: Returns dimensionless residuals and their Jacobian, whose last k rows select y.
+            evaluate: Function that returns dimensionless residuals and their Jacobian, whose last k rows select y.
             start: Dimensionless unknowns, and independent coordinates [rad or m]. Shapes (n_z,), (k,).
-            angles: True for unknowns and for coordinates that are angles.
+            angles: True for unknowns, and for independent coordinates, that are angles. Shapes (n_z,), (k,).
             size: Units of independent coordinates. Shape (k,).
-            resting: Whether `evaluate` also returns the Jacobian that includes the columns of coordinates at rest.
-            strict: Whether samples that form no motion are joined by straight paths only.
+            resting: True if `evaluate` also returns the Jacobian that includes the columns of coordinates at rest.
+            strict: Join samples that do not form a motion by straight paths only.
 
         Raises:
             ClosureError: The loops do not close at that pose.
@@ -96,12 +97,12 @@ class Walk:
         return more[0] if self.resting else J
 
     def restart(self, *, begun: bool = False) -> None:
-        """Start the next motion at home; with `begun` the path to its start counts as part of it."""
+        """Start the next motion at home; with `begun`, the path to the start of the motion counts as part of it."""
         self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
         self.begun = begun
 
     def _step(self, target: Array) -> None:
-        """Move to an anchor nearer to a target: a known anchor of the same branch, or a new one."""
+        """Move to an anchor nearer to a target: a known anchor of the same branch, or a new anchor."""
         anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
@@ -121,7 +122,7 @@ class Walk:
         raise Blocked(singular=True)
 
     def _find_known(self, goal: Array, target: Array, length: float) -> int | None:
-        """Find an anchor of this sheet within a length of the target whose ball holds a goal well inside."""
+        """Find an anchor of this sheet nearer to the target than `length`, whose ball has the goal well inside."""
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
@@ -132,7 +133,7 @@ class Walk:
         return None
 
     def _grow(self, goal: Array) -> bool:
-        """Make an anchor at y within the current ball and move there; return False if y cannot be an anchor."""
+        """Create an anchor at a goal within the current ball and move there; return False if this is impossible."""
         base = self.anchors[self.at]
         start = base.z + base.K @ (goal - base.y)
         both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
@@ -145,7 +146,7 @@ class Walk:
             return False
         if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
-        # so close to a singular pose, an anchor that leads away looks like an anchor of the crossing branch
+        # near a singular pose, an anchor that leads away looks like an anchor of the crossing branch
         if anchor.beta > self.floor or 2.0 * anchor.beta < base.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
@@ -156,10 +157,10 @@ class Walk:
         return True
 
     def _measure(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
-        """Measure an anchor using Newton's method from a nearby pose; None if Newton's method does not converge.
+        """Measure an anchor with Newton's method from a nearby pose; return None if the method does not converge.
 
-        The Jacobian is also evaluated around the pose of the last step but one; the last step uses it, unless
-        the step would change the Jacobian, as even the smallest step does next to a singular pose.
+        The Jacobian is also evaluated around the penultimate pose; the last step uses it, unless that step would change
+        the Jacobian, as even the smallest step does next to a singular pose.
         """
         k, gap, closed = len(y), float(np.abs(residual).max(initial=0.0)), False
         for _ in range(NEWTON):
@@ -185,7 +186,7 @@ class Walk:
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
-        """Move a new anchor to another sheet if an anchor of its sheet has a different pose at the same y."""
+        """Move a new anchor to a different sheet if an anchor of its sheet has a different pose at the same y."""
         anchors, y = self.anchors, self.anchors[new].y
         for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
             rows = anchors.sheet_of(candidate)
@@ -201,12 +202,12 @@ class Walk:
         self.visits.append(a)
 
     def _walk(self, target: Array) -> None:
-        """Move straight until a target lies within the ball."""
+        """Move straight towards a target until it lies within the ball."""
         while not self.anchors.distance(target, self.at) <= 1.0:
             self._step(target)
 
     def _follow_curve(self, curve: Curve, depth: int = 0) -> None:
-        """Move along a curve, halving it until each piece lies in one ball."""
+        """Move along a curve; halve the curve until each piece lies in one ball."""
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
 
@@ -217,7 +218,7 @@ class Walk:
         if inside():
             return
         self._walk(points[0])
-        if anchors.distance(points[0], self.at) > 0.5:  # to the middle of a ball
+        if anchors.distance(points[0], self.at) > 0.5:  # move to the middle of a ball
             self._step(points[0])
         if inside():
             return
@@ -227,7 +228,7 @@ class Walk:
         self._follow_curve(right, depth + 1)
 
     def _predict_beyond(self, y: Array) -> Anchor | None:
-        """Predict an anchor just beyond a singular pose from the regular directions; None if the loops stay open."""
+        """Predict an anchor just beyond a singular pose from regular directions; return None if the loops stay open."""
         anchor, k = self.anchors[self.at], len(y)
         _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
         start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
@@ -236,7 +237,7 @@ class Walk:
         return self._measure(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
-        """Jump just beyond a singular pose; return whether the loops close there."""
+        """Jump just beyond a singular pose; return True if the loops close there."""
         anchor = self.anchors[self.at]
         last = np.linalg.norm(target - anchor.y) <= LEAP * np.linalg.norm(way)
         y = target if last else anchor.y + LEAP * way
@@ -248,7 +249,7 @@ class Walk:
         return True
 
     def _ancestors(self) -> list[int]:
-        """Return the anchors by which the current anchor was reached, back to home."""
+        """Return the anchors through which the current anchor was reached, back to home."""
         path, a = list[int](), self.at
         while a:
             a = self.parent[a]
@@ -276,7 +277,7 @@ class Walk:
                 self._turn(i)
 
     def _turn(self, i: int) -> None:
-        """Test whether a full turn of an angle returns to home, and how other angles turn meanwhile."""
+        """Test whether a full turn of an angle returns home; store how other angles turn along the path."""
         at, visits, home = self.at, self.visits, self.anchors[0]
         self.at, self.visits, self.left = 0, [0], MOST
         try:
@@ -305,7 +306,7 @@ class Walk:
 
     @property
     def windings(self) -> Array:
-        """Full turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
+        """Number of full turns of the unknowns per turn of each coordinate that returns home. Shape (k, n_z)."""
         turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
             turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
@@ -313,7 +314,7 @@ class Walk:
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often decides."""
+    """True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often suffices."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

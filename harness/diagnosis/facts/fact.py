@@ -157,7 +157,7 @@ SINGLE = 8
 #: count of such numbers: one or two are a manual edit.
 CUT, FEWEST = 0.3, 5
 #: Numbers with fewer than the first number of digits are intended, numbers with more than the second are exact;
-#: rounding #: appears in at least the third number of places.
+#: rounding appears in at least the third number of places.
 MEANT, EXACT, SEEN = 5, 12, 4
 #: Rounding error of a value computed from several numbers, in units of the last digit.
 SUM = 5.0
