@@ -1,8 +1,8 @@
-"""Execution of tasks on a Dask cluster, which queues them, reassigns those of a dead worker, and supports TLS.
+"""Execution of tasks on a Dask cluster, which queues tasks, reassigns those of a dead worker, and supports TLS.
 
-A worker runs each task in a separate process, like `Processes`: a crash or a limit costs one row there, too. The
-journal of a command keeps each row that comes. If the scheduler ends, so does the command; rerun, the command resumes
-from its journal. See ``harness/guide/cluster.md``. Dask is imported only when a cluster is used.
+A worker runs each task in a separate process, like `Processes`: a crash or a limit affects only one row. The journal of
+a command keeps each row that arrives. If the scheduler ends, so does the command; when rerun, the command resumes from
+its journal. See ``harness/guide/cluster.md``. Dask is imported only when a cluster is used.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from screwgauge.study.runner import Executor, InTurn, Processes, Task
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-TICK = 0.1  # s between checks for results
+TICK = 0.1  # time between checks for results [s]
 #: Dask's settings for the longest response time of a scheduler, and for the longest time without a worker.
 ANSWER, WORKERS = "distributed.comm.timeouts.connect", "distributed.scheduler.no-workers-timeout"
-PATIENCE = "60s"  # default of the latter
+PATIENCE = "60s"  # default of `WORKERS`
 AGAIN = "and run the same command again: it goes on from the rows that are there"
 
 
@@ -43,8 +43,8 @@ class Cluster:
     """Executor of tasks on a Dask cluster.
 
     Attributes:
-        where: Address of the scheduler, or the file that it wrote.
-        limits: What each task may take.
+        where: Address of the scheduler, or the file that the scheduler wrote.
+        limits: Time and memory limits of each task.
 
     Raises:
         OutputError: Dask is not installed.
@@ -72,9 +72,9 @@ class Cluster:
             raise OutputError("the scheduler has gone", self.where, f"start it {AGAIN}") from None
 
     def _run(self, client: Client, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        """Run tasks together, then run those whose workers died once more, one at a time.
+        """Run tasks together; rerun those whose workers died, one at a time.
 
-        Dask blames every task that a dead worker held; only a task that runs alone is known to kill its worker.
+        Dask blames every task that a dead worker had; only a task that runs alone is known to kill its worker.
         """
         from distributed import KilledWorker
 
@@ -95,7 +95,7 @@ class Cluster:
                 done += 1
 
     def _submit(self, client: Client, tasks: Mapping[str, Task]) -> dict[Future, str]:
-        """Submit tasks to the scheduler; return the name of each future."""
+        """Submit tasks to the scheduler; return future -> name."""
         expected, home = versions(), os.getcwd()
         futures = {}
         for name, task in tasks.items():
@@ -110,12 +110,13 @@ class Cluster:
         """Yield each result with its name as soon as it is available.
 
         Args:
-            names: Names of the pending futures; each is removed when done, so that its worker forgets the result.
+            names: Names of the pending futures; each future is removed when it is done, so that its worker forgets the
+                result.
             tell: Called with the number of workers several times a second.
 
         Raises:
-            OutputError: There has been no worker for too long.
-            OSError: The scheduler does not answer.
+            OutputError: The cluster had no worker for too long.
+            OSError: The scheduler did not answer.
         """
         import dask
         from dask.utils import parse_timedelta
@@ -135,7 +136,7 @@ class Cluster:
             for future in completed.next_batch(block=False):
                 try:
                     result = _result(future, timeout)
-                except TimeoutError:  # the worker that held the result died: another one computes it again
+                except TimeoutError:  # the worker with the result died, and another one computes it again
                     completed.add(future)
                 else:
                     yield names.pop(future), result
@@ -143,11 +144,11 @@ class Cluster:
 
 
 def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None) -> Executor:
-    """Return the executor selected by options: on a cluster, in other processes, or in this one.
+    """Return the executor selected by options: on a cluster, in separate processes, or in this process.
 
     Args:
         jobs: Number of parallel processes.
-        cluster: Address of a Dask scheduler, or the file that it wrote.
+        cluster: Address of a Dask scheduler, or the file that the scheduler wrote.
         limits: Limits of each task; without limits, tasks run in this process, unless several run in parallel.
     """
     if cluster is not None:
@@ -161,7 +162,7 @@ def _address(where: str) -> str:
     """Return the address of a scheduler that responds. A Dask client that cannot connect would never return.
 
     Raises:
-        DescriptionError: No scheduler responds, or Dask's configuration lacks TLS for it or requires it.
+        DescriptionError: No scheduler responds, or Dask's configuration and the scheduler differ in TLS.
     """
     from distributed import Security
     from distributed.comm import connect
@@ -202,7 +203,7 @@ def _result(future: Future, timeout: str) -> Any:
     """Return the result of a finished task, or the error that its workers were killed.
 
     Raises:
-        ScrewgaugeError: Raised by the task, or the worker cannot run it.
+        ScrewgaugeError: The task raised this error, or the worker cannot run it.
         TimeoutError: The result or the scheduler is lost.
         OSError: The scheduler is lost.
     """
@@ -226,7 +227,7 @@ def on_worker(name: str, work: Callable[[Progress], Any], limits: isolation.Limi
         expected: Versions that this machine must have, see `versions`; workers may join at any time.
 
     Raises:
-        DescriptionError: Versions differ.
+        DescriptionError: Versions on this machine differ from the expected ones.
     """
     _compare(expected, _versions(), f"the worker {platform.node()}")
     lane = f"dask-{threading.get_ident()}"
@@ -237,13 +238,13 @@ _versions = cache(versions)
 
 
 def _with_files(work: Callable[[Progress], Any], home: str, files: Mapping[str, str], progress: Progress) -> Any:
-    """Run a task in the client's current folder, if this machine has the same files.
+    """Run a task in the client's current folder, provided that this machine has the same files.
 
     Args:
-        files: Absolute path -> digest.
+        files: Absolute path -> digest on the client.
 
     Raises:
-        DescriptionError: A file is missing or has different content.
+        DescriptionError: A file is missing, or has different content than on the client.
     """
     with suppress(OSError):
         os.chdir(home)

@@ -1,4 +1,4 @@
-"""Isolation of jobs in separate processes: a job that crashes or hangs loses only its own result."""
+"""Isolation of jobs in separate processes, so that a job that crashes or hangs loses only its own result."""
 
 from __future__ import annotations
 
@@ -39,24 +39,25 @@ from screwgauge.study.lifeline import hold, lifeline
 T = TypeVar("T")
 #: Memory of the machine [GB].
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
-TICK = 0.2  # s between checks of progress and clock
-#: s after which an idle process ends, and after which it gets no further job: loky does not notice the crash of a
+TICK = 0.2  # time between checks of progress and clock [s]
+#: Time [s] after which an idle process ends, and after which it gets no further job: loky does not notice the crash of
+#: a
 #: process that it starts to replace one that ended while idle.
 IDLE, ASKED = 60.0, 30.0
-#: s after its time limit at which a process ends itself, if the parent, which can report more, has not ended it.
+#: Time [s] after its time limit at which a process ends itself, if the parent, which can report more, has not ended it.
 GRACE = 5.0
-LONGEST = 1e9  # s that a timer takes
+LONGEST = 1e9  # longest time of a timer [s]
 AGAIN = 3  # number of reruns of a job whose process was killed from outside
-KILLED = re.compile("SIG(KILL|TERM|HUP)")  # a crashing engine gets another signal, and would get it again
+KILLED = re.compile("SIG(KILL|TERM|HUP)")  # a crashing engine gets a different signal, and would get it again
 STEP = 200  # largest length of the name of a step
-SLOW = 5.0  # s without progress after which a report states the possible cause
+SLOW = 5.0  # time without progress after which a report states the possible cause [s]
 STARTING = "{} (loading, compiling or at its first samples)"
-#: Environment of worker processes: one thread each, no imports from the current folder, and no graphics, since MuJoCo
+#: Environment of worker processes: one thread each, no imports from the current folder, and no graphics, because MuJoCo
 #: would otherwise look for window libraries on import.
 ENVIRONMENT = {**ONE, **SAFE, "MUJOCO_GL": "disable"}
-#: Name -> executor, kept for the next job: starting a process and importing an engine takes a second.
+#: Name -> executor, kept for the next job, because starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
-#: Name -> time since which the executor is idle [s].
+#: Name -> time at which the executor became idle [s].
 _FREE: dict[str, float] = {}
 _worker = False
 
@@ -67,7 +68,7 @@ class Limits:
 
     Attributes:
         seconds: Time from start to answer, including loading [s].
-        memory: Memory of the process [GB]; that of the machine by default.
+        memory: Memory of the process [GB]; by default, all memory of the machine.
 
     Raises:
         DescriptionError: A limit is not a positive number.
@@ -93,10 +94,10 @@ def isolated(
     """Run jobs in parallel, with one worker process per name, or as many processes as there are lanes.
 
     Args:
-        works: Name -> job, which pickles, and takes a progress of the completed share and an optional step.
+        works: Name -> job, which can be pickled, and takes a function for the completed share and an optional step.
         report: Called with the names of the running jobs, and the completed share of all jobs.
-        lanes: Names of processes, each of which runs jobs in sequence. A job whose process was killed from outside runs
-            again, `AGAIN` times at most.
+        lanes: Names of processes, each of which runs jobs in sequence. A job whose process was killed from outside is
+            run again, at most `AGAIN` times.
         keep: Called with each result as soon as it is available.
 
     Returns:
@@ -104,11 +105,11 @@ def isolated(
         last step that the job reported.
 
     Raises:
-        ScrewgaugeError: Raised by a job; the others are stopped. Or limits are unsupported.
+        ScrewgaugeError: A job raised this error, and all other jobs were stopped; or `limits` is not a `Limits`.
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{shown(limits)} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
-    # progress goes through files: they outlive their writer, and nothing blocks on them
+    # progress is reported through files, which survive their writer and never block
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         jobs = _Jobs(works, limits, lanes, keep, Path(folder))
         try:
@@ -130,7 +131,7 @@ class _Jobs(Generic[T]):
     Attributes:
         running: Name of each running job, its process and start time.
         free: Names of idle processes, if there are lanes.
-        killed: Number of times that the process of a job was killed from outside.
+        killed: Number of times that the process of each job was killed from outside.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class _Jobs(Generic[T]):
             self.running[_submit(process, work)] = name, process, monotonic()
 
     def collect(self) -> None:
-        """Collect the results of finished jobs."""
+        """Collect the results of finished jobs and store them."""
         for future in wait(self.running, timeout=TICK, return_when=FIRST_COMPLETED).done:
             name, process, _ = self.running.pop(future)
             self._done(name, process, _result(name, future, self.limits))
@@ -168,7 +169,7 @@ class _Jobs(Generic[T]):
         return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
 
     def steps(self, shares: Mapping[str, float]) -> list[str]:
-        """Return the names of the running jobs; for a long silent job, also its possible step."""
+        """Return the names of the running jobs; for a job that is silent for long, with its possible step."""
         began = {name: begin for name, _, begin in self.running.values()}
         slow = {name for name, share in shares.items() if not share and monotonic() - began.get(name, np.inf) > SLOW}
         return [STARTING.format(name) if name in slow else name for name in shares]
@@ -202,12 +203,12 @@ class _Jobs(Generic[T]):
 
 
 def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
-    """Run a job in the process of a name and return its result; see `isolated`."""
+    """Run a job in the process with a given name and return its result; see `isolated`."""
     return isolated({name: partial(_run_silently, work)}, limits, silent)[name]
 
 
 def _run_silently(work: Callable[[], T], progress: Progress) -> T:
-    """Run a job that reports no progress."""
+    """Run a job that does not report progress."""
     return work()
 
 
@@ -217,41 +218,41 @@ def is_worker() -> bool:
 
 
 def _begin(line: Connection, environment: Mapping[str, str]) -> None:
-    """Initialize a process: it ends with its parent, and its standard output goes to standard error.
+    """Initialize a process that ends with its parent and sends its standard output to standard error.
 
     Args:
-        environment: Environment of the parent, which may have changed since the server of processes started.
+        environment: Environment of the parent, which may have changed since the process server started.
     """
     global _worker
     _worker = True
     os.environ.clear()
     os.environ.update(environment)
     hold(line)
-    gc.freeze()  # imports of the server are not garbage, and stay in shared memory
+    gc.freeze()  # imports of the server are not garbage, and should stay in shared memory
     save_time()
-    with suppress(OSError):  # standard error does not exist
+    with suppress(OSError):  # standard error may not exist
         os.dup2(2, 1)
 
 
 def _run_within(
     name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path, home: str
 ) -> T | Failure:
-    """Run a job within its limits. The process ignores keyboard interrupts, which are for its parent.
+    """Run a job within its limits. The process ignores keyboard interrupts, which its parent handles.
 
     Args:
         end: Time after which the process ends itself [s].
-        home: Current folder of the parent at submission, to which relative paths of the job refer.
+        home: Current folder of the parent at submission, from which relative paths of the job start.
     """
     os.chdir(home)
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is doing
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel then ends the process, whatever it is doing
     signal.setitimer(signal.ITIMER_REAL, end)
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     most = int(1e9 * limits.memory)
     resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report states values that are not numbers
+        warnings.simplefilter("ignore", RuntimeWarning)  # raised by numpy; the report states non-finite values
         try:
             return work(partial(_say, file))
         except MemoryError:
@@ -261,10 +262,10 @@ def _run_within(
 
 
 def _submit(name: str, work: Callable[[], T]) -> Future[T]:
-    """Submit a job to the process of a name, a new one if none exists or it crashed."""
-    if current_process().daemon:  # like a Dask worker, which may have no children; here, the lifeline ends them
+    """Submit a job to the process with a given name; start a new process if none exists or it crashed."""
+    if current_process().daemon:  # a daemon, e.g. a Dask worker, may have no children; here, the lifeline ends them
         current_process().daemon = False
-        Finalize(None, _stop_all, exitpriority=100)  # before it waits for its children
+        Finalize(None, _stop_all, exitpriority=100)  # before the process waits for its children
     if name in _EXECUTORS and monotonic() - _FREE.get(name, 0.0) > ASKED:
         _stop(name)
     with inherit_safely(ENVIRONMENT):
@@ -280,7 +281,7 @@ def _executor() -> ProcessPoolExecutor:
     """Start a process that waits for jobs.
 
     Raises:
-        ScrewgaugeError: The system lacks room for its semaphores, or /proc, which is needed to end it.
+        ScrewgaugeError: The system lacks room for semaphores of the process, or /proc, which is needed to end it.
     """
     remedy = "mount it as systems usually do, or call screwgauge.run from Python, which starts no processes"
     if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):
@@ -294,9 +295,9 @@ def _executor() -> ProcessPoolExecutor:
 
 
 def _stop(name: str) -> None:
-    """End the process of a name, whatever it is doing."""
+    """End the process with a given name, whatever it is doing."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of loky, if it cannot list the children of the process
+        warnings.simplefilter("ignore")  # loky warns if it cannot list the children of the process
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
 
 
@@ -310,7 +311,7 @@ def _limit_failure(name: str, limits: Limits, how_far: str = "") -> Failure:
 
 
 def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
-    """Return the result of a job, or a failure that describes how its process ended."""
+    """Return the result of a job, or a failure that describes how the job's process ended."""
     error = future.exception()
     if error is None:
         return future.result()
@@ -324,7 +325,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 
 
 def _ending(message: str) -> str:
-    """Extract from loky's message how a process ended."""
+    """Extract from a message by loky how a process ended."""
     if match := re.search(r"SIG[A-Z]+", message):
         return f"its process got {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):
@@ -337,13 +338,13 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def _say(file: Path, share: float, step: str = "") -> None:
-    """Write the progress of a job; a full disk does not stop it."""
+    """Write the progress of a job; ignore a full disk."""
     with suppress(OSError):
         file.write_text(f"{share:.4f} {step[:STEP]}", encoding="utf-8")
 
 
 def _share(file: Path) -> tuple[float, str]:
-    """Read the last written share and step; 0 if there is none yet, or the file is incomplete or malformed."""
+    """Read the last written share and step; 0 if nothing is written yet, or the file is incomplete or malformed."""
     try:
         share, _, step = file.read_text(encoding="utf-8").partition(" ")
         return (float(share) if 0.0 <= float(share) <= 1.0 else 0.0), step

@@ -1,4 +1,4 @@
-"""Admissions of a scene: ``allow = ["coupler.inertia", "models.mujoco.unread"]``."""
+"""Differences that a scene allows: ``allow = ["coupler.inertia", "models.mujoco.unread"]``."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from screwgauge.solution import Solution
 from screwgauge.study.left_out import LeftOutForces
 from screwgauge.study.mismatches import LOOPS, MODEL
 
-#: Property of a file that a scene names but no engine of a run reads.
+#: Property of a file that a scene names but that no engine of a run reads.
 UNREAD = "unread"
-#: Owners of properties whose names differ from file to file.
+#: Owners of properties whose names differ between files.
 _UNNAMED = ("closure", "coupling", "actuator")
 
 
 def check_leave(scene: Scene) -> None:
-    """Reject entries of ``allow`` that match nothing in the mechanism or the scene.
+    """Reject entries of ``allow`` that do not match any part of the mechanism or the scene.
 
     Raises:
         UnknownNameError: A property, body, joint or file is unknown.
@@ -52,14 +52,14 @@ def _check(thing: str, known: Collection[str], kind: str, where: str) -> None:
 
 
 def files_of(scene: Scene) -> list[str]:
-    """Return the keys under which a scene names files that engines or comparisons read."""
+    """Return the keys with which a scene names files that engines or comparisons read."""
     return [*(f"models.{name}" for name in scene.models), *(f"tables.{name}" for name in scene.tables)]
 
 
 def idle_entries(
     scene: Scene, solutions: Mapping[str, Solution], forces: LeftOutForces, unread: Collection[str]
 ) -> Iterator[str]:
-    """Yield sentences on entries of ``allow`` that admit nothing, if all model files of the scene were read.
+    """Yield sentences on entries of ``allow`` without effect, if all model files of the scene were read.
 
     Args:
         unread: Keys of files that were not read.
@@ -74,7 +74,7 @@ def idle_entries(
 
 
 def unread_files(scene: Scene, names: Collection[str]) -> dict[str, str]:
-    """Return files that a scene names and none of these engines reads: key in `Scene.allow` -> sentence."""
+    """Return files that a scene names but that no given engine reads: key in `Scene.allow` -> sentence."""
     sentences = {}
     for name in (name for name in scene.models if name not in names):
         model = f"{scene.models[name]} (models.{name})"

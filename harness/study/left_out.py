@@ -1,7 +1,8 @@
-"""Forces that files contain and no engine includes: computed at the compared states, and subtracted from answers.
+"""Forces that files contain but no engine includes, computed at the compared states and subtracted from answers.
 
-A measured table contains rotors and friction; so does the answer of an engine for a model file of the user. Both are
-correct for a machine that is not rigid, and are compared with the rigid one after subtracting these forces.
+A measured table includes the effects of rotors and friction; so does the answer of an engine for a user's model file.
+Both are correct for a machine that is not rigid, and are compared with the rigid machine after subtracting these
+forces.
 """
 
 from __future__ import annotations
@@ -28,16 +29,16 @@ from screwgauge.witness.constraints import AdmissibleMotion
 FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
 #: Largest number of array elements computed at once.
 NUMBERS = 4_000_000
-#: Largest remaining share of a difference that left-out forces explain.
+#: Largest remaining fraction of a difference that left-out forces explain.
 LEFT = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeftOutForces:
-    """Forces left out of a comparison.
+    """Forces that a comparison leaves out.
 
     Attributes:
-        terms: Terms by kind, those of the description's own file first.
+        terms: Terms by kind, starting with those of the description's own file.
         contained: Table or engine -> kinds of force that were subtracted from its values.
     """
 
@@ -46,7 +47,7 @@ class LeftOutForces:
 
     @property
     def inertia(self) -> tuple[str, ...]:
-        """Inertia that is left out, even if without effect, in the notation of ``allow``: ``m1.armature``."""
+        """Inertia that is left out, even if it has no effect, in the notation of ``allow``: ``m1.armature``."""
         terms = (term for term in self.terms if term.inertia)
         return tuple(f"{name.partition(' ')[2]}.{term.kind}" for term in terms for name in term.names)
 
@@ -54,10 +55,10 @@ class LeftOutForces:
 def without_left_out(
     scene: Scene, problem: Problem, answers: Mapping[str, Solution]
 ) -> tuple[dict[str, Solution], LeftOutForces]:
-    """Subtract forces that no engine includes from answers that contain them.
+    """Subtract forces that no engine includes from the answers that contain them.
 
     Args:
-        answers: Answers of engines, which list the additions of a user's model file, and of tables.
+        answers: Answers of tables and of engines, which list the additional forces in a user's model file.
 
     Returns:
         The answers, and the forces that were subtracted or left out.
@@ -72,7 +73,7 @@ def without_left_out(
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
     moments = partial(_moments, scene, problem, base, rows)
     of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
-    # in an engine, springs of the scene act in addition to those of its file
+    # an engine applies springs of the scene in addition to those of its file
     forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
     rigid, contained = (
         _forces_of(one for name, one in solved.items() if name not in own),
@@ -83,26 +84,26 @@ def without_left_out(
         contained |= {name: kinds} if kinds else {}
     terms = [*of_scene.terms()]
     for name, entries in own.items():
-        known = {(term.kind, term.names) for term in terms}  # terms of the file that the description was made from
+        known = {(term.kind, term.names) for term in terms}  # terms of the file from which the description was made
         more = MeasuredForces(moments, entries, scene.applied.springs).terms(scene.models[name].name)
         terms += [term for term in more if (term.kind, term.names) not in known]
     return every, LeftOutForces(tuple(terms), contained)
 
 
 def _follow(scene: Scene) -> Solution | None:
-    """Return the poses of a given motion, in case no engine gives any; None if the motion cannot be followed."""
+    """Follow a given motion if no engine returns poses; return None if the motion cannot be followed."""
     if scene.simulated:
         return None
     motion = scene.motion
     try:
         q = positions(layout(scene.mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
-    except ScrewgaugeError:  # engines report it, too
+    except ScrewgaugeError:  # engines report the error, too
         return None
     return Solution("", "", {}, empty(len(motion)), assembly=q)
 
 
 def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
-    """Return the forces of the first engine that has them."""
+    """Return each force from the first engine that computed it."""
     rigid: dict[str, Values] = {}
     for answer in answers:
         rigid = {**{name: answer.values[name] for name in FORCES if name in answer.values}, **rigid}
@@ -110,13 +111,13 @@ def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
 
 
 def _moves(scene: Scene, answer: Solution) -> bool:
-    """Return True if the motion of all joints follows from an answer."""
+    """Return True if an answer determines the motion of all joints."""
     has = {"joint_velocity", "joint_acceleration"} <= {*answer.values}
     return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)
 
 
 def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iterator[tuple[Answer, AdmissibleMotion]]:
-    """Yield an answer in parts, completed by the velocities and accelerations that it lacks."""
+    """Yield an answer in parts, adding the velocities and accelerations that it lacks."""
     mechanism = scene.mechanism
     at_once = max(1, NUMBERS // (6 * len(mechanism.bodies) * max(1, len(mechanism.coordinates))))
     for first in range(0, len(rows), at_once):
@@ -126,7 +127,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
 def _take_off(
     answer: Solution, rigid: Mapping[str, Values], forces: MeasuredForces, rows: Rows
 ) -> tuple[Solution, tuple[str, ...]]:
-    """Subtract the kinds of force from an answer that bring it closest to the rigid machine."""
+    """Subtract from an answer the kinds of force whose subtraction brings it closest to the rigid machine."""
     values, contained = dict(answer.values), list[str]()
     for quantity in (name for name in rigid if name in answer.values):
         values[quantity], some = _nearest(values[quantity], rigid[quantity], quantity, forces, rows)
@@ -141,7 +142,7 @@ def _take_off(
 def _nearest(
     values: Values, rigid: Values, quantity: str, forces: MeasuredForces, rows: Rows
 ) -> tuple[Values, tuple[str, ...]]:
-    """Subtract some kinds from values; none if no choice leaves less than `LEFT` of the difference."""
+    """Subtract kinds of force from values; none if no choice leaves less than the fraction `LEFT` of the difference."""
     names = tuple(name for name in values.components if name in rigid.components)
     own = values.pick(names)
     apart = own.array[rows] - rigid.pick(names).array[rows]
@@ -164,6 +165,6 @@ def _nearest(
 
 
 def _choices(kinds: Collection[str]) -> Iterator[tuple[str, ...]]:
-    """Yield all subsets of kinds, smaller ones first."""
+    """Yield all non-empty subsets of kinds, smaller ones first."""
     for n in range(1, len(kinds) + 1):
         yield from combinations(kinds, n)

@@ -1,8 +1,8 @@
-"""A lifeline: processes started by this one end when it ends, in whatever way, even by ``kill -9``.
+"""A lifeline: processes started by this process end when it ends, in whatever way, even by ``kill -9``.
 
-It is a pipe whose writing end this process alone holds; the kernel closes it with the process. The kernel
-then kills every process that holds the reading end, even in a C loop that never returns to Python. The parent's own
-death signal (``PR_SET_PDEATHSIG``) would not do: it comes when the *thread* ends that started the process.
+The lifeline is a pipe whose writing end only this process has; the kernel closes it when the process ends. The kernel
+then kills every process that has the reading end, even in a C loop that never returns to Python. The signal at the
+parent's death (``PR_SET_PDEATHSIG``) would not do, because it comes when the *thread* that started the process ends.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, Pipe
 from threading import Lock, Thread
 
-_PDEATHSIG = 1  # PR_SET_PDEATHSIG of <sys/prctl.h>
+_PDEATHSIG = 1  # PR_SET_PDEATHSIG in <sys/prctl.h>
 _LOCK = Lock()
-_ends: tuple[Connection, Connection] | None = None  # for reading and for writing
+_ends: tuple[Connection, Connection] | None = None  # reading end, writing end
 
 
 def lifeline() -> Connection:
-    """Return the reading end, which child processes must `hold`; it pickles to a process being started."""
+    """Return the reading end, which child processes must `hold`; it can be pickled for a process being started."""
     global _ends
     with _LOCK:
         _ends = _ends or Pipe(duplex=False)
@@ -31,7 +31,7 @@ def lifeline() -> Connection:
 
 
 def _let_go() -> None:
-    """Close the writing end in a fork, which would keep the pipe open."""
+    """Close the writing end in a fork, because it would keep the pipe open."""
     global _ends, _LOCK
     _LOCK = Lock()
     if _ends is not None:
@@ -43,9 +43,9 @@ os.register_at_fork(after_in_child=_let_go)
 
 
 def tied() -> Callable[[], None]:
-    """Return a ``preexec_fn`` of `subprocess.run` that ends the program with the calling thread, which waits for it.
+    """Return a ``preexec_fn`` for `subprocess.run` that ends the program with the calling thread, which waits for it.
 
-    It works on Linux; elsewhere it does nothing.
+    On systems other than Linux it has no effect.
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
@@ -61,8 +61,8 @@ def tied() -> Callable[[], None]:
 
 def hold(line: Connection) -> None:
     """End this process when the process that made the lifeline has ended."""
-    with suppress(OSError, AttributeError):  # F_SETSIG and /proc are Linux's; elsewhere the thread has to do
-        # reopen: the signal's owner belongs to the open file description, which processes share
+    with suppress(OSError, AttributeError):  # F_SETSIG and /proc exist only on Linux; elsewhere the thread must suffice
+        # reopen, because the signal's owner belongs to the open file description, which processes share
         reopened = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         fcntl.fcntl(reopened, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(reopened, fcntl.F_SETSIG, signal.SIGKILL)
@@ -71,7 +71,7 @@ def hold(line: Connection) -> None:
 
 
 def _wait(line: Connection) -> None:
-    """Wait for the end of the pipe: nothing is ever written."""
+    """Wait for the end of the pipe, into which nothing is ever written."""
     with suppress(OSError):
         line.poll(None)
     os.kill(os.getpid(), signal.SIGKILL)

@@ -1,7 +1,7 @@
 """Planar linkages with bars of given lengths at given angles; a four-bar with its exact accelerations.
 
-Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by
-a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero if mu = 0. Its accelerations
+Bars lie along the x axes of their bodies, so that their lengths are exactly the requested ones. A ball joint closes the
+four-bar, so that one of its three closing rows is redundant and Pinocchio divides by zero if mu = 0. Its accelerations
 are those of a planar chain of rods, from formulas that no engine uses.
 """
 
@@ -27,12 +27,12 @@ Point = tuple[float, float]
 def pin(
     parent: str, child: str, at: Point, on: Point, home: float, *, driven: bool = False, slides: bool = False
 ) -> Tables:
-    """Describe a joint between two bars of a planar linkage: a hinge, or a slide along the x axis of both bars.
+    """Describe a joint between two bars of a planar linkage: a hinge, or a slide along the x axes of both bars.
 
     Args:
-        parent, child: Bars, or ``ground``.
-        at: Position on the parent, in the axes of the parent [m].
-        on: Position on the child [m].
+        parent, child: Names of bars, or ``ground``.
+        at: Position on the parent, in the parent frame [m].
+        on: Position on the child, in the child frame [m].
         home: Coordinate at home [rad or m].
     """
     return {
@@ -48,7 +48,7 @@ def pin(
 
 
 def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent: str) -> Tables:
-    """Describe a planar linkage without a name. Masses grow from bar to bar; centres of mass lie off the bars.
+    """Describe a planar linkage without a name. Masses grow from bar to bar, and centres of mass are off the bars.
 
     Args:
         bars: Body -> centre of mass on its x axis [m].
@@ -80,10 +80,10 @@ def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: fl
 
 
 def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0, driven: str = "a") -> Tables:
-    """Describe a slider-crank by lengths, and the height of the slide above the crank's axis [m].
+    """Describe a slider-crank by its lengths and the height of the slide above the crank's axis [m].
 
     Args:
-        driven: The crank, ``a``, or the slide, ``x``.
+        driven: Driven joint: the crank, ``a``, or the slide, ``x``.
     """
     lean = float(np.arcsin((offset - crank * np.sin(angle)) / rod))
     reach = float(crank * np.cos(angle) + rod * np.cos(lean))
@@ -99,7 +99,7 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
 def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
 ) -> Tables:
-    """Describe a five-bar with two driven cranks whose rods meet, by lengths [m], and crank angles at home."""
+    """Describe a five-bar with two driven cranks whose rods meet, by its lengths [m] and the crank angles at home."""
     tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = {
@@ -118,7 +118,7 @@ def _along(length: float, angle: float) -> Array:
 
 
 def _triangle(start: Array, end: Array, first: float, second: float, side: float) -> tuple[float, float]:
-    """Return the angles of two bars from two points to their common end, left of the connecting line if `side` is 1."""
+    """Return the angles of two bars from two points to a common end, left of the connecting line if `side` is 1."""
     way = end - start
     d = float(np.hypot(*way))
     opening = np.arccos((first**2 + d**2 - second**2) / (2.0 * first * d))
@@ -130,14 +130,14 @@ def _triangle(start: Array, end: Array, first: float, second: float, side: float
 FILE = Path(__file__).with_name("four-bar.toml")
 COORDINATES = ("q1", "q2", "q3")
 LENGTHS, MASSES = np.array([0.3, 0.6, 0.4]), np.array([0.5, 1.1, 0.7])  # [m], [kg] crank, coupler, rocker
-MOMENTS = MASSES * LENGTHS**2 / 12  # [kg m^2] about their centres
+MOMENTS = MASSES * LENGTHS**2 / 12  # moments of inertia about the centres [kg m^2]
 BASE, GRAVITY = 0.5, np.array([0.0, -9.81, 0.0])  # [m], [m/s^2]
-SPEED, TORQUE = 10.0, 3.0  # [rad/s], [N m] at the crank
-FIRST, LAST = 0.8, 1.3  # angles of the crank [rad]
+SPEED, TORQUE = 10.0, 3.0  # angular velocity of the crank [rad/s], torque on it [N m]
+FIRST, LAST = 0.8, 1.3  # first and last angle of the crank [rad]
 
 
 def write_four_bar(folder: Path) -> ModelFiles:
-    """Write the model files of the four-bar; return those of Pinocchio."""
+    """Write the model files of the four-bar; return the files for Pinocchio."""
     mechanism = load_mechanism(FILE)
     write_models(mechanism, folder, gravity=GRAVITY)
     return ModelFiles(folder / f"{mechanism.name}.urdf", folder / f"{mechanism.name}.loops.toml")
@@ -168,13 +168,13 @@ def _angles(crank: Array) -> Array:
 
 
 def _jacobian(angles: Array) -> Array:
-    """Return the derivative of the end point by the angles of the rods [m]. Shape (n, 2, 3)."""
+    """Return the derivative of the end point with respect to the angles of the rods [m]. Shape (n, 2, 3)."""
     return np.asarray(LENGTHS * np.stack([-np.sin(angles), np.cos(angles)], axis=1))
 
 
 def _accelerations(angles: Array, spins: Array) -> Array:
-    """Solve for angular accelerations of the rods, with the pin force as further unknown [rad/s^2]. Shape (n, 3)."""
-    # derivative of the centre of rod i by the angle of rod j
+    """Return angular accelerations of the rods, solved along with the pin force [rad/s^2]. Shape (n, 3)."""
+    # derivative of the centre of rod i with respect to the angle of rod j
     reach = np.tril(np.tile(LENGTHS, (3, 1)), -1) + np.diag(0.5 * LENGTHS)
     coupled, apart = reach.T @ (MASSES[:, None] * reach), angles[:, :, None] - angles[:, None, :]
     J, system = _jacobian(angles), np.zeros((len(angles), 5, 5))

@@ -1,6 +1,6 @@
-"""Readers and importers of model files in separate processes: a library that crashes or hangs affects nothing else.
+"""Readers and importers of model files in separate processes, to contain a library that crashes or hangs.
 
-Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an MJCF can take MuJoCo minutes.
+Pinocchio's parser ends with signal 11 on 20 000 chained links; one muscle in an MJCF can take MuJoCo minutes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
 from screwgauge.study.isolation import Limits, isolated_call
 
-#: Limits of a reading: the largest models take a second; and of an import: the largest public models take a few.
+#: Limits for reading, where the largest models take a second, and for importing, where they take a few seconds.
 LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, memory=4.0)
 
 
@@ -35,10 +35,10 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Return both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weigh_side`.
+    """Return both models of a diagnosis, on request weighed by their meshes; see `diagnosis.model.weigh_side`.
 
     Raises:
-        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+        ScrewgaugeError: A mesh cannot be read, or is outside the folder of the file.
         LoaderError: MuJoCo crashed or met a limit.
     """
     if not meshes:
@@ -57,7 +57,7 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
     """Run `import_model` in a separate process.
 
     Raises:
-        ScrewgaugeError: The file is not a model, a description cannot express it, or its reader fails.
+        ScrewgaugeError: The file is not a model, a description cannot express the model, or the reader fails.
     """
     imported = isolated_call("import", partial(import_model, path, options or Options()), IMPORTING)
     if isinstance(imported, Failure):
@@ -67,5 +67,5 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
 
 
 def _reason(failure: Failure) -> str:
-    """Return the reason of a failed reading, without options of engines, which do not set its limits."""
+    """Return the reason why reading failed, without advice on engine options, which do not set these limits."""
     return failure.reason.partition("; --")[0]

@@ -1,4 +1,4 @@
-"""The check in fresh environments, one environment and one row for each pair of versions of Pinocchio and MuJoCo."""
+"""The check in fresh environments, with one environment and one row for each pair of Pinocchio and MuJoCo versions."""
 
 from __future__ import annotations
 
@@ -30,16 +30,18 @@ from screwgauge.study.lifeline import tied
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 
-#: Packages that pin before 4 was built with but requires in any version: newer ones lack libtinyxml2.so.10 or
-#: liburdfdom_sensor.so.4.0, so that importing pin fails (tried with pin 3.4.0 and 3.9.0).
+#: Packages that pin before version 4 was built with, but whose version it does not restrict: newer ones lack
+#: libtinyxml2.so.10 or liburdfdom_sensor.so.4.0, so that importing pin fails (tried with pin 3.4.0 and 3.9.0).
 BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 #: Time limit of an installation, and of a check [s].
 LIMIT = 3600.0
 
 
-#: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; passing scenes, of the total; the fewest
-#: digits of two engines that agree, with scene and quantity; quantities out of tolerance, with numbers of scenes; the
-#: sentence on the first scene that does not pass, or the reason why there is none.
+#: Result of a check: ``agree``, ``differ``, ``failed`` or ``not installed``; number of passing scenes, and of all
+#: scenes;
+#: fewest digits of two engines that agree, with scene and quantity; quantities out of tolerance, with numbers of
+#: scenes;
+#: sentence on the first scene that does not pass, or reason why there is no scene.
 RESULT: dict[str, Any] = {
     "status": "",
     "passing": 0,
@@ -73,13 +75,13 @@ def matrix(
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: The table; rows that were made for it before are not made again, see `grow_table`.
-        make: Function that makes an environment with uv or pip.
+        file: File of the table; rows that were computed for it before are reused, see `grow_table`.
+        make: Function that makes an environment; by default with uv or pip.
         scenes: Scenes, as for `screwgauge check`; all built-in ones by default.
         execute: Executor of the checks; this process by default.
 
     Returns:
-        The table, columns `COLUMNS`.
+        The table, with columns `COLUMNS`.
     """
     named = {_name(pin, mujoco): (pin, mujoco) for pin, mujoco in pairs}
     text = grow_table(
@@ -100,7 +102,7 @@ def _name(pin: str, mujoco: str) -> str:
 
 
 def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
-    """Reject a text that is not a version before it reaches an installer."""
+    """Reject a string that is not a version before it reaches an installer."""
     for name in names:
         if not re.fullmatch(r"\d+(\.\w+)*", name):
             raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
@@ -113,7 +115,7 @@ def _row(pin: str, mujoco: str, make: Maker, scenes: Sequence[str], progress: Pr
 
 
 def _result(pin: str, mujoco: str, **result: Any) -> dict[str, Any]:
-    """Build a row, with defaults of `RESULT`."""
+    """Build a row, taking missing fields from `RESULT`."""
     return {"pin": pin, "mujoco": mujoco, **RESULT, **result}
 
 
@@ -130,7 +132,7 @@ def _check_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence
 
 
 def requirements(**pinned: str) -> list[str]:
-    """Return requirements of this package with some versions pinned, and of packages that pinned wheels need."""
+    """Return requirements of this package with given versions pinned, and the packages that pinned wheels need."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
     texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
@@ -138,7 +140,7 @@ def requirements(**pinned: str) -> list[str]:
 
 
 def fresh(folder: Path, wanted: Sequence[str]) -> Path:
-    """Make an environment of this Python's version, with uv if available, otherwise with venv and pip.
+    """Make an environment with this Python's version, using uv if available, else venv and pip.
 
     Raises:
         CannotError: The environment cannot be made; the message is the installer's last line.
@@ -154,7 +156,7 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """Copy this package, as it runs here, for another Python."""
+    """Copy this package, as it runs here, for a different Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
@@ -169,13 +171,13 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     """Run a command and return its standard output.
 
     Args:
-        folder: Folder with the copy of this package, for its commands.
-        ends: Admitted exit statuses; any if empty.
+        folder: Folder with the copy of this package, for running its commands.
+        ends: Admitted exit statuses; all if empty.
 
     Raises:
-        CannotError: The command takes too long or ends with another status; the message is its last line.
+        CannotError: The command took too long or ended with a status not in `ends`; the message is its last line.
     """
-    # compiled modules are kept, since every process of a check imports the package
+    # keep compiled modules, since every process of a check imports the package
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     more = {"PYTHONPATH": str(folder / "package")} if folder else {}
     ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
@@ -190,7 +192,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
 
 
 def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
-    """Run `screwgauge check --smoke`; return its result as fields of a row."""
+    """Run `screwgauge check --smoke`, and return its result as fields of a row."""
     command = ["screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
     text = _run([str(python), "-P", "-m", *command], folder, (0, 1, 3))
     try:

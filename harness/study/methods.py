@@ -33,11 +33,11 @@ DOUBTS = 3  # doubts about models or engines named in a sentence
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """Return what to install for a module that is missing, or built for other versions."""
+    """Return what to install if a module is missing, or was built for different versions."""
     module = (error.name or "it").split(".")[0]
     package = module if engine is None else engine.requirement
     if engine is not None and engine.name not in ENGINES and engine.installed and not engine.source.startswith(module):
-        package = module  # the engine's own package is installed, but does not declare all its requirements
+        package = module  # the engine's package is installed, but does not declare all its requirements
     what = "not installed" if isinstance(error, ModuleNotFoundError) else "cannot be loaded"
     return f"{what} ({error}); {remedy_of_import(error, package)}"
 
@@ -45,8 +45,8 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
     """Convert an exception to a failure: one line, without the name of the temporary folder of generated files."""
     try:
-        message = str(error) or "nothing more is said"  # as for Python's MemoryError
-    except Exception:  # formatting an external error may fail, too
+        message = str(error) or "nothing more is said"  # e.g. Python's MemoryError has no message
+    except Exception:  # formatting the error of an external package may fail, too
         message = "what it says cannot be read"
     message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
     reason = f"{type(error).__name__}: {message}"
@@ -86,12 +86,12 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineTask:
-    """Problem for an engine, solved in this or a separate process. Data only; it pickles.
+    """Problem for an engine, which solves it in this or a separate process. Plain data that can be pickled.
 
     Attributes:
-        folder: Folder of the generated models.
+        folder: Folder of the generated model files.
         labels: Independent coordinates, in the order of the problem.
-        scene: Scene of the problem if the model file is the user's: its faults are then bad input. None if the file was
+        scene: Scene of the problem if the model file is the user's, whose faults are bad input. None if the file was
             generated, so that the process does not need to import scenes.
         settings: Settings of the engine.
     """
@@ -105,10 +105,10 @@ class EngineTask:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __call__(self, progress: Progress) -> Solution | Failure:
-        """Load the model and solve the problem; whatever the engine raises becomes a failure.
+        """Load the model and solve the problem; any error of the engine becomes a failure.
 
         Raises:
-            ScrewgaugeError: The user's own model file is bad input.
+            ScrewgaugeError: The user's own model file is invalid.
             MemoryError: There is not enough memory.
         """
         try:
@@ -123,14 +123,14 @@ class EngineTask:
             return self.failure(error)
 
     def _solve(self, progress: Progress) -> Solution:
-        with redirect_stdout(sys.stderr):  # output of an engine is not output of the command
+        with redirect_stdout(sys.stderr):  # output of an engine must not mix with output of the command
             model = self.engine.load(self.files, **self.settings)
-            lacks = declared(model, self.engine)  # before it has seen the problem
+            lacks = declared(model, self.engine)  # before the engine sees the problem
             answer = plain_answer(model.solve(self._ordered(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
-        """Ask an engine in a fork, and check its answer outside, where the engine cannot have modified the checks."""
+        """Ask an engine in a fork, and check its answer outside, because the engine could modify checks in the fork."""
 
         def ask() -> Solution | Failure:
             try:
@@ -146,13 +146,13 @@ class EngineTask:
             return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
             answer = plain_answer(answer, len(self.problem.task))
-            # only engines that run in this process derive quantities or prove bounds
+            # only engines that run in this process may derive quantities or prove bounds
             errors = {name: replace(one, source=ROUNDING, radius=None) for name, one in answer.errors.items()}
             return replace(answer, errors=errors)
         return plain_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """Add notes on differences between the user's model file and the description to an answer."""
+        """Add to an answer notes on differences between the user's model file and the description."""
         from screwgauge.study.mismatches import departures, left_out_of_file, mismatches
 
         beyond = left_out_of_file(scene, self.engine, self.files.model)
@@ -162,7 +162,7 @@ class EngineTask:
         return replace(answer, notes=notes, warnings=warnings, otherwise=otherwise, left_out=beyond)
 
     def failure(self, error: BaseException) -> Failure:
-        """Convert an exception to a failure, with physical differences of the user's file from the description."""
+        """Convert an exception to a failure, adding physical differences between the user's file and the scene."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
         raised = failure(error, self.engine.name, self.folder, self.engine)
@@ -187,7 +187,7 @@ class LeftOutError(Exception):
 
 
 def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Return requested quantities that an answer lacks, except those that its engine has declared to lack."""
+    """Return the requested quantities that an answer lacks, except those that its engine declared to lack."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 
@@ -197,12 +197,12 @@ def without(quantities: Iterable[str]) -> str:
 
 
 def notes_on_lacks(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
-    """Yield notes on requested quantities that an engine has declared to lack."""
+    """Yield notes on requested quantities that an engine declared to lack."""
     return (f"gives no {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 
 
 def check_whole(problem: Problem, answer: Solution) -> Solution:
-    """Return an answer if it has all requested quantities.
+    """Return an answer if it contains all requested quantities.
 
     Raises:
         LeftOutError: A requested quantity is missing.
@@ -213,7 +213,7 @@ def check_whole(problem: Problem, answer: Solution) -> Solution:
 
 
 def check_components(answer: Solution, n: int, names: Names, coordinates: int) -> None:
-    """Reject answers whose samples, components or units differ from the description, or that are of another mechanism.
+    """Reject answers whose samples, components, units or number of coordinates differ from the description.
 
     Args:
         n: Number of times.

@@ -39,16 +39,16 @@ from screwgauge.solution import Mismatch
 if TYPE_CHECKING:
     from screwgauge.diagnosis.answer import Difference
 
-#: Properties of a file that a description lacks: `departures` reports the use of limits, all others are measured.
+#: Properties of a file that a description lacks: `departures` reports the use of limits, and all others are measured.
 #: Softness states how exactly a library satisfies a constraint; it is not a property of the machine.
 _NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "softness"}
 _NOT_DESCRIBED |= {"density", "viscosity", "actuator", "driven joint", "gear"}
-#: Owners of differences that belong to no part: the model, or its loops file.
+#: Owners of differences that do not belong to a part: the model, or its loops file.
 MODEL, LOOPS = "model", "loops"
 
 
 def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ...]:
-    """Return differences of mass properties, geometry, gravity and closures, largest first; then of the loops file."""
+    """Return differences in mass properties, geometry, gravity and closures, largest first, then in the loops file."""
     who = f"A: the description, B: {files.model.name}"
     found = [
         Mismatch(f"{each.item_a or each.item_b or MODEL}.{each.what}", f"{each.sentence} ({who})", each.kind == "model")
@@ -58,27 +58,27 @@ def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ..
 
 
 def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
-    """Return differences of a model file from the description, the largest first, with those due to rounding marked.
+    """Return differences between a model file and the description, largest first, with those due to rounding marked.
 
     Args:
-        name: The engine, which reads a file of the user; formats without a reader in this package yield nothing.
+        name: Name of the engine that reads the user's file; formats without a reader in this package yield nothing.
     """
-    # a scene without files of the user needs no diagnosis
+    # not needed for scenes without files of the user
     from screwgauge.diagnosis.answer import differences_of
     from screwgauge.diagnosis.explanation import compare_readings
     from screwgauge.diagnosis.facts.fact import ALL, digits_of, mark_rounding
 
     engine, mechanism = get_engine(name), scene.mechanism
-    cut = engine.cut or "full"  # the cut by which a description is read
+    cut = engine.cut or "full"  # the cut used for a description
     expected = expected_reading(mechanism, cut, scene.applied.g)
     try:
         actual = _own_reading(engine, model, mechanism, scene.applied.g)
         digits = digits_of(read_file(model)) if engine.reads in FORMATS else ALL
     except ScrewgaugeError:
-        return []  # `departures` reports that it cannot be compared
+        return []  # `departures` reports that the file cannot be compared
     if actual is None:
         return []
-    if actual.gravity is None and not actual.closures:  # of a URDF, whose loops and couplings are in a separate file
+    if actual.gravity is None and not actual.closures:  # a URDF, whose loops and couplings are in a separate file
         expected = replace(expected, closures={}, couplings=actual.couplings and expected.couplings)
     told = compare_readings(expected, actual)
     facts = [fact for fact in mark_rounding(told.facts, (ALL, digits)) if fact.what not in _NOT_DESCRIBED]
@@ -88,7 +88,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
 
 
 def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Array) -> Reading | None:
-    """Read a user's model file as an engine does; return None for formats without a reader in this package.
+    """Read a user's model file like an engine does; return None for formats without a reader in this package.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
@@ -102,11 +102,11 @@ def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Arr
     )
 
 
-#: Kind of treatment -> words for how an engine of this package treats properties beyond the description.
+#: How an engine of this package treats properties beyond the description -> phrase for a sentence.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
-MEASURED = "measured"  # a run reports it with its size
+MEASURED = "measured"  # a run reports the size of such a property
 _NOT_KNOWN = "not known whether applied by {} in {}"
-SAME = 1e-12  # relative error of an amount due to rounding of a gear
+SAME = 1e-12  # relative error in an amount due to rounding of a gear
 _NAMED, _LONGEST = 3, 80  # number of items of a kind that are named, the others being counted; largest length of one
 
 
@@ -114,8 +114,8 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
     """Return sentences on differences between a user's model file and the description of the scene.
 
     Args:
-        name: The engine, which reads a file of the user.
-        files: That file, which the engine has loaded, and its loops file.
+        name: Name of the engine that reads the user's file.
+        files: The file, which the engine has loaded, and its loops file.
     """
     engine, mechanism = get_engine(name), scene.mechanism
     if engine.reads == ".toml":
@@ -132,7 +132,7 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
 
 
 def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut, ...]:
-    """Find forces that a user's model file contains and no engine includes, along coordinates and on bodies of a scene.
+    """Find forces in a user's model file that no engine includes, along coordinates and on bodies of a scene.
 
     Raises:
         ModelFileError: The file has an active constraint that the engine ignores, or a force that cannot be measured.
@@ -162,7 +162,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
 
 
 def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> StrokeResistance:
-    """Reduce a resistance to its excess over the description; the amounts in `known` are used up."""
+    """Reduce a resistance to its excess over the description, which uses up the amounts in `known`."""
     if len(one.along) != 1 or len(one.damping) > 1:
         return one
     ((name, share),) = one.along.items()
@@ -181,7 +181,7 @@ def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> Strok
 
 
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
-    """Return sentences on differences of a user's loops file: those that the engine ignores, and the others."""
+    """Return sentences on differences in a user's loops file: first those that the engine ignores, then all others."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
         return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
@@ -191,7 +191,7 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
 
 
 def reader_of(engine: Engine) -> str:
-    """Return the library that reads the model files of an engine; for an external engine, that of its format."""
+    """Return the library that reads an engine's model files; for an external engine, the library of their format."""
     own = engine.name.partition("-")[0]
     fitting = [name for name, ending in SUFFIXES.items() if ending == engine.reads]
     return own if own in fitting else fitting[0]
@@ -213,7 +213,7 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
 
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
-    """Compare a user's description with that of the scene; their names may differ."""
+    """Compare a user's description with that of the scene, ignoring their names."""
     given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
     compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
     actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))

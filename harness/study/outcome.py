@@ -1,4 +1,4 @@
-"""Outcomes of a comparison, from strong to weak, and the exit status of each."""
+"""Outcomes of a comparison, from strongest to weakest, with their exit statuses."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Outcome = Literal[
 #: Outcome -> exit status.
 EXIT: dict[Outcome, int] = {
     "agree": 0,  # everything requested was compared, and is within tolerance
-    "judged": 0,  # a single engine, which satisfies the equations of mechanics
-    "unread": 1,  # a gate names a file that was not read
-    "rigid": 1,  # inertia of a file is left out, and the rest agrees
+    "judged": 0,  # a single engine ran, and satisfies the equations of mechanics
+    "unread": 1,  # a scene of a gate names a file that was not read
+    "rigid": 1,  # inertia in a file is left out, and the rest agrees
     "unlike": 1,  # a model file differs from the description, and the scene does not allow it
-    "undecided": 1,  # out of tolerance by no more than the engines admit
+    "undecided": 1,  # out of tolerance by no more than the engines' error estimates
     "partly": 1,  # not everything requested was compared
     "unjudged": 1,  # no equation was checked for an engine
     "nothing": 1,  # nothing was compared
@@ -40,5 +40,5 @@ _ORDER = [*EXIT]
 
 
 def weakest(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the weakest outcome, which a verdict begins with."""
+    """Return the weakest outcome, with which a verdict begins."""
     return max(outcomes, key=_ORDER.index)

@@ -1,6 +1,6 @@
 """Reference values for measuring methods, and preparation of scenes with a given motion.
 
-Reference values come from the engine ``truth`` if it is installed, else from ``screw``, as the note states.
+Reference values come from the engine ``truth`` if it is installed, else from ``screw``, as a note states.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ _NOTES = {
     STANDIN: f"Errors are against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
     "errors below 1e-12 mean nothing, and contestants that share its code look better than they are.",
 }
-MOST = 200  # times that the truth solves at once
+MOST = 200  # number of times that the truth solves at once
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Values that errors are measured against.
+    """Values against which errors are measured.
 
     Attributes:
         engine: Source of the values.
-        note: A sentence for the report.
-        scales: Quantity -> unit -> S of the scaled error.
+        note: Sentence for the report.
+        scales: Quantity -> unit -> scale of the scaled error.
     """
 
     engine: str
@@ -54,7 +54,7 @@ class Reference:
 
     @classmethod
     def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
-        """Build a reference that scales errors by the size of its values, or by a natural scale where these vanish."""
+        """Build a reference that scales errors by the size of its values, or by a natural scale if these vanish."""
         natural = natural_scales(mechanism)
         scales = {
             name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
@@ -63,7 +63,7 @@ class Reference:
         return cls(engine, values, note, scales)
 
     def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> SizedResidual:
-        """Return the error of some components of a quantity, at some samples of the reference."""
+        """Return the error of given components of a quantity at given samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
         return score(quantity, deviation(values, right), self.scales[quantity])
 
@@ -72,18 +72,18 @@ def deviation(values: Values, right: Values) -> Values:
     """Return the errors at the samples for which the reference has a value.
 
     Args:
-        right: Reference values of the same samples and components.
+        right: Reference values for the same samples and components.
     """
     known = np.isfinite(right.array).all(axis=1)
     return Values(values.components, values.units, (values.array - right.array)[known])
 
 
 def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResidual:
-    """Return the largest and RMS scaled error over all samples and components; NaN as soon as an error is not finite.
+    """Return the largest and RMS scaled errors over all samples and components; NaN if any error is not finite.
 
     Args:
         off: See `deviation`.
-        scales: Unit -> S.
+        scales: Unit -> scale.
     """
     error = np.abs(off.array) / np.array([scales[unit] for unit in off.units])
     lost = int((~np.isfinite(error)).any(axis=1).sum())
@@ -94,7 +94,7 @@ def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResid
 
 
 def sizes(values: Values) -> dict[str, float]:
-    """Return unit -> largest magnitude; empty without values."""
+    """Return the largest magnitude for each unit; empty without values."""
     if not values.array.size:
         return {}
     size = np.abs(values.array).max(axis=0)
@@ -102,11 +102,11 @@ def sizes(values: Values) -> dict[str, float]:
 
 
 def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
-    """Compute values of a scene at chosen times, from its description.
+    """Compute values of a scene at given times, from its description.
 
     Args:
         times: Times [s]. Shape (n,).
-        quantities: Names.
+        quantities: Names of quantities.
 
     Raises:
         ScrewgaugeError: The scene cannot be solved.
@@ -131,7 +131,7 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
 
 
 def joined(parts: Iterable[Values]) -> Values:
-    """Concatenate the samples of one quantity."""
+    """Concatenate the samples of a quantity."""
     values = list(parts)
     return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
 
@@ -145,8 +145,8 @@ class PreparedScene:
     """Scene prepared for methods.
 
     Attributes:
-        whole: The scene with its own times, rule ``min_norm``.
-        scene: The same at the compared times.
+        whole: The scene at its own times, with the rule ``min_norm``.
+        scene: The same scene at the times of comparison.
         folder: Folder of the generated model files.
     """
 
@@ -157,7 +157,7 @@ class PreparedScene:
 
     @property
     def t(self) -> Array:
-        """Compared times [s]. Shape (n,)."""
+        """Times of comparison [s]. Shape (n,)."""
         return self.scene.t
 
     def files(self, engine: str) -> ModelFiles:
@@ -169,22 +169,22 @@ class PreparedScene:
         return [path for path in self.folder.rglob("*") if path.is_file()]
 
     def problem(self, *wanted: str, task: Task | None = None) -> Problem:
-        """Return the problem of the scene, optionally with another task."""
+        """Return the problem of the scene, optionally with a different task."""
         return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
 
     def moving(self, coordinates: tuple[str, ...]) -> States:
-        """Return the true motion of some joint coordinates."""
+        """Return the true motion of given joint coordinates."""
         q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
         return States(coordinates, q, v, a=a)
 
     def pushed(self, coordinates: tuple[str, ...]) -> Problem:
-        """Return the problem of accelerations at the true states of a tree, see the function `pushed`."""
+        """Return the problem that asks for accelerations at the true states of a tree, see the function `pushed`."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
         return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
 
 def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
-    """Return the problem of accelerations of a tree under actuator forces and the loads.
+    """Return the problem that asks for accelerations of a tree under actuator forces and loads.
 
     Loads are included in the forces along the coordinates, so that engines need not transform them.
 
@@ -206,7 +206,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
         q: All joint coordinates; those of cut joints move no body. Shape (n, n_q).
 
     Returns:
-        Shape (n, n_coordinate).
+        Forces along the coordinates. Shape (n, n_coordinate).
     """
     out = np.zeros((len(q), len(coordinates)))
     if not applied.loads:
@@ -226,7 +226,7 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
 
     Args:
         folder: Folder for the model files.
-        samples: Largest number of compared times.
+        samples: Largest number of times of comparison.
 
     Raises:
         ScrewgaugeError: The scene cannot be solved.

@@ -1,4 +1,4 @@
-"""Reviews of the user's tables: which columns agree with an engine, and which faults explain the others."""
+"""Reviews of the user's tables: which columns agree with an engine, and which faults explain the remaining ones."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from screwgauge.study.table_faults import Column, Explanation, explanations, las
 from screwgauge.study.transformations import Expected, Fault, Key, even_step, shifts
 
 SIGN = Fault("sign", size=-1.0)
-STANDIN = "screw"  # engine that computes the values expected under other forces, and at other times
+STANDIN = "screw"  # engine that computes the expected values without a force, and at different times
 DENSE = 2001  # number of times between which expected values are interpolated
-PAIRED = 6  # largest number of acting forces of which pairs are tried as missing
+PAIRED = 6  # largest number of acting forces for which pairs of missing forces are tried
 Solved = Callable[[str, Array], Mapping[str, Values]]
 """What acts and is left out, or none, and times [s] -> values of each quantity."""
 
@@ -38,11 +38,11 @@ class ReviewedColumn:
     """Column of a table, compared with an engine.
 
     Attributes:
-        error: Largest scaled error of the column as given.
-        faults: Faults of the column, empty if it agrees; None if unknown.
+        error: Largest scaled error before correction.
+        faults: Faults in the column, empty if it agrees; None if unknown.
         left: Largest scaled error after correction of the faults.
-        place: Unit in the last place of the largest value [unit].
-        ok: True if the column as given is within tolerance.
+        place: Unit in the last place of the largest value, in the unit of the column.
+        ok: True if the uncorrected column is within tolerance.
     """
 
     quantity: str
@@ -60,8 +60,8 @@ class TableReview:
     """A table of the user, compared with an engine.
 
     Attributes:
-        engine: Engine that the table is compared with.
-        step: Time between samples [s], 0 if it varies.
+        engine: Engine with which the table is compared.
+        step: Time between samples [s]; 0 if it varies.
         columns: Columns in the order of the quantities; components without a unique value are omitted.
         converted: Headers of the columns whose numbers were converted to SI units.
     """
@@ -87,7 +87,7 @@ class TableReview:
 
     @property
     def faults(self) -> dict[Key, list[tuple[ReviewedColumn, Fault]]]:
-        """Faults with the columns that have them; equal faults are grouped."""
+        """Faults with the columns that have them, grouped by equal faults."""
         found: dict[Key, list[tuple[ReviewedColumn, Fault]]] = {}
         for column in self.columns:
             for fault in column.faults or ():
@@ -105,10 +105,10 @@ def reviews(
     """Review the tables of a scene.
 
     Args:
-        solutions: Solutions of engines and tables, in one chart.
-        tables: Solutions of tables as given.
+        solutions: Solutions of engines and tables, in a common chart of joint angles.
+        tables: Solutions of tables, in the chart of the user.
         errors: Rows of component pairs.
-        faulted: Engines that the judge faults, which are no reference for tables.
+        faulted: Engines that the judge faults, which cannot be a reference for tables.
     """
     engines = [one for one in reference_first(solutions.values()) if one.engine not in {*scene.tables, *faulted}]
     if scene.simulated or not engines:
@@ -129,10 +129,11 @@ def reviews(
 def _review_quantity(
     scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame, solved: Solved
 ) -> Iterator[ReviewedColumn]:
-    """Yield columns of one quantity; only columns out of tolerance cause further computations.
+    """Yield the columns of one quantity; only columns out of tolerance cause further computations.
 
     Args:
-        readings: The table in the chart of the engine, and as given: angles in degrees belong to no chart.
+        readings: The table in the chart of the engine, and as given, because angles in degrees do not belong to a
+            chart.
     """
     rows = common_rows(len(scene.t), engine, readings[0])
     right = engine.values[quantity].at(rows)
@@ -167,7 +168,7 @@ def _columns(
             scale = reference_scale(right, unit, natural[unit])
             tolerance = max(stated, scale * float(known[name]["tolerance"]))
             own = right.array[:, right.components.index(name)]
-            # as printed, before whole turns were added
+            # as printed, before whole revolutions were added
             header = next(h for h in headers if h.component == name and h.of(quantity, unit))
             place = header.factor * last_place(recorded.columns[header.text])[at]
             columns[name] = Column(name, unit, values, own, scale, tolerance, place)
@@ -175,7 +176,7 @@ def _columns(
 
 
 def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> dict[str, Explanation]:
-    """Explain components of a joint that are all negated, except for zeros, as those of the other side."""
+    """Explain components of a joint that are all negated, except for zeros, as the reaction on the other body."""
     found: dict[str, Explanation] = {}
     for joint in {column.component.rpartition(".")[0] for column in columns}:
         some = [c for c in columns if c.component.rpartition(".")[0] == joint and np.abs(c.values).max() > c.tolerance]
@@ -187,7 +188,7 @@ def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> 
 
 
 def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
-    """Return a caching function that solves a scene without one of its forces, all quantities at once."""
+    """Return a caching function that solves a scene without a given force, for all quantities at once."""
     wanted = frozenset(quantities)
     forces, parts = (name for name in wanted if QUANTITIES[name].needs == "f"), _parts(scene)
     asked = {"": wanted, **dict.fromkeys(parts, frozenset(forces))}
@@ -203,7 +204,7 @@ def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
 
 
 def _expected(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:
-    """Return an engine's values, and their changes under other forces and at other times."""
+    """Return an engine's values, and their changes if forces are missing and at different times."""
     given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
     dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given
     times = np.union1d(t, dense)
@@ -225,12 +226,12 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array, solved: Solv
     return Expected(right.components * m, faults, t, arrays, moved)
 
 
-#: Resistance of joints -> its name in a sentence on a table that lacks it.
+#: Resistance of joints -> its name in a sentence about a table that lacks it.
 _RESISTS = {"rotor": "rotors", "damping": "damping of joints", "friction": "dry friction"}
 
 
 def _parts(scene: Scene) -> dict[str, Scene]:
-    """Return everything that acts: name -> the scene without it."""
+    """Return, for everything that acts, its name -> the scene without it."""
     applied, mechanism = scene.applied, scene.mechanism
     parts = {"gravity": replace(scene, applied=replace(applied, gravity=np.zeros(3)))} if applied.g.any() else {}
     for field in ("loads", "springs", "motors"):

@@ -1,4 +1,4 @@
-"""Estimates of rounding in answers: by the number type of an engine, and along idle coordinates."""
+"""Estimates of rounding errors in answers: from the number type of an engine, and along idle coordinates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from screwgauge.solution import Solution
 
 
 def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Replace the stated errors of engines with those of their number types, if these are not float64."""
+    """Replace the error estimates of engines with those for their number types, if these are not float64."""
     rounding = cache(partial(rounding_errors, mechanism, problem))
     idle = cache(partial(idle_errors, mechanism, problem))
 
@@ -33,7 +33,7 @@ def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, 
 
 
 def _with_idle(answer: Solution, idle: Callable[[], Mapping[str, Mapping[str, float]]]) -> Solution:
-    """Raise stated errors to the rounding error of accelerations of idle coordinates."""
+    """Increase error estimates to at least the rounding error in accelerations of idle coordinates."""
     errors = dict(answer.errors)
     for name in {*errors} & {*idle()}:
         own = errors[name].absolute

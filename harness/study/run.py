@@ -1,6 +1,6 @@
-"""Run of a scene: every engine solves its own model file; then come comparison and judgement.
+"""Run of a scene: every engine solves its own model file, and all answers are compared and judged.
 
-For simulations, observables, conditions and the known solution are compared, too.
+For simulations, observables, conditions and the known solution are also compared.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class _Asked:
     """A checked scene with the request to engines.
 
     Attributes:
-        problem: The wanted quantities of the scene.
+        problem: Problem with the wanted quantities of the scene.
         wanted: Names of the wanted quantities, in the order of the user.
         components: Quantity -> names and units of its components.
         warnings: Warnings about the scene.
@@ -77,7 +77,7 @@ class _Asked:
 
     @property
     def requested(self) -> tuple[str, ...]:
-        """Quantities requested from engines: for a simulation the motion, from which all else follows."""
+        """Quantities requested from engines; for a simulation, the motion, which determines all other quantities."""
         if self.lay is None:
             return self.wanted
         measured = bool(self.scene.mechanism.left_out or self.scene.models)
@@ -89,10 +89,10 @@ class _Answered:
     """Answers of engines and tables, without forces that no engine includes.
 
     Attributes:
-        answers: Engine or table -> its answer, with notes on what it lacks.
+        answers: Engine or table -> its answer, with notes on missing values.
         refused: Samples at which an engine returns no value of some quantities.
-        lacking: Those samples, and whole quantities and samples that an engine omits.
-        left_out: Forces that files contain and no engine includes.
+        lacking: The refused samples, and whole quantities and samples that an engine omits.
+        left_out: Forces that files contain but no engine includes.
     """
 
     answers: Mapping[str, Solution]
@@ -115,15 +115,16 @@ def run(
     """Solve a scene with the engines, compare all pairs and judge each answer. A scene with a start is integrated.
 
     Args:
-        engines: Names; those of the scene by default.
-        quantities: Names; those of the scene by default. Nothing else is computed.
+        engines: Names of engines; by default those of the scene.
+        quantities: Names of the only quantities to compute; by default those of the scene.
         progress: Called during the work.
         warn: Called with a warning before a step that may take long or fail.
         date: Date of the report; now by default.
         limits: Limits of each engine in its own process; by default engines run in this process.
 
     Raises:
-        ScrewgaugeError: Bad input. An engine that fails or stops early is a row of the results, not an error.
+        ScrewgaugeError: The input is invalid. An engine that fails or stops early becomes a row of the results, not an
+            error.
     """
     check_scene_type(scene, "run")
     names, wanted = _check_names(scene, engines, quantities)
@@ -132,7 +133,7 @@ def run(
     check_leave(scene)
     remarks, unread = _remarks(asked), unread_files(scene, names)
     remarks |= {sentence: "" if key in scene.allow else UNREAD for key, sentence in unread.items()}
-    for sentence in asked.warnings:  # further warnings can wait for the report
+    for sentence in asked.warnings:  # later warnings can wait for the report
         warn(sentence)
     ask = partial(ask_engines, wanted=asked.requested, components=asked.components, progress=progress, limits=limits)
     with generated(scene) as folder:
@@ -160,7 +161,7 @@ def run(
 
 
 def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = None) -> TableReview:
-    """Review a table by comparison with `STANDIN` at its own times, see `screwgauge.review`."""
+    """Review a table by comparing it with `STANDIN` at its own times, see `screwgauge.review`."""
     check_scene_type(scene, "review")
     path = table.file
     name = re.sub(r"[^\w.-]", "-", path.stem) if path else "numbers"
@@ -172,7 +173,7 @@ def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = Non
 def _check_names(
     scene: Scene, engines: Iterable[str] | None, quantities: Iterable[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Check the names of engines, tables last, and of quantities."""
+    """Check the names of engines and quantities; return both, with tables after engines."""
     where = str(scene.file or scene.name)
     check_tables(scene)
     if scene.models:
@@ -216,7 +217,7 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
 
 
 def _remarks(asked: _Asked) -> dict[str, str]:
-    """Return warnings and remarks about the scene and its mechanism with their kinds, doubts first."""
+    """Return warnings and remarks about the scene and its mechanism, each with its kind, doubts first."""
     scene, said = asked.scene, [*asked.scene.mechanism.remarks, *asked.warnings]
     if scene.changed:
         said.append(
@@ -226,14 +227,14 @@ def _remarks(asked: _Asked) -> dict[str, str]:
 
 
 def _files(scene: Scene, names: Iterable[str], folder: Path) -> dict[str, Path]:
-    """Return engine or table -> the file that it was read from."""
+    """Return engine or table -> the file from which it was read."""
     tables = {name: scene.tables[name].file for name in names if name in scene.tables}
     models = {name: model_files(scene, name, folder).model for name in names if name not in tables}
     return models | {name: file for name, file in tables.items() if file}
 
 
 def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
-    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces no engine includes."""
+    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces without engine."""
     scene, problem = asked.scene, asked.problem
     failures = {name: one for name, one in told.items() if isinstance(one, Failure)}
     posed = replace(problem, wanted=frozenset(asked.requested))
@@ -247,14 +248,14 @@ def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered
 
 
 def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield requested quantities that engines give at no sample."""
+    """Yield the requested quantities that engines return at no sample."""
     for name, answer in answers.items():
         if lost := left_out(asked.requested, answer):
             yield Refusal(name, lost, np.arange(len(asked.scene.t)), without(lost), without(lost))
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield samples that engines omit without having declared so."""
+    """Yield the samples that engines omit without having declared so."""
     t = asked.scene.t
     for name, answer in answers.items():
         if name in asked.scene.tables:
@@ -283,7 +284,7 @@ Looser = Mapping[str, Sequence[Solution]]
 def _compare_all(
     asked: _Asked, answered: _Answered, ask: Ask
 ) -> tuple[dict[str, Solution], pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Compare all pairs and judge each answer; to estimate integration errors, rerun simulations out of tolerance.
+    """Compare all pairs and judge each answer; rerun simulations out of tolerance to estimate integration errors.
 
     Returns:
         Solutions; rows of component pairs; rows of pairs, including missing values; and rows of the judge.
@@ -321,7 +322,7 @@ def _judge_answer(asked: _Asked, answered: _Answered, name: str, again: Sequence
 
 
 def _solutions_of(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, Solution]:
-    """Prepare solutions: answers in a common chart of joint angles; for a simulation, with its observables."""
+    """Return answers in a common chart of joint angles; for a simulation, with its observables."""
     scene = asked.scene
     given = answers if asked.lay is None else add_observables(scene, asked.lay, answers, asked.wanted)
     return without_fixed(scene.mechanism, in_one_chart(scene.mechanism, given))
@@ -330,7 +331,7 @@ def _solutions_of(asked: _Asked, answers: Mapping[str, Solution]) -> dict[str, S
 def _errors(
     asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution], integration: Mapping[str, Integrated]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the rows of component pairs, and of pairs."""
+    """Return the rows of component pairs, and the rows of pairs."""
     scene = asked.scene
     whole = [each for name, each in answered.answers.items() if name not in scene.tables]  # tables may lack components
     allowance = Allowance(
@@ -347,7 +348,7 @@ def _errors(
 def _estimate_integration(
     asked: _Asked, lay: Layout, solution: Solution, again: Sequence[Solution]
 ) -> tuple[Solution, Integrated]:
-    """Add a note on the integration error to a solution; return that error, too, from runs with looser tolerances."""
+    """Add a note on the integration error to a solution; return both, using runs with looser tolerances."""
     seen = add_observables(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism
@@ -357,7 +358,7 @@ def _estimate_integration(
 
 
 def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, Solution]) -> Iterator[SizedResidual]:
-    """Yield rows without values: pairs of engines of which one lacks a quantity, or part of it."""
+    """Yield rows without values, for pairs of engines one of which lacks a quantity or part of it."""
     scene, answers = asked.scene, answered.answers
     reasons = [
         (quantity, one.engine, f"{one.engine} {one.sentence}")
@@ -376,7 +377,7 @@ def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, So
 def _reviews(
     scene: Scene, solutions: Mapping[str, Solution], answers: Mapping[str, Solution], rows: Sequence[pd.DataFrame]
 ) -> dict[str, TableReview]:
-    """Review the tables of a scene by comparison with engines that the judge does not fault."""
+    """Review the tables of a scene by comparing them with engines that the judge does not fault."""
     errors, judge = rows
     faulted = {*judge[~judge["ok"].astype(bool)]["engine"]}
     tables = {name: answers[name] for name in scene.tables if name in answers}

@@ -1,4 +1,4 @@
-"""Task runner: executors that run tasks here or in other processes (`cluster` has a third), and a log of their rows.
+"""Task runner: executors that run tasks here or in separate processes (`cluster` has a third), and a log of rows.
 
 Each study defines its tasks and rows.
 """
@@ -25,13 +25,13 @@ Row = TypeVar("Row")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Task whose result is a row.
+    """Task that produces a row.
 
     Attributes:
         name: Unique name.
-        work: Function that takes a progress and returns the row. It pickles.
+        work: Function that takes a progress function and returns the row. It can be pickled.
         key: Key of the row in a journal; the name if empty.
-        files: External files that the task reads, which other machines need, too.
+        files: External files that the task reads, which other machines also need.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Executor(Protocol):
         """Run tasks; call `keep` with the name and row, or `Failure`, of each task as soon as it is done.
 
         Raises:
-            ScrewgaugeError: Raised by a task; the others are stopped.
+            ScrewgaugeError: A task raised this error, and all other tasks were stopped.
         """
 
 
@@ -56,7 +56,7 @@ def _unseen(share: float, step: str = "") -> None:
 
 
 class InTurn:
-    """Executor of tasks in this process, one after the other."""
+    """Executor of tasks in this process, one after another."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         for i, (name, task) in enumerate(tasks.items()):
@@ -66,7 +66,7 @@ class InTurn:
 
 @dataclass(frozen=True)
 class Processes:
-    """Executor of tasks in `jobs` parallel processes of this machine; a crash or hang costs only one row.
+    """Executor of tasks in `jobs` parallel processes of this machine; a crash or hang affects only one row.
 
     Raises:
         DescriptionError: `jobs` is less than one.
@@ -98,13 +98,14 @@ def run_tasks(
     """Run all tasks; return their rows in order.
 
     Args:
-        lost: Makes a row of the name of a task that crashed, met a limit or raised an error, and the reason.
+        lost: Function that makes a row from the name of a task that crashed, met a limit or raised an error, and the
+            reason.
         before: Key -> row of tasks that are not run again, see `Journal.rows`.
-        keep: Called with the key of a task and its row as soon as it is done, see `Journal.keep`.
+        keep: Called with the key of a task and its row as soon as the task is done, see `Journal.keep`.
         progress: Called with the current step, rate and remaining time, and the completed share.
 
     Raises:
-        ScrewgaugeError: Raised by a task, or by `keep`.
+        ScrewgaugeError: A task, or `keep`, raised this error.
     """
     named = {task.name: task for task in tasks}
     keys = {name: task.key or name for name, task in named.items()}
@@ -133,16 +134,16 @@ def grow_table(
     progress: Report = silent,
     about: object = None,
 ) -> str:
-    """Return the rows of tasks as CSV. Rows that the same code made before for this file are reused.
+    """Return the rows of tasks as CSV, reusing rows that the same code computed before for this file.
 
     Args:
         file: File of the table, which is neither read nor written.
         tasks: Tasks that each return a list of rows.
         lost: See `run_tasks`.
-        about: Further data that rows depend on, see `address`.
+        about: Further data that affect the rows, see `address`.
 
     Raises:
-        ScrewgaugeError: Raised by a task.
+        ScrewgaugeError: A task raised this error.
     """
     kept = Journal(file, address("table", columns, about))
     rows = run_tasks(

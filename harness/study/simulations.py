@@ -1,4 +1,4 @@
-"""Simulated motions: compared quantities, their reference, and further runs that estimate the integration error."""
+"""Simulated motions: compared quantities, their reference, and additional runs that estimate the integration error."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Error, Failure, Solution
 
 MOTION = SIMULATED[:3]
-#: Loosest tolerance of a further run, beyond which errors are not proportional to the tolerance.
+#: Loosest tolerance of an additional run, above which errors are not proportional to the tolerance.
 COARSEST = 0.1
 
 
 def add_observables(
     scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]
 ) -> dict[str, Solution]:
-    """Add the compared quantities to simulated motions, and the reference of the scene if it has one."""
+    """Add the compared quantities to simulated motions, and the scene's reference if it has one."""
     solutions = {
         name: _add_observables(scene, lay, answer, wanted)
         for name, answer in answers.items()
@@ -36,14 +36,14 @@ def add_observables(
 
 
 def loosen(scene: Scene) -> list[Scene]:
-    """Return the scene with the looser tolerances of the runs that estimate the integration error."""
+    """Return copies of the scene with looser tolerances, for runs that estimate the integration error."""
     steps = scene.start.integration
     looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
     return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
 
 
 def engines_in_doubt(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
-    """Return engines with a value out of tolerance, whose integration error has to be estimated."""
+    """Return the engines with a value out of tolerance, whose integration error must be estimated."""
     bad = pairs[~pairs["ok"].astype(bool) & np.isfinite(pairs["max_scaled"].astype(float))]
     energy = [one[(one["residual"] == "energy_balance") & ~one["ok"].astype(bool)] for one in judged if len(one)]
     return {*bad["a"], *bad["b"], *(name for one in energy for name in one["engine"])}
@@ -59,7 +59,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
         array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
         values = {"observable": replace(has, array=array), **values}
     met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
-    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # missing samples
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # mark missing samples
     met = np.pad(met, (0, n - m), mode="edge")
     cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)
     doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits are no stops here"] if beyond else []
@@ -80,7 +80,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
 
 
 def _reference(scene: Scene, known: Known) -> Solution:
-    """Return the reference of the scene, at the times that both have in common."""
+    """Return the reference of the scene at the times that both have in common."""
     values, rows = known_values(known, scene.observables, scene.t, scene.name)
     n = len(scene.t)
     solved = None if len(rows) == n else rows
@@ -90,7 +90,7 @@ def _reference(scene: Scene, known: Known) -> Solution:
 def ends(
     scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield quantity, engine and reason for each engine that failed, or stopped before the end of a simulation."""
+    """Yield quantity, engine and reason for each engine that failed or stopped before the end of a simulation."""
     quantity = "observable" if "observable" in wanted else wanted[0]
     for failure in failures.values():
         yield quantity, failure.engine, failure.reason

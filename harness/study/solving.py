@@ -1,6 +1,6 @@
 """Solution of scenes and problems by engines: generates model files, and runs engines here or in separate processes.
 
-Whatever an engine raises becomes a failure. For comparisons see `run`.
+Any error of an engine becomes a failure. For comparisons see `run`.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 def solve(
     scene: Scene, names: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
 ) -> tuple[dict[str, Solution], dict[str, Failure]]:
-    """Solve a scene with the engines as it is, without previous checks or later comparison.
+    """Solve a scene with the given engines, without previous checks or later comparison.
 
     Returns:
-        Answers of the engines, and failures of the others.
+        Answers of engines that succeeded, and failures of all others.
     """
     wanted = frozenset(quantities)
     solutions, failures = dict[str, Solution](), dict[str, Failure]()
@@ -65,14 +65,14 @@ def solve(
 
 @contextmanager
 def generated(scene: Scene) -> Iterator[Path]:
-    """Write the generated models of a scene's mechanism to a temporary folder for the context."""
+    """Write the generated model files of a scene's mechanism to a temporary folder for the context."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         write_scene_models(scene, Path(name))
         yield Path(name)
 
 
 def write_scene_models(scene: Scene, folder: Path) -> None:
-    """Write the models of a scene's mechanism, and its description if that differs from its file.
+    """Write the model files of a scene's mechanism, and its description if it differs from the scene's file.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -85,13 +85,13 @@ def write_scene_models(scene: Scene, folder: Path) -> None:
 
 
 def description_file(scene: Scene, folder: Path) -> Path:
-    """Return the description of a scene's mechanism: its file, or the one from `write_scene_models` in a folder."""
+    """Return the description of a scene's mechanism: its file, or the one written by `write_scene_models`."""
     written = folder / f"{scene.mechanism.name}.toml"
     return written if written.is_file() else scene.mechanism_file
 
 
 def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
-    """Return the model file of an engine, generated in `folder` or the user's, and its loops file."""
+    """Return the model file of an engine, generated in `folder` or the user's own, and its loops file."""
     engine, given = get_engine(name), scene.models.get(name)
     if not engine.cut:
         return ModelFiles(given or description_file(scene, folder))
@@ -106,7 +106,7 @@ class TooLongError(Exception):
 
 
 def within(seconds: float) -> Progress:
-    """Return a progress that raises `TooLongError` if it is called after `seconds`."""
+    """Return a progress function that raises `TooLongError` if it is called after `seconds`."""
     begin = perf_counter()
 
     def progress(share: float) -> None:
@@ -117,7 +117,7 @@ def within(seconds: float) -> Progress:
 
 
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
-    """Load a model and solve a problem completely; whatever is raised becomes a failure, except `TooLongError`."""
+    """Load a model and solve a problem completely; any error except `TooLongError` becomes a failure."""
     entry = get_engine(method.engine) if method.engine in engine_names() else None
     try:
         if entry is None or not entry.apart:
@@ -147,15 +147,15 @@ def ask_engines(
     """Query the tables, then the engines: sequentially in this process, or each in its own process.
 
     Args:
-        folder: Folder of the generated models.
+        folder: Folder of the generated model files.
         components: Quantity -> names and units of the components that an answer must have.
         limits: Limits of each engine in its own process; None to run in this process.
 
     Returns:
-        The answer or failure of each, in the order of the names.
+        The answer or failure of each table and engine, in the order of the names.
 
     Raises:
-        ScrewgaugeError: A table or model file of the user is bad input.
+        ScrewgaugeError: A table or model file of the user is invalid.
     """
     wanted, expected = frozenset(wanted), components or {}
     questions, answers = dict[str, EngineTask](), dict[str, Solution | Failure]()
@@ -180,10 +180,10 @@ def ask_engines(
 
 
 def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected: Names) -> Solution:
-    """Add the coordinates of fixed joints and notes on missing values to an answer, in the order of the description.
+    """Add coordinates of fixed joints and notes on missing values to an answer, and order it like the description.
 
     Raises:
-        Exception: The answer has other samples, components or units.
+        Exception: The answer has different samples, components or units.
     """
     mechanism = scene.mechanism
     answer = replace(answer, values=with_fixed(mechanism, answer.values))
@@ -199,7 +199,7 @@ def _complete(answer: Solution, scene: Scene, wanted: Collection[str], expected:
 def _ask_all(
     questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
 ) -> dict[str, Solution | Failure]:
-    """Return the answers of engines, in order; only workers run engines that must be isolated."""
+    """Return the answers of engines, in order; engines that must be isolated run only in workers."""
     others = {name: one for name, one in questions.items() if one.engine.apart}
     if limits is None and not others:
         return in_turn(questions, progress)
@@ -215,7 +215,7 @@ def _ask_all(
 
 
 def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
-    """Run engines in this process, one after the other."""
+    """Run engines in this process, one after another."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():
         progress(name, 0.0)

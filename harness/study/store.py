@@ -23,15 +23,15 @@ _CHANGED = "Pieces of earlier work were not used: scene, settings, code or envir
 
 
 class Journal:
-    """Log of results and measured times as they arrive, in the cache folder.
+    """Log of results and measured times, written as they arrive, in the cache folder.
 
-    Each line carries a code over its text and the address of the work, made with the secret of that folder: lines that
-    somebody else wrote, or that belong to other files, other code or other versions, are ignored.
+    Each line carries a code over its text and the address of the work, made with the secret of that folder. Lines that
+    someone else wrote, or that belong to different files, code or versions, are ignored.
 
     Attributes:
         results: Key -> result of the first call.
-        times: Key -> seconds measured.
-        note: Sentence for the report on reused results; empty if there are none.
+        times: Key -> measured times [s].
+        note: Sentence for the report on reused results; empty if none were reused.
     """
 
     def __init__(
@@ -40,9 +40,9 @@ class Journal:
         """Read the log on disk.
 
         Args:
-            place: Folder or file of the table or report of the work; if None, nothing is kept.
+            place: Folder or file of the table or report of the work; if None, nothing is stored.
             address: Address of the work, see `address`.
-            fits: Returns True if a result has the form of this work; other results are computed again.
+            fits: Function that returns True if a result has the form of this work; other results are computed again.
         """
         self.address, self.results, self.times = address, dict[str, Any](), dict[str, list[float]]()
         self.path, self.note = None, ""
@@ -71,31 +71,31 @@ class Journal:
             self.note = f"Resumed: {len(self.results)} results of interrupted work were taken over."
 
     def rows(self, form: type[Row]) -> dict[str, Row]:
-        """Return results as rows of a dataclass; malformed rows are omitted, and computed again."""
+        """Return results as rows of a dataclass, omitting malformed rows, which are then computed again."""
         return {key: from_record(each, form) for key, each in self.results.items() if is_record(each, form)}
 
     def keep(self, key: str, result: Any) -> None:
         """Add a result, a mapping or an instance of a dataclass.
 
         Raises:
-            OutputError: The disk is full, for example; earlier results are kept.
+            OutputError: The log cannot be written, e.g. because the disk is full; earlier results are kept.
         """
         self.results[key] = _record(result)
         self._write({"key": key, "result": self.results[key]})
 
     def time(self, key: str, seconds: float) -> None:
-        """Add one measurement."""
+        """Add one measured time."""
         self.times.setdefault(key, []).append(seconds)
         self._write({"key": key, "time": seconds})
 
     def remove(self) -> None:
-        """Remove the log of completed work, so that the next run starts afresh."""
+        """Remove the log of completed work, so that the next run starts from scratch."""
         if self.path is not None:
             with suppress(OSError):
                 self.path.unlink()
 
     def _read(self, line: bytes) -> dict[str, Any] | None:
-        """Return the record of a line that was written here for this work; else None."""
+        """Return the record in a line that was written here for this work; None for other lines."""
         code, _, text = line.decode(errors="replace").partition(" ")
         if not compare_digest(code.encode(), self._sign(self.address, text).encode()):
             return None
@@ -103,7 +103,7 @@ class Journal:
         return record
 
     def _write(self, record: Mapping[str, Any]) -> None:
-        """Write a record on a separate line, even after a line that was cut off."""
+        """Write a record on a separate line, even after a truncated line."""
         if self.path is None:
             return
         text = json.dumps(record)
@@ -122,10 +122,11 @@ def _record(row: Any) -> dict[str, Any]:
 
 
 def is_record(value: object, hint: Any) -> bool:
-    """Return True if a value that was read from JSON has a type.
+    """Return True if a value that was read from JSON has a given type.
 
     Args:
-        hint: A plain type, a dataclass (its record by `dataclasses.asdict`), or a sequence, mapping, union or literal.
+        hint: A plain type, a dataclass (for its record by `dataclasses.asdict`), or a sequence, mapping, union or
+            literal.
     """
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Literal:

@@ -17,14 +17,14 @@ from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.solving import solve
 
-PART = 4096  # samples per part: following them takes some 50 MB, and preparing a part a twentieth of its time
+PART = 4096  # samples per part: following them takes some 50 MB, and preparing a part takes a twentieth of its time
 
 
 def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> Iterator[Array]:
-    """Yield evenly spaced times [s] in parts, never all at once: ``first + k step`` for k below `count`.
+    """Yield evenly spaced times [s], ``first + k step`` for k below `count`, in parts and never all at once.
 
     Raises:
-        DescriptionError: A number does not define a grid.
+        DescriptionError: A count is not positive, or `step` or `first` is not finite or not positive.
     """
     if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
         what = f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on"
@@ -36,22 +36,22 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
 def stream(
     scene: Scene, parts: Iterable[Array], *, engine: str = "screw", quantities: Iterable[str] | None = None
 ) -> Iterator[tuple[Array, Solution]]:
-    """Solve a scene for times in parts; memory is that of one part, whatever their number.
+    """Solve a scene for times in parts, using the memory of one part whatever the number of parts.
 
-    Every part starts from the home pose again: angles of joints that are cut in an engine's tree count from there.
-    The motion is not checked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises when
-    its turn comes.
+    Every part starts from the home pose, from which angles of joints that are cut in an engine's tree are counted. The
+    motion is not checked beforehand: a part that meets or passes a singular pose, or cannot be solved, raises an error
+    when its turn comes.
 
     Args:
         parts: Arrays of times [s], shape (m,) each, such as those of `times`.
         engine: Name of the engine.
-        quantities: Names; those of the scene by default. Nothing else is computed.
+        quantities: Names of the only quantities to compute; by default those of the scene.
 
     Yields:
         Times and solution of each part; forces that too few actuators cannot produce are omitted, with a note.
 
     Raises:
-        ScrewgaugeError: Bad input, or a part that the engine cannot solve.
+        ScrewgaugeError: The input is invalid, or the engine cannot solve a part.
     """
     check_scene_type(scene, "stream")
     (name,) = check_engines([engine])

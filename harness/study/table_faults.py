@@ -1,7 +1,7 @@
-"""Faults of a table, found by applying transformations to the expected values until they match the table.
+"""Faults in a table, found by applying transformations to the expected values until they match the table.
 
-A column is explained by the fewest transformations after which all its samples agree to the digits that it carries.
-More has to agree than was fitted: a match that follows from the smoothness of both alone is no explanation.
+The explanation of a column has the fewest faults with which all its samples agree to their printed digits. The
+agreement must exceed what was fitted: a match that follows only from the smoothness of both series explains nothing.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from screwgauge.problem import Rows, spread
 from screwgauge.reference.rotations import Array
 from screwgauge.study.transformations import FILTERS, NOISY, UNITS, Expected, Family, Fault, Key
 
-MOST = 3  # largest number of faults of one column
-EVIDENCE = 0.5  # decimal places that must agree beyond the fitted ones, and beyond one more for each fault
-FIRM = 3.0  # factor on these if a table has unexplained columns, or more than one fault
-SEARCHED, TRIED = 200, 2  # samples used by the coarse search; candidates of each class that are fitted
-PROMISE = 0.1  # largest residual share of the squares, of a column or without a filter, to start a fit
-FITS, WIDE = 15, 1.5  # steps of a fit, and its range in steps of the grid
+MOST = 3  # largest number of faults in one column
+EVIDENCE = 0.5  # decimal places that must agree in addition to the fitted ones, and to one more for each fault
+FIRM = 3.0  # factor on this number if a table has unexplained columns, or more than one fault
+SEARCHED, TRIED = 200, 2  # number of samples in the coarse search; number of candidates of each class that are fitted
+PROMISE = 0.1  # largest mean square of residuals, relative to the column or to the fit without a filter, to start a fit
+FITS, WIDE = 15, 1.5  # largest number of steps of a fit, and its range in steps of the grid
 SECANT, ENOUGH = 1e-8, 1e-6  # step of numerical derivatives; relative gain at which a fit ends
-UNEVEN = 0.2  # of the last place of the largest number: smaller numbers are not taken as more precise
-WINDOW = 10  # window of successive numbers, to count the dimension of a signal, or for means
-SPIKE, WAVY, FAINT = 6.0, 0.1, 0.3  # of noise: multiples of its rms, shares of the signal
-MEDIAN = 0.6745 * np.sqrt(20.0)  # median size of third differences of white noise, over its rms
-MODES = ((False, False), (True, False), (False, True), (True, True))  # factor fitted, offset fitted
+UNEVEN = 0.2  # fraction of the last place of the largest number: smaller numbers count as no more precise
+WINDOW = 10  # number of successive values, to count the dimension of a signal, or for means
+SPIKE, WAVY, FAINT = 6.0, 0.1, 0.3  # limits for noise: multiples of its rms, fractions of the signal
+MEDIAN = 0.6745 * np.sqrt(20.0)  # median absolute third difference of white noise, relative to its rms
+MODES = ((False, False), (True, False), (False, True), (True, True))  # flags: factor is fitted, offset is fitted
 
 Mode = tuple[bool, bool]
 
@@ -40,11 +40,11 @@ class Column:
     """A column of a table.
 
     Attributes:
-        values: Shape (n,).
+        values: Values of the table. Shape (n,).
         expected: Expected values. Shape (n,).
-        scale: S of the scaled error [unit].
+        scale: Scale of the scaled error [unit].
         tolerance: Absolute tolerance of the expected values [unit].
-        place: Unit in the last printed place. Shape (n,).
+        place: Unit in the last printed place of each value. Shape (n,).
     """
 
     component: str
@@ -63,7 +63,7 @@ class Explanation:
     Attributes:
         left: Remaining scaled error.
         dimension: Number of independent values that could differ, at the precision of the explanation.
-        digits: Explained digits of the difference.
+        digits: Number of digits of the difference that are explained.
     """
 
     faults: tuple[Fault, ...]
@@ -75,12 +75,12 @@ class Explanation:
         """Return True if more of the difference agrees than was fitted; sizes found in other columns count as known."""
         tried = sum(fault.kind != "noise" for fault in self.faults)
         fitted = sum(fault.fitted and fault.key not in known for fault in self.faults)
-        # white noise shows that nothing else is wrong
+        # white noise alone shows that nothing else is wrong
         return not tried or (self.dimension - fitted) * self.digits >= least * (EVIDENCE + tried)
 
 
 def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanation | None]:
-    """Explain columns, each by the fewest faults, preferring faults that most columns share.
+    """Explain columns by as few faults as possible, preferring faults that many columns share.
 
     Returns:
         The explanation of each column: without faults if it agrees, None if nothing explains it.
@@ -105,13 +105,13 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
 
 
 def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
-    """Return all explanations of each column with its fewest faults."""
+    """Return all explanations of each column that have its smallest number of faults."""
     X = np.stack([column.values for column in columns], axis=1)
     every = np.arange(len(X))
     plain = [_explained(column, every, column.expected, (), MODES[0]) for column in columns]
     found = [[one] if one and not one.faults else [] for one in plain]
     limits = np.full((4, len(columns), 1), PROMISE) * np.mean(X**2, axis=0)[:, None]
-    gain = limits  # limit for a filter, which has to improve on the numbers without it
+    gain = limits  # limit for a filter, which must improve on the numbers without it
     for family in expected.families():
         fewest = [min((len(e.faults) for e in some if e.convinces()), default=MOST + 1) for some in found]
         if not any(family.cost < least for least in fewest):
@@ -128,7 +128,7 @@ def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanati
 def _of_family(
     column: Column, expected: Expected, family: Family, squares: tuple[Array, Array]
 ) -> Iterator[Explanation]:
-    """Yield explanations with a transformation of a family, until one convinces and the next has more faults."""
+    """Yield explanations by a family of transformations, until one convinces and the next has more faults."""
     named = [
         (*faults, *([Fault("permutation", name)] * (name != column.component)))
         for faults, name in zip(expected.faults, expected.components, strict=True)
@@ -148,12 +148,12 @@ def _of_family(
 
 
 def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int, Mode]]:
-    """Return grid place, base and mode with the least squares for each number of faults, the fewest faults first.
+    """Return grid place, base and mode with the smallest squares for each number of faults, fewest faults first.
 
     Args:
         left: Mean squares by place, mode and base. Shape (m, 4, k).
         limit: Largest mean square to try. Shape (4, k) or (4, 1).
-        costs: Faults of each base. Shape (k,).
+        costs: Number of faults of each base. Shape (k,).
     """
     at, best = left.argmin(axis=0), left.min(axis=0)
     found = []
@@ -165,7 +165,7 @@ def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int,
 
 
 def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
-    """Return mean squared residuals of fits of each base to each column, at some samples. (4, n_column, n_base)."""
+    """Return mean squared residuals of fits of each base to each column, at selected samples. (4, n_column, n_base)."""
     some = spread(len(rows), SEARCHED)
     X, numbers, left = X[rows[some]], numbers[some], list[Array]()
     for scaled, shifted in MODES:
@@ -176,7 +176,7 @@ def _squares(X: Array, rows: Rows, numbers: Array) -> Array:
 
 
 def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[float, float]:
-    """Fit factor and offset from b to x by least squares. Shape (n,)."""
+    """Fit a factor and an offset from b to x by least squares. Shape (n,)."""
     scaled, shifted = mode
     x0, b0 = (x.mean(), b.mean()) if shifted else (0.0, 0.0)
     if factor is None:
@@ -200,7 +200,7 @@ def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> floa
     v, rest, share = 0.0, left(0.0), 1.0
     for _ in range(FITS):
         if share == 1.0:
-            beside = np.copysign(SECANT, -v)  # within the bounds
+            beside = np.copysign(SECANT, -v)  # stay within the bounds
             slope = (left(v + beside) - rest) / beside
         size, before = float(slope @ slope), float(rest @ rest)
         way = float(np.clip(v - slope @ rest / size, -WIDE, WIDE)) - v if size > 0.0 else 0.0
@@ -218,7 +218,7 @@ def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> floa
 def _explained(
     column: Column, rows: Rows, b: Array, faults: tuple[Fault, ...], mode: Mode, error: float = 0.0
 ) -> Explanation | None:
-    """Return faults with factor and offset, if their residual is within the precision of the column, or is noise."""
+    """Return faults including factor and offset, if the residual is within the precision of the column or is noise."""
     x, names = column.values[rows], {1.0: "", **{f: name for name, f in UNITS.get(column.unit, {}).items()}}
     free, _ = _line(x, b, mode)
     known = [sign * f for f in names for sign in (1.0, -1.0) if mode[0] and abs(free / (sign * f) - 1.0) < 0.02]
@@ -239,7 +239,7 @@ def _explained(
             level = fine = max(_rms(left), float(admitted.min()))
         elif level := 0.0 if any(fault.kind in FILTERS for fault in faults) else _noise(x - fit, fit):
             more.append(Fault("noise", size=level))
-            fine = level * float(np.sqrt(WINDOW / len(x)))  # its means must be this close to zero
+            fine = level * float(np.sqrt(WINDOW / len(x)))  # means over windows must be this close to zero
         else:
             continue
         size = _rms(fit) or 1.0
@@ -255,11 +255,11 @@ def _rms(x: Array) -> float:
 
 
 def _noise(left: Array, fit: Array) -> float:
-    """Return the rms of a residual if it is white noise, not larger than third differences indicate; 0 if it is not."""
+    """Return the rms of a residual if it is white noise, not larger than third differences indicate; otherwise 0."""
     if len(left) < NOISY:
         return 0.0
     rms, size = _rms(left), _rms(fit)
-    # by medians, since a jump in a smooth signal is not noise
+    # use medians, because a jump in a smooth signal is not noise
     quick, wavy = (float(np.median(np.abs(np.diff(each, 3)))) / MEDIAN for each in (left, fit))
     means = left[: len(left) // WINDOW * WINDOW].reshape(-1, WINDOW).mean(axis=1) * np.sqrt(WINDOW)
     white = rms <= (1.0 + 5.0 / np.sqrt(len(left))) * quick and np.abs(left).max() <= SPIKE * rms
@@ -268,7 +268,7 @@ def _noise(left: Array, fit: Array) -> float:
 
 
 def _dimension(signal: Array, level: float) -> int:
-    """Count the independent values of a signal at a precision: the rank of its windows."""
+    """Count the independent values of a signal at a given precision, as the rank of its windows."""
     signal = signal[spread(len(signal), SEARCHED)]
     width = min(WINDOW, (len(signal) + 1) // 2)
     step = max(1, len(signal) // (2 * width))
@@ -278,7 +278,7 @@ def _dimension(signal: Array, level: float) -> int:
 
 
 def last_place(values: Array) -> Array:
-    """Return the unit in the last place to which numbers were printed, by decimals or by figures. Shape (n,)."""
+    """Return the unit in the last printed place of each number, by decimals or by significant figures. Shape (n,)."""
     some = [Decimal(repr(float(value))).normalize().as_tuple() for value in values[spread(len(values), 500)] if value]
     places = min((int(one.exponent) for one in some), default=-17)
     figures = max((len(one.digits) for one in some), default=17)

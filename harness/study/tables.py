@@ -1,4 +1,4 @@
-"""Tables of the user as engines: their answer to a scene, and how it is judged."""
+"""Tables of the user as engines: how they answer a scene, and how the answer is judged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
 from screwgauge.study.fixed import with_fixed
 
-#: Distance within which an angle, up to whole revolutions, is taken to be that of the scene [rad].
+#: Distance within which an angle counts as that of the scene, up to whole revolutions [rad].
 NEAR = 0.1
 NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
 
@@ -33,10 +33,10 @@ Columns = dict[str, dict[str, Array]]
 
 
 def check_tables(scene: Scene) -> None:
-    """Reject tables whose names are taken.
+    """Reject tables named like an engine or the reference.
 
     Raises:
-        DescriptionError: A name is taken.
+        DescriptionError: A table has the name of an engine, or of the reference.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
         why = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
@@ -48,8 +48,8 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
 
     Args:
         name: Name of the table.
-        names: Components and units of every quantity that a table may have.
-        wanted: Names of quantities; others are not compared, and a note names them.
+        names: Quantity -> components and units that a table may have.
+        wanted: Names of the quantities to compare; notes name the remaining ones.
 
     Raises:
         ScrewgaugeError: The table has unknown columns or wrong units, or none of the compared quantities.
@@ -109,7 +109,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
-    """Return the quantity of a column: the one it names, or the only compared one that has its component."""
+    """Return the quantity of a column: the one that it names, or the only compared one with its component."""
     if header.quantity and header.quantity not in names:
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
@@ -131,7 +131,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 def _lacks(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Describe what a table lacks of the wanted quantities: in one sentence, and in notes by component."""
+    """Describe which wanted quantities a table lacks: in one sentence, and in notes by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
     long = [f"gives {each}" for each in short]
@@ -147,7 +147,7 @@ def _is_whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool
 
 
 def _assembly(scene: Scene, rows: Rows) -> Array:
-    """Compute joint coordinates from the scene, at which values without positions are judged. Shape (n, n_q)."""
+    """Compute the joint coordinates of the scene at which values without positions are judged. Shape (n, n_q)."""
     motion, mechanism = scene.motion.part(rows), scene.mechanism
     q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
     q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
@@ -155,7 +155,7 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
 
 
 def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
-    """Add whole revolutions to recorded angles if little else is missing: an encoder counts within one revolution.
+    """Add whole revolutions to recorded angles if they otherwise fit: an encoder counts within one revolution.
 
     Args:
         q: All coordinates, computed from the scene. Shape (n, n_q).
@@ -167,9 +167,10 @@ def _unwind(values: Values, coordinates: Sequence[str], q: Array) -> Values:
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
-    """Judge the quantities of a table that have all their components: equations hold for no others.
+    """Judge the quantities of a table that have all their components, because equations hold only for these.
 
-    Residuals within the stated error of a table are admitted; positions that it does not contain are not judged.
+    The error that a table states for its values is admitted in residuals; positions that it does not contain are not
+    judged.
     """
     values = {name: one for name, one in answer.values.items() if _is_whole(answer.values, names, name)}
 

@@ -22,13 +22,13 @@ UNITS = {
     "N": {"kN": 1e-3, "mN": 1e3, "kgf": 1.0 / 9.80665, "kg by 9.81 m/s^2": 1.0 / 9.81, "lbf": 1.0 / 4.4482216152605},
     "N m": {"N mm": 1e3, "N cm": 1e2, "kN m": 1e-3, "kgf m": 1.0 / 9.80665, "N m per degree": np.pi / 180.0},
 }
-REACH, STEPS = 0.15, 122  # longest shift over the duration; number of shifts and cut-offs in the coarse search
-LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # range and number of cut-offs of a filter, over half the sampling rate
-WIDEST = 100  # largest number of samples of a mean
-LEAST, DEGREE = 16, 5  # fewest samples for interpolation, and its degree
-NOISY = 30  # fewest samples to detect filters and noise
+REACH, STEPS = 0.15, 122  # longest shift relative to the duration; number of shifts in the coarse search
+LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # range and number of cut-offs of a filter, relative to half the sampling rate
+WIDEST = 100  # largest number of samples in a mean
+LEAST, DEGREE = 16, 5  # smallest number of samples for interpolation, and its degree
+NOISY = 30  # smallest number of samples to detect filters and noise
 FILTERS = ("filter", "mean")
-FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults of any size
+FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults with a fitted size
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
 
 Bases = Rows | slice
@@ -40,13 +40,13 @@ Key = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Transformation of numbers that makes them wrong.
+    """Transformation that makes numbers wrong.
 
     Attributes:
-        kind: ``sign``, ``unit``, ``factor`` (no unit), ``offset``, ``permutation``, ``shift``, ``held`` (of an
-            interpolation, its ends), ``filter``, ``mean``, ``missing``, ``reversed``, ``side`` (that of a pair) or
-            ``noise``.
-        of: Unit, component that the numbers belong to, filter, kind of mean, or what is missing or reversed.
+        kind: ``sign``, ``unit``, ``factor`` (other than a unit), ``offset``, ``permutation``, ``shift``, ``held``
+            (interpolation with constant ends), ``filter``, ``mean``, ``missing``, ``reversed``, ``side`` (reaction on
+            the other body) or ``noise``.
+        of: Unit, component to which the numbers belong, filter, kind of mean, or name of what is missing or reversed.
         size: Factor, offset [unit], delay [s], cut-off [Hz], samples of a mean, rms of noise [unit].
     """
 
@@ -56,7 +56,7 @@ class Fault:
 
     @property
     def key(self) -> Key:
-        """Key that is equal for equal faults, whose sizes are fitted."""
+        """Key that equal faults share, even if their fitted sizes differ by rounding."""
         return self.kind, self.of, "" if self.kind == "noise" else f"{self.size:.2e}"
 
     @property
@@ -67,12 +67,12 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """Faults of one kind and any size, as a transformation of expected values.
+    """Faults of one kind with any size, as a transformation of expected values.
 
     Attributes:
         kind, of: Fields of the fault; empty for the identity.
         grid: Sizes that the coarse search tries. Shape (m,).
-        apply: Function of a size and numbers in columns; returns rows and the new numbers there, shape (n_row, n_base).
+        apply: Function of a size and columns; returns rows and the new numbers in these rows, shape (n_row, n_base).
         error: Scaled error due to the transformation.
         smooth: True if the size is continuous.
         more: Accompanying faults.
@@ -87,12 +87,12 @@ class Family:
     more: tuple[Fault, ...] = ()
 
     def faults(self, size: float) -> tuple[Fault, ...]:
-        """Return the fault, unless this is the identity, and the accompanying ones."""
+        """Return the fault with its accompanying faults; none for the identity."""
         return (Fault(self.kind, self.of, size), *self.more) if self.kind else ()
 
     @property
     def cost(self) -> int:
-        """Number of faults that the family counts as."""
+        """Number of faults for which the family counts."""
         return len(self.faults(1.0))
 
 
@@ -104,7 +104,7 @@ class Expected:
         components, faults: Component and faults of each column. Length k.
         t: Times [s]. Shape (n,).
         arrays: Values of the columns. Shape (n, k).
-        moved: The columns at other times, see `shifts`.
+        moved: The columns at shifted times, see `shifts`.
     """
 
     components: Sequence[str]
@@ -114,7 +114,7 @@ class Expected:
     moved: Family | None
 
     def families(self) -> Iterator[Family]:
-        """Yield transformations of all numbers, beginning with the identity."""
+        """Yield transformations of all numbers, starting with the identity."""
         every = np.arange(len(self.t))
         yield Family("", "", np.zeros(1), lambda size, bases: (every, self.arrays[:, bases]))
         if self.moved:
@@ -124,7 +124,7 @@ class Expected:
             yield from _filters(self.arrays, 0.5 / step)
 
     def _interpolated(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
-        """Return numbers of a delayed table, interpolated like `np.interp`, which holds the values at the ends."""
+        """Return numbers of a delayed table, interpolated like `np.interp`, which is constant beyond the ends."""
         numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
         share = (at - self.t[after - 1]) / (self.t[after] - self.t[after - 1])
@@ -132,13 +132,13 @@ class Expected:
 
 
 def even_step(t: Array) -> float:
-    """Return the step between times [s], 0 if it varies. Shape (n,)."""
+    """Return the step between times [s]; 0 if it varies. Shape (n,)."""
     steps = np.diff(t)
     return float(steps.mean()) if len(steps) and np.ptp(steps) < 1e-6 * steps.mean() else 0.0
 
 
 def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
-    """Return the family of delayed tables; None if there are too few known values to interpolate.
+    """Return the family of delayed tables; None with too few known values for interpolation.
 
     Args:
         t: Times of the table [s]. Shape (n,).
@@ -157,12 +157,12 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
         rows = np.flatnonzero((t - delay >= dense[0]) & (t - delay <= dense[-1]))
         return rows, np.asarray(BSpline.construct_fast(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
 
-    grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # without zero
+    grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # excludes zero
     return Family("shift", "", grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
 
 
 def _filters(arrays: Array, half: float) -> Iterator[Family]:
-    """Yield filters of evenly sampled numbers; `half`: half the sampling rate [Hz]."""
+    """Yield filters for evenly sampled numbers; `half`: half the sampling rate [Hz]."""
     from scipy.signal import butter, filtfilt, lfilter, lfilter_zi
 
     every = np.arange(len(arrays))

@@ -1,6 +1,6 @@
-"""Stress: the cases of ``cases.toml``, ladders of one severity each, whose rungs run as tasks.
+"""Stress: the cases of ``cases.toml``, series of problems of increasing severity, each severity run as a task.
 
-The module of a case is not imported before the case is run.
+The module of a case is imported when the case is run.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ Ask = Callable[[float, bool, Path], Iterable[Question]]
 
 @dataclass(frozen=True, slots=True)
 class StressCase:
-    """Ladder of one severity. Data only; it pickles.
+    """A stress case: a series of problems of increasing severity. Plain data that can be pickled.
 
     Attributes:
         name: Name on the command line.
-        title: Heading of its plot: the property that becomes extreme.
+        title: Heading of the plot: the property that becomes extreme.
         axis: Name and unit of the severity.
         about: Text of the report on the measurement and its meaning.
         drawn: Quantity of the small plot.
         low, high: Range of the severity.
-        full, quick: Severities of its rungs.
-        ask: Function that yields the questions of a rung.
-        falling: True if small values are the severe ones.
+        full, quick: Severities of the full and of the quick series.
+        ask: Function that yields the questions for a severity.
+        falling: True if difficulty increases as the severity value decreases.
         whole: True if severities are counts.
     """
 
@@ -64,14 +64,14 @@ class StressCase:
 
     @property
     def span(self) -> str:
-        """Description of the severity of the ladder and its range."""
+        """Description of the severity and its range."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
         """Return the given severities, or those of a full or quick run, without duplicates.
 
         Raises:
-            DescriptionError: A severity is outside the case's range, or there is none.
+            DescriptionError: A severity is outside the range of the case or not a count, or `severities` is empty.
         """
         where = f"case {self.name}"
         if severities is not None and not len(severities):
@@ -94,7 +94,7 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 def _questions(
     ask: str, methods: Sequence[dict[str, Any]], severity: float, quick: bool, folder: Path
 ) -> Iterator[Question]:
-    """Yield the questions of a rung; a question without methods gets those of the case.
+    """Yield the questions for a severity; a question without methods gets those of the case.
 
     Args:
         ask: Function of this package, ``module:name``.
@@ -113,18 +113,18 @@ def _questions(
 
 
 def _case(entry: dict[str, Any]) -> StressCase:
-    """Build the case of an entry of the table."""
+    """Build a case from an entry of the table."""
     rungs = {name: _rungs(entry[name]) for name in ("full", "quick")}
     fields = {name: value for name, value in entry.items() if name != "methods"}
     return StressCase(**{**fields, **rungs, "ask": partial(_questions, entry["ask"], entry.get("methods", ()))})
 
 
 def _rungs(given: Any) -> tuple[float, ...]:
-    """Return the severities of a list, or of some decimal places and decades."""
+    """Return the severities in a list, or those from single values and decades."""
     return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
 
 
-#: Name -> case, in the order in which they are run.
+#: Name -> case, in the order of execution.
 CASES = {entry["name"]: _case(entry) for entry in TABLE["cases"]}
 
 
@@ -143,17 +143,17 @@ COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
     "reason": "explanation",
 }
-#: Engine name of a rung that broke before it asked any engine.
+#: Engine name for a severity that failed before it asked any engine.
 ALL = "all"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stress:
-    """Findings of all ladders.
+    """Findings of all stress cases.
 
     Attributes:
-        cases: Cases in the order run.
-        rows: One row for each rung, engine and quantity.
+        cases: Cases in the order of execution.
+        rows: One row for each case, severity, engine and quantity.
     """
 
     cases: Sequence[StressCase]
@@ -168,12 +168,12 @@ class Stress:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Reasons of rungs that broke."""
+        """Reasons of severities that failed without asking an engine."""
         return tuple(dict.fromkeys(row.reason for row in self.rows if row.engine == ALL))
 
     @property
     def table(self) -> pd.DataFrame:
-        """The rows of ``stress.csv``."""
+        """The content of ``stress.csv``."""
         return frame(self.rows, COLUMNS)
 
 
@@ -186,13 +186,13 @@ def stress(
     execute: Executor | None = None,
     place: Path | None = None,
 ) -> Stress:
-    """Run the ladders of the named cases, by default all.
+    """Run the named stress cases, by default all.
 
     Args:
-        quick: Fewer rungs and smaller scenes.
-        severities: Rungs that replace those of the case; for a single case only.
-        execute: Executor of rungs; this process by default.
-        place: Folder of the report; finished rungs are kept on disk until all are complete, by default none.
+        quick: Use fewer severities and smaller scenes.
+        severities: Severities that replace those of the case; only for a single case.
+        execute: Executor of the severities, each a task; this process by default.
+        place: Folder of the report. With a folder, finished severities are kept on disk until all are complete.
 
     Raises:
         ScrewgaugeError: A case is unknown, or a severity is outside its range.
@@ -218,17 +218,17 @@ def stress(
 
 
 def _climb_rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> list[Finding]:
-    """Run a rung as the work of a task."""
+    """Run one severity of a case as the work of a task."""
     return climb(case, severity, quick=quick)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """Return the findings of one rung; a rung that breaks yields one finding of `ALL`."""
+    """Return the findings for one severity; an unexpected error yields one finding of `ALL`."""
     try:
-        # extremes overflow on purpose; their results are judged
+        # extreme problems overflow on purpose, and their results are judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
             questions = case.ask(severity, quick, Path(folder))
             return [finding for question in questions for finding in findings(question)]
-    except Exception as error:  # the other rungs continue
+    except Exception as error:  # the other severities continue
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return [Finding("", a=ALL, reason=missing(error) if isinstance(error, ImportError) else what)]

@@ -17,7 +17,7 @@ from screwgauge.solution import Cost
 from screwgauge.study.bench import TABLE
 from screwgauge.study.bench.contestants import EVERYTHING, NOTHING, Contestant
 
-#: Columns of ``bench.csv`` and ``timings.csv``, and the attributes of rows that have other names.
+#: Columns of ``bench.csv`` and ``timings.csv``, and the attributes of rows with different names.
 COLUMNS = [
     *("family", "contestant", "setting", "quantity", "max_scaled", "rms_scaled", "digits", "time_s", "n_sample"),
     *("covers", "status", "reason"),
@@ -41,10 +41,10 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchRow(SizedResidual):
-    """Error and times of a contestant for one quantity; its RMS error is scaled.
+    """Error and times of a contestant for one quantity; the RMS error is scaled.
 
     Attributes:
-        seconds: Measured times, in order.
+        seconds: Measured times [s], in order.
         largest: Unit -> largest error of a simulation.
         cost: Cost of a simulation.
     """
@@ -63,22 +63,22 @@ class BenchRow(SizedResidual):
 
     @property
     def time_s(self) -> float:
-        """Shortest measurement: disturbances only add."""
+        """Shortest measured time [s], because disturbances only add to times."""
         return min(self.seconds, default=float("nan"))
 
     @property
     def median_s(self) -> float:
-        """Median measurement."""
+        """Median of the measured times [s]."""
         return float(np.median(self.seconds)) if self.seconds else float("nan")
 
     @property
     def work_s(self) -> float:
-        """Processor time of a simulation, or wall time where an engine does not measure it [s]."""
+        """Processor time of a simulation [s], or wall time if the engine does not measure it."""
         return self.cost.cpu_s if np.isfinite(self.cost.cpu_s) else self.cost.wall_s
 
     @property
     def price(self) -> float:
-        """Processor time of a simulation, else run time per sample [s]."""
+        """Processor time of a simulation, or else run time per sample [s]."""
         if np.isfinite(self.work_s):
             return self.work_s
         return self.time_s / self.n_sample if self.n_sample else float("nan")
@@ -90,13 +90,13 @@ def bench_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def timing_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the rows of ``timings.csv``: shortest and median measurement."""
+    """Return the rows of ``timings.csv``, with shortest and median times."""
     timed = [row for row in rows if row.seconds]
     return frame(timed, {name: _ELSEWHERE.get(name, name) for name in TIMING})
 
 
 def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the quickest setting of each family for each quantity and error reached."""
+    """Return the fastest setting of each family for each quantity and error level."""
     body = []
     for quantity in dict.fromkeys(row.quantity for row in rows if row.quantity != NOTHING):
         timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.status == OK and r.price > 0]
@@ -111,7 +111,7 @@ def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
-    """Return pairs of rows, of the observables and of the energy, contestant by contestant."""
+    """Return pairs of rows, for observables and energy, by contestant."""
     return list(zip(rows[::2], rows[1::2], strict=True))
 
 
@@ -127,7 +127,7 @@ def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
 
 
 def leaving_out_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the rows of ``leaving_out.csv``, made from one row per quantity that must not change."""
+    """Return the rows of ``leaving_out.csv``, given one row for each quantity that must not change."""
     groups: dict[Contestant, list[BenchRow]] = {}
     for row in rows:
         groups.setdefault(row.contestant, []).append(row)
@@ -156,19 +156,19 @@ SLOPE_COLUMNS = {
     "ok": "ok",
 }
 WITHIN = 0.1  # admitted deviation from the expected slope
-#: Range of scaled errors that follow the power law: above, errors saturate; below, rounding dominates.
+#: Range of scaled errors that follow the power law: errors saturate above, and rounding dominates below.
 LARGE, SMALL = 0.1, 1e-10
 FLOOR = 30.0  # factor above a floor beyond which the floor does not matter
 
 
-#: Rules of the table: `line` (family with its series, see `Contestant.line`), `quantity`, `expected` slope, and what
-#: limits the window of a fit, see `_window`.
+#: Rules of the table: `line` (family with its series, see `Contestant.line`), `quantity`, `expected` slope, and limits
+#: of the window of a fit, see `_window`.
 RULES: Sequence[Mapping[str, Any]] = TABLE["slopes"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlopeFit:
-    """Fit of a rule to points: parameter `name`, error, and True for points that were used. Shape (n,) each."""
+    """Fit of a rule to points: parameter `name`, error, and True for points used in the fit. Shape (n,) each."""
 
     line: str
     quantity: str
@@ -180,7 +180,7 @@ class SlopeFit:
 
     @property
     def slope(self) -> float:
-        """Slope by least squares in logarithms; NaN for fewer than three points."""
+        """Slope of a least-squares fit in logarithms; NaN for fewer than three points."""
         if self.used.sum() < 3:
             return float("nan")
         return float(np.polyfit(np.log10(self.x[self.used]), np.log10(self.error[self.used]), 1)[0])
@@ -191,7 +191,7 @@ class SlopeFit:
 
 
 def fits(rows: Sequence[BenchRow], rules: Sequence[Mapping[str, Any]] = RULES) -> list[SlopeFit]:
-    """Fit the rules that have rows, except those cut short before three points were measured."""
+    """Fit the rules for which rows exist, except those cut short before three points were measured."""
     fitted = []
     for rule in rules:
         line, quantity, window = rule["line"], rule["quantity"], {**rule}
@@ -212,14 +212,14 @@ def _window(x: Array, error: Array, expected: float, most: float = np.inf, by_er
     """Select the points to fit.
 
     Args:
-        most: Largest parameter.
+        most: Largest value of the parameter.
         by_error: Also require errors between floor and saturation.
     """
     if not by_error:
         return np.asarray(x <= most)
     low = SMALL
     flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * expected * np.log(x[1] / x[0])
-    if flat:  # the small end follows no power law: errors have a floor
+    if flat:  # errors at the small end do not follow a power law, but have a floor
         low = max(low, FLOOR * float(error.min()))
     return np.asarray((error <= LARGE) & (error >= low) & (x <= most))
 

@@ -9,10 +9,10 @@ from math import inf
 from time import perf_counter_ns
 from typing import Any
 
-#: Duration [s] below which an untimed call precedes the measured one: it refills the caches that the previous
-#: contestant has evicted. Longer calls fill them in a fraction of their time.
+#: Duration [s] below which an untimed call precedes the measured one, to refill the caches that the previous contestant
+#: has evicted. Longer calls fill caches in a fraction of their time.
 WARM_BELOW = 0.05
-#: Durations [s] above which a number of rounds is enough: disturbances matter less to longer calls.
+#: Pairs of a duration [s] and the number of rounds that suffices above it, because disturbances matter less.
 ENOUGH = ((5.0, 1), (0.5, 2))
 
 
@@ -23,10 +23,10 @@ class Plan:
     Attributes:
         samples: Largest number of compared times.
         rounds: Largest number of measurements of a contestant.
-        budget: Seconds after which no measurement begins, and simulations stop.
-        quick: Omit the slowest settings.
-        each: Seconds after which a contestant of a simulation is stopped.
-        share: Integrated share of a simulation.
+        budget: Time after which no measurement begins, and simulations stop [s].
+        quick: True to omit the slowest settings.
+        each: Time after which a contestant of a simulation is stopped [s].
+        share: Fraction of a simulation that is integrated.
     """
 
     samples: int
@@ -48,7 +48,7 @@ class Protocol:
     Attributes:
         rounds: Number of measurements of each contestant.
         deadline: Reading of the clock [ns] at which no further measurement begins.
-        clock: Returns nanoseconds.
+        clock: Function that returns nanoseconds.
     """
 
     rounds: int
@@ -66,7 +66,7 @@ class Protocol:
 
 
 def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
-    """Return the duration of one call [s], and its result. The garbage collector is paused meanwhile."""
+    """Return the duration of one call [s], and its result. The garbage collector is paused during the call."""
     on = gc.isenabled()
     gc.disable()
     try:
@@ -89,10 +89,10 @@ def measure(
     """Measure all contestants in turn, round after round, so that a temporary slowdown affects all alike.
 
     Args:
-        calls: Key -> function to measure, which was called once untimed.
+        calls: Key -> function to measure, which has already been called once.
         record: Called with key and seconds of each measurement.
-        known: Key -> seconds so far; `record` adds to it.
-        first: Key -> seconds of the first call, which determine rounds and warm-up.
+        known: Key -> times measured so far [s], to which `record` appends.
+        first: Key -> duration of the first call [s], which determines rounds and warm-up.
     """
     for turn in range(protocol.rounds):
         for key, call in calls.items():
@@ -108,7 +108,7 @@ def measure(
 
 
 def enough(seconds: float, rounds: int) -> int:
-    """Return the number of rounds for a contestant whose call takes a given time."""
+    """Return the number of rounds for a contestant whose calls take a given time [s]."""
     for limit, few in ENOUGH:
         if seconds >= limit:
             return min(few, rounds)

@@ -1,7 +1,7 @@
-"""Variants of the solver `screw`, which show the value of its parts, its precision and usual shortcuts.
+"""Variants of the solver `screw`, which show the effect of its parts, its precision and common shortcuts.
 
-`VariantMethod` puts a function in the place of an engine. Those of `VARIANTS` answer given motions: their actuator
-forces are those of minimum norm, and they estimate no errors.
+`VariantMethod` puts a function in the place of an engine. The functions in `VARIANTS` answer given motions; their
+actuator forces are those of minimum norm, and they do not estimate errors.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from screwgauge.study.bench.scheme import integrate
 from screwgauge.study.methods import Method
 
 Arrays = Mapping[str, Array]
-STEP = 0.1  # [rad or m]
+STEP = 0.1  # largest distance from a corrected sample [rad or m]
 #: Quantity -> number of times that `numpy.gradient` is applied to positions.
 ORDER = {"joint_velocity": 1, "joint_acceleration": 2}
 
 
 class Variant:
-    """Loaded variant: a function of layout and problem that returns quantity -> array, or a solution."""
+    """Loaded variant, a function of layout and problem that returns either quantity -> array or a solution."""
 
     def __init__(self, lay: Layout, function: Callable[..., Arrays | Solution]) -> None:
         self.lay, self.function, mechanism = lay, function, lay.mechanism
@@ -63,7 +63,7 @@ class VariantMethod(Method):
     """A variant with its settings, of which ``dtype`` is the precision from the first operation to the last.
 
     Attributes:
-        function: See `Variant`. A function of a module.
+        function: See `Variant`. Must be a module-level function.
     """
 
     function: Callable[..., Arrays | Solution] = field(kw_only=True)
@@ -95,13 +95,13 @@ def nothing(lay: Layout, problem: Problem) -> Arrays:
 
 
 def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Arrays:
-    """Compute positions in closed form.
+    """Compute the wanted quantities from positions in closed form.
 
     Args:
-        mended: Continue with Newton's method where the closed form leaves the loops open; else leave them open.
+        mended: Use Newton's method if the closed form leaves the loops open; otherwise they stay open.
 
     Raises:
-        ClosureError: There is no closed form.
+        ClosureError: The mechanism has no closed form.
     """
     motion = rounded(given_motion(problem), lay.path.dtype)
     q = closed_form_positions(lay, motion.y)
@@ -157,13 +157,14 @@ def without_drift(lay: Layout, problem: Problem) -> Arrays:
 def paper(lay: Layout, problem: Problem, *, twist: str, method: str) -> Arrays:
     """Run the paper's own scheme from the first pose, see `screwgauge.study.bench.scheme.integrate`.
 
-    The motion has every step of the method, for ``rk4`` also halfway points; values are returned at the steps.
+    The motion must contain every step of the method, for ``rk4`` also the halfway points; values are returned at the
+    steps.
     """
     q, w, beta = integrate(lay, given_motion(problem), twist=twist, method=method)
     return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
 
 
-#: Name -> function.
+#: Name -> function of the variant.
 VARIANTS: dict[str, Callable[..., Arrays]] = {
     "nothing": nothing,
     "closed form": closed_form,
@@ -175,16 +176,16 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 
 
 def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
-    """Return the loop equations, and the dimensionless independent coordinates. Shape (n, k)."""
+    """Return the loop equations and the dimensionless independent coordinates. Shape (n, k)."""
     system = loop_equations(lay)
     return system, y / system.sizes[system.y_columns]
 
 
 def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
-    """Compute the wanted quantities from joint positions, in the precision of these.
+    """Compute the wanted quantities from joint positions, in the precision of the positions.
 
     Raises:
-        TypeError: A step changed the precision.
+        TypeError: An operation changed the precision.
     """
     given, wanted = problem.applied, problem.wanted
     applied = Applied(given.g.astype(q.dtype), tuple(rounded(load, q.dtype) for load in given.loads))

@@ -27,16 +27,16 @@ from screwgauge.study.identify.regressor import FORCE, Regressor
 from screwgauge.study.tables import answer_of_table
 
 DATA = "data"
-#: Smallest number of samples in a table: some to fit, some to predict.
+#: Smallest number of samples in a table: some are fitted, and some predicted.
 FEWEST = 4
-#: Default noise over the largest force, default prior over the size of a number, and prior force of a resistance that
-#: the scene lacks, over the largest force.
+#: Default noise relative to the largest force, default prior relative to the size of a number, and prior force of a
+#: resistance that the scene lacks, relative to the largest force.
 NOISE, PRIOR, SHARE = 1e-3, 0.1, 0.05
 #: Ratio of posterior to prior standard deviation below which a number counts as determined.
 TOLD = 0.5
 #: Speed of a faster motion, relative to that of the scene.
 FASTER = 2.0
-#: Correlation between successive samples above which residuals are not noise; prediction error that is rounding.
+#: Correlation between successive samples above which residuals are not noise; prediction error that counts as rounding.
 CORRELATED, ROUNDING = 0.3, 1e-6
 
 
@@ -46,10 +46,10 @@ class Fit:
 
     Attributes:
         values: Most likely numbers. Shape (E,).
-        deviations: Their standard deviations. Shape (E,).
-        noise: Standard deviation of the measured forces, over the largest of their unit.
-        error: RMS prediction error of samples that were not fitted, over the largest force of their unit.
-        correlation: Correlation of residuals from one sample to the next.
+        deviations: Standard deviations of the numbers. Shape (E,).
+        noise: Standard deviation of the measured forces, relative to the largest force with the same unit.
+        error: RMS prediction error at samples that were not fitted, relative to the largest force with the same unit.
+        correlation: Correlation of the residuals between successive samples.
     """
 
     values: Array
@@ -66,15 +66,15 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """Information that a scene gives about the numbers of its machine.
+    """Information that a scene provides about the numbers of its machine.
 
     Attributes:
         names: Full names of the E unknown numbers.
         nominal, prior: Values in the scene, and prior standard deviations. Shape (E,).
-        expected: Standard deviations after this motion, with forces of this `noise`. Shape (E,).
+        expected: Standard deviations after this motion, if forces have this `noise`. Shape (E,).
         structure: Combinations of numbers that any motion can determine.
-        told: Number of combinations that this motion determines better than the prior; `faster`: number at `FASTER`
-            times its speed.
+        told, faster: Number of combinations that this motion determines better than the prior, at its own speed and at
+            `FASTER` times that speed.
         size: Prior standard deviation of a body.
         fit: Estimates from the measured forces; None without data.
     """
@@ -99,7 +99,7 @@ class Identification:
 
     @property
     def after(self) -> Array:
-        """Standard deviations after this motion, or those of the estimate if there is one. Shape (E,)."""
+        """Standard deviations after this motion, or those of the estimate if there is an estimate. Shape (E,)."""
         return self.expected if self.fit is None else self.fit.deviations
 
     @property
@@ -112,7 +112,7 @@ class Identification:
         """The mechanism with the most likely numbers.
 
         Raises:
-            DescriptionError: There are no data.
+            DescriptionError: No forces were measured.
         """
         if self.fit is None:
             raise DescriptionError("nothing was measured", "identify", "name a file of forces by --data")
@@ -135,12 +135,13 @@ def identify(
     Args:
         data: Table of times and actuator forces, and of the motion if it differs from that of the scene.
         numbers: Names or patterns of the unknown numbers, see `unknown`.
-        noise: Standard deviation of measured forces over the largest of their unit; estimated from data by default.
+        noise: Standard deviation of measured forces, relative to the largest force with the same unit; estimated from
+            data by default.
         prior: Prior standard deviation of a body and of the resistances of its joints.
         seed: Seed of the random rates.
 
     Raises:
-        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+        ScrewgaugeError: The input is invalid, or the motion cannot be followed.
     """
     for value, name in ((noise, "noise"), (prior, "prior")):
         if value is not None and not 0.0 < value < 1.0:
@@ -177,10 +178,10 @@ def identify(
 
 
 def _measured(scene: Scene, table: Recorded) -> Scene:
-    """Return the scene at the times of a table, and in the motion of the table if it has one."""
+    """Return the scene at the times of a table, and with the motion of the table if it contains one."""
     labels = [*scene.mechanism.independent]
     of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
-    if table.file is not None and of_motion <= {*table.columns}:  # an actuator may have the name of a coordinate
+    if table.file is not None and of_motion <= {*table.columns}:  # an actuator may be named like a coordinate
         drive, _ = read_drive({"csv": table.file.name}, labels, table.file.parent, str(table.file))
         scene = replace(scene, drive=drive)
         forces = {name: values for name, values in table.columns.items() if name not in of_motion}
@@ -200,16 +201,16 @@ def _deviations(ways: Array, covariance: Array) -> Array:
 
 
 def _faster(poses: NominalPoses) -> NominalPoses:
-    """Return the same poses, passed at a higher speed."""
+    """Return the same poses, with motion at a higher speed."""
     motion = poses.motion
     return NominalPoses(GivenMotion(motion.t / FASTER, motion.y, FASTER * motion.yd, FASTER**2 * motion.ydd), poses.q)
 
 
 def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
-    """Return measured forces over `Regressor.sizes`, minus those at zero features, and their derivatives by features.
+    """Return measured forces relative to `Regressor.sizes`, minus those at zero features, and their derivatives.
 
     Returns:
-        Shapes (n, c), (n, c, n_feature), and the number of independent ones among the c forces of a sample.
+        Shapes (n, c), (n, c, n_feature), and the number of independent forces among the c forces of a sample.
     """
     scene, units = regressor.scene, described(regressor.scene.mechanism)[FORCE]
     values, where = answer_of_table(scene, DATA, {FORCE: units}, [FORCE]).values[FORCE], scene.tables[DATA].where
@@ -230,7 +231,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
 
 
 def _fitted(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
-    """Fit every second sample, and predict the others."""
+    """Fit every second sample, and predict the remaining ones."""
     measured, matrix, independent = _measurements(regressor)
     fit, test = slice(0, None, 2), slice(1, None, 2)
     rows = Rows(measured[fit].ravel(), np.concatenate(matrix[fit]), len(measured[fit]) * independent)

@@ -1,1 +1,1 @@
-"""Sweeps: many variants of a scene, the numbers with the largest effects, and some variants checked by engines."""
+"""Sweeps: many variants of a scene, the numbers with the largest effects, and selected variants checked by engines."""

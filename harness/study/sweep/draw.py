@@ -1,4 +1,4 @@
-"""Draws: numbers of each variant as a function of its index in the sweep alone, whoever solves it, and when."""
+"""Draws: the numbers of each variant depend only on its index in the sweep, whoever solves the variant, and when."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.reference.parameters import numbers
 from screwgauge.reference.rotations import Array
 from screwgauge.study.sweep.plan import Plan, Scatter
 
-#: Number of coordinates of a body that scatter together.
+#: Number of coordinates of a body that are drawn together.
 BODY = 10
 
 
@@ -32,7 +32,7 @@ class Draw:
         self.dimensions = sum(BODY if one.kind == "body" else 1 for one in plan.scatter)
 
     def values(self, rows: range) -> Array:
-        """Return the numbers of some variants. Shape (P, len(rows))."""
+        """Return the numbers of given variants. Shape (P, len(rows))."""
         place = np.arange(rows.start, rows.stop)
         sizes = [len(values) for values in self.plan.grid.values()]
         at = np.unravel_index(place // self.plan.count, sizes) if sizes else ()
@@ -42,7 +42,7 @@ class Draw:
         )
 
     def _uniform(self, draws: Rows) -> Array:
-        """Return uniform numbers in (0, 1) for some draws, the same at each point of a grid. Shape (dimensions, n)."""
+        """Return uniform numbers in (0, 1) for given draws, equal at each point of a grid. Shape (dimensions, n)."""
         plan, out = self.plan, np.empty((self.dimensions, len(draws)))
         if not self.dimensions:
             return out
@@ -51,7 +51,7 @@ class Draw:
             begin, count = int(draws[first]), end - first
             if plan.design == "sobol":
                 source = qmc.Sobol(self.dimensions, rng=plan.seed)
-                with warnings.catch_warnings():  # a part of a sequence is balanced only together with the rest
+                with warnings.catch_warnings():  # a part of a sequence is not balanced on its own
                     warnings.simplefilter("ignore", UserWarning)
                     part = (source.fast_forward(begin) if begin else source).random(count)
             else:
@@ -61,7 +61,7 @@ class Draw:
         return np.clip(out, 1e-16, 1.0 - 1e-16)
 
     def scattered(self, uniform: Array) -> Array:
-        """Map uniform draws in (0, 1) to numbers. Shape (dimensions, n) -> (P without those of the grid, n)."""
+        """Map uniform draws in (0, 1) to numbers. Shape (dimensions, n) -> (P without numbers of the grid, n)."""
         found, row = list[Array](), 0
         for one in self.plan.scatter:
             if one.kind == "body":
@@ -75,7 +75,7 @@ class Draw:
         return np.concatenate(found) if found else np.empty((0, uniform.shape[1]))
 
     def deviations(self) -> list[tuple[Scatter, Array]]:
-        """Return the change of all numbers per standard deviation of each scatter. Shape (P, 1 or 10)."""
+        """Return the change in all numbers per standard deviation of each scatter. Shape (P, 1 or 10)."""
         found, row = list[tuple[Scatter, Array]](), len(self.plan.grid)
         for one in self.plan.scatter:
             width = BODY if one.kind == "body" else 1

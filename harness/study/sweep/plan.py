@@ -24,11 +24,11 @@ from screwgauge.scene.scene import Scene
 
 DESIGNS = ("random", "sobol")
 TABLES = ("csv", "parquet")
-#: Kinds of scatter, with their sizes: standard deviation, half width, or consistent bodies, see `Body`.
+#: Kinds of scatter; their sizes are standard deviation, half width, and relative deviation of consistent bodies.
 KINDS = ("normal", "uniform", "body")
 _KEYS = ("scene", "title", "quantities", "statistics", "variants", "seed", "design", "check", "table", "indices")
 _GRID = ("from", "to", "count", "values")
-#: Largest number of variants, and of points of a grid.
+#: Largest number of variants, and of points in a grid.
 MOST = 10_000_000
 #: Statistics recorded by default.
 KEPT = ("peak", "rms")
@@ -39,10 +39,10 @@ class Scatter:
     """Distribution of numbers of the scene.
 
     Attributes:
-        name: Full name of a number; for a body ``bodies.NAME``, whose ten numbers scatter together so that every draw
-            is physically consistent.
+        name: Full name of a number; or ``bodies.NAME`` for a body, whose ten numbers are drawn together so that every
+            draw is physically consistent.
         kind: One of `KINDS`.
-        size: Standard deviation or half width in the unit of the number; dimensionless for a body.
+        size: Standard deviation or half width, in the unit of the number; dimensionless for a body.
         value: Value of the number in the scene; zero for a body.
     """
 
@@ -58,21 +58,21 @@ class Scatter:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation."""
+        """Standard deviation of the distribution."""
         return self.size / 3.0**0.5 if self.kind == "uniform" else self.size
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Request of a sweep. It pickles.
+    """Request of a sweep, which can be pickled.
 
     Attributes:
-        scene: The scene, about whose numbers the variants scatter.
-        count: Number of draws, for each point of the grid if there is one.
-        scatter: Numbers that scatter, one dimension of the draw each (ten for a body).
+        scene: The scene about whose numbers the variants scatter.
+        count: Number of draws, at each point of the grid if there is a grid.
+        scatter: Numbers that scatter; each is one dimension of the draw, each body ten.
         grid: Full name of a number -> its values.
         check: Number of variants that the engines of the scene check.
-        indices: Number of draws for Sobol's indices; 0 for none.
+        indices: Number of draws for Sobol's indices; 0 to omit them.
     """
 
     scene: Scene
@@ -148,7 +148,7 @@ def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str
 
 
 def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[Scatter]:
-    """Read one entry of ``[scatter]``."""
+    """Read an entry of ``[scatter]``."""
     pattern, table = item
     where = f"{where}.{pattern}"
     check_keys(table, KINDS, where)
@@ -168,7 +168,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
 
 
 def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
-    """Return the bodies with mass that match a pattern, ``bodies.NAME`` or ``NAME``."""
+    """Return the bodies with mass that match a pattern ``bodies.NAME`` or ``NAME``."""
     masses = {name: value for name, value in known.items() if name.endswith(".mass") and value}
     try:
         return [name.removesuffix(".mass") for name in chosen(masses, [f"{pattern}.mass"], where)]
@@ -177,7 +177,7 @@ def _bodies(pattern: str, known: Mapping[str, float], where: str) -> list[str]:
 
 
 def _share(value: Any, where: str) -> float:
-    """Read a positive share, ``"2 %"`` or 0.02."""
+    """Read a positive fraction, ``"2 %"`` or 0.02."""
     match = re.fullmatch(r"\s*(.+?)\s*%\s*", value) if isinstance(value, str) else None
     share = number(match[1], where) / 100.0 if match else number(value, where)
     if not share > 0.0:
@@ -186,13 +186,13 @@ def _share(value: Any, where: str) -> float:
 
 
 def _size(value: Any, nominal: float, where: str) -> float:
-    """Read the size of a scatter: a number, or a percentage of the nominal one."""
+    """Read the size of a scatter: a number, or a percentage of the nominal value."""
     share = _share(value, where)
     return share * abs(nominal) if isinstance(value, str) and "%" in value else share
 
 
 def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list[tuple[str, Array]]:
-    """Read the values of one entry of ``[grid]``."""
+    """Read the values in an entry of ``[grid]``."""
     pattern, table = item
     where = f"{where}.{pattern}"
     check_keys(table, _GRID, where)

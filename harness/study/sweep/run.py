@@ -1,4 +1,4 @@
-"""Sweep: chunks of variants as tasks, and the contribution of each number to their scatter."""
+"""Sweep: chunks of variants as tasks, and the contribution of each number to the scatter of the results."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from screwgauge.study.sweep.plan import Plan
 if TYPE_CHECKING:
     from screwgauge.engines.screw.variants import Variants
 
-#: Number of variants per task: seconds of work, and one row of the journal.
+#: Number of variants per task, which takes seconds and has one row in the journal.
 CHUNK = 4096
-#: Number of names in a sentence.
+#: Number of names listed in a sentence.
 NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Statistic of a component."""
+    """Statistic of a component, one column of the table."""
 
     statistic: str
     quantity: str
@@ -47,7 +47,7 @@ class Column:
 
 
 def columns(plan: Plan) -> list[Column]:
-    """Return the columns of the table, statistic after statistic."""
+    """Return the columns of the table, sorted by statistic."""
     known = described(plan.scene.mechanism)
     each = [(quantity, *pair) for quantity in plan.quantities for pair in zip(*known[quantity], strict=True)]
     return [Column(statistic, *one) for statistic in plan.statistics for one in each]
@@ -55,10 +55,10 @@ def columns(plan: Plan) -> list[Column]:
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Statistics of some variants, computed as a task. It pickles.
+    """Statistics of a range of variants, computed as a task. It can be pickled.
 
     Attributes:
-        key: Key of the plan, which a process compiles once.
+        key: Key of the plan, which each process compiles once.
     """
 
     plan: Plan
@@ -67,7 +67,7 @@ class Chunk:
     stop: int
 
     def __call__(self, progress: Progress) -> dict[str, Any]:
-        """Return values row by row, one variant each, as base64 text, and the reasons of variants without values."""
+        """Return the values as a base64 string, one row per variant, and the reasons of variants without values."""
         draw, variants = _compiled(self.plan, self.key)
         motion, values = self.plan.scene.motion, draw.values(range(self.first, self.stop))
         given = dict(zip(draw.names, values, strict=True))
@@ -98,7 +98,7 @@ class Effect:
 
     Attributes:
         deviation: Standard deviation in the unit of the number; dimensionless for a body.
-        changes: Change of each column. Shape (C,).
+        changes: Change in each column. Shape (C,).
     """
 
     name: str
@@ -109,7 +109,7 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Variant checked by the engines of the scene, each with its own model files."""
+    """Variant that the engines of the scene checked, each with its own model files."""
 
     variant: int
     ok: bool
@@ -123,10 +123,10 @@ class Sweep:
 
     Attributes:
         values: Statistics. Shape (V, C).
-        why: Reason why a variant has no statistics; empty if it has. Shape (V,).
-        nominal: Statistics of the scene as it is. Shape (C,).
+        why: Reason why a variant has no statistics; empty if it has statistics. Shape (V,).
+        nominal: Statistics of the unchanged scene. Shape (C,).
         effects: Effect of each scatter.
-        indices: Number -> Sobol's first-order and total indices for the column that scatters most; if requested.
+        indices: If requested, number -> Sobol's first-order and total indices for the column that scatters most.
     """
 
     plan: Plan
@@ -152,13 +152,13 @@ class Sweep:
 
     @property
     def table(self) -> pd.DataFrame:
-        """A row for each variant: numbers, statistics, and the reason if there are none."""
+        """A row for each variant: numbers, statistics, and the reason if there are no statistics."""
         found = pd.DataFrame(self.values, columns=[column.name for column in self.columns])
         return pd.concat([self.numbers, found.assign(why=self.why)], axis=1)
 
     @property
     def sizes(self) -> Array:
-        """Scale of each column: the largest nominal value of its statistic and unit. Shape (C,)."""
+        """Scale of each column: the largest nominal value with its statistic and unit. Shape (C,)."""
         keys = [(column.statistic, column.unit) for column in self.columns]
         largest = dict.fromkeys(keys, 0.0)
         for key, value in zip(keys, self.nominal, strict=True):
@@ -174,7 +174,7 @@ class Sweep:
         return [(self.effects[i], some[int(np.argmax(shares[i]))]) for i in order]
 
     def worst(self, column: int) -> int | None:
-        """Return the variant whose statistic is farthest from the nominal one."""
+        """Return the variant whose statistic is farthest from the nominal value."""
         away = np.abs(self.values[:, column] - self.nominal[column])
         return int(np.nanargmax(away)) if np.isfinite(away).any() else None
 
@@ -186,10 +186,11 @@ def sweep(
 
     Args:
         execute: Executor of the chunks; this process by default.
-        place: Folder of the report; its chunks are kept on disk until all are complete; by default none.
+        place: Folder of the report. With a folder, chunks are kept on disk until all are complete.
 
     Raises:
-        ScrewgaugeError: Varied numbers remove the mobility of the machine, or the scene's motion cannot be followed.
+        ScrewgaugeError: The variation would remove the mobility of the machine, or the scene's motion cannot be
+            followed.
     """
     key = address("sweep", _content(plan), files=[plan.file, *_files(plan)])
     draw, variants = _compiled(plan, key)
@@ -231,7 +232,7 @@ def _files(plan: Plan) -> list[Path]:
 
 
 def _check_mobility(plan: Plan, variants: Variants) -> None:
-    """Reject, before any variant is solved, numbers that remove the mobility of an overconstrained machine."""
+    """Reject, before any variant is solved, numbers whose change removes the mobility of an overconstrained machine."""
     if costs := [*variants.cannot_change]:
         where = str(plan.file)
         what = f"{first_few(costs, NAMED)} cannot change alone: the loops would stay open"
@@ -239,7 +240,7 @@ def _check_mobility(plan: Plan, variants: Variants) -> None:
 
 
 def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
-    """Decode values and reasons of a chunk. Shapes (count, width), (count,)."""
+    """Decode the values and reasons of a chunk. Shapes (count, width), (count,)."""
     why = np.full(count, row["why"].get("", ""), dtype=object)
     for i, reason in row["why"].items():
         if i:
@@ -249,12 +250,12 @@ def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
 
 
 def _change(ways: Array) -> Array:
-    """Return the signed change due to a number, or the norm of the ten of a body. Shape (C, 1 or 10) -> (C,)."""
+    """Return the signed change due to a number, or the norm of the ten changes due to a body. (C, 1 or 10) -> (C,)."""
     return ways[:, 0] if ways.shape[1] == 1 else np.asarray(np.linalg.norm(ways, axis=1))
 
 
 def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
-    """Return the nominal statistics of the scene, and their derivatives by all numbers. Shapes (C,), (C, P)."""
+    """Return the scene's statistics, and their derivatives with respect to all numbers. Shapes (C,), (C, P)."""
     motion, nominal, slopes = plan.scene.motion, list[float](), list[Array]()
     given = motion.y, motion.yd, motion.ydd
     values = variants(*given, parameters={}, t=motion.t)
@@ -269,7 +270,7 @@ def _slopes(plan: Plan, variants: Variants) -> tuple[Array, Array]:
 
 
 def _statistic(name: str, x: Array) -> tuple[float, Array]:
-    """Return a statistic of a time series, and its derivative by each value. Shape (n,)."""
+    """Return a statistic of a time series, and its derivative with respect to each value. Shape (n,)."""
     n, at = len(x), np.zeros(len(x))
     if name == "mean":
         return float(x.mean()), at + 1.0 / n
@@ -282,7 +283,7 @@ def _statistic(name: str, x: Array) -> tuple[float, Array]:
 
 
 def _checked(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
-    """Check some of the variants with the engines of the scene, each with its own model files."""
+    """Check selected variants with the engines of the scene, each with its own model files."""
     from screwgauge.study.run import run
 
     for i in rows[spread(len(rows), plan.check)].tolist() if len(rows) and plan.check else ():
