@@ -159,7 +159,7 @@ def executor(jobs: int | None, cluster: str | None, limits: isolation.Limits | N
 
 
 def _address(where: str) -> str:
-    """Return the address of a scheduler that responds. A Dask client that cannot connect would never return.
+    """Return the address of a scheduler, checked to respond: a Dask client that cannot connect hangs.
 
     Raises:
         DescriptionError: No scheduler responds, or Dask's configuration and the scheduler differ in TLS.

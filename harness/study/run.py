@@ -209,7 +209,7 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
         )
     counts = check_scene(scene)
     wanted, left = check_actuation(scene, counts, wanted)
-    given = {name: named for name, named in names.items() if not name.startswith("tree_force")}  # an engine's own
+    given = {name: named for name, named in names.items() if not name.startswith("tree_force")}  # engines cut trees
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
     missing = () if scene.grid is None else scene.grid.warnings
     warnings = (*left, *missing, *far_from_home(scene), *sampled, *rest_warning(scene))

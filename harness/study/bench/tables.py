@@ -116,7 +116,7 @@ def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
 
 
 def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
-    """Return the rows of ``forward.csv``: absolute errors by unit, energy, both times, and counts of the work."""
+    """Return the rows of ``forward.csv``: absolute errors by unit, energy, both times, and numbers of steps."""
     body = []
     for row, energy in pairs(rows):
         who, cost = (row.contestant.family, row.contestant.name, row.contestant.setting), row.cost

@@ -203,5 +203,5 @@ class GateRow:
 
     @property
     def worst(self) -> Residual | None:
-        """The largest error relative to its tolerance; those out of tolerance and those of engine pairs come first."""
+        """The error that is largest relative to its tolerance; errors out of tolerance and of engine pairs go first."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
