@@ -59,8 +59,8 @@ def curvature_notes(couplings: Sequence[Coupling], problem: Problem, *, own_step
 STIFFEST = 0.9999
 #: Factor by which rows are harder than at the largest impedance. Their regularisation is (1 - d) / d times the mean
 #: inverse mass of the bodies (body_invweight0), which is divided by this factor. Near singular poses the passes
-#: converge slowly: with 20 passes, simulations of A02 stop there for a factor of 1 (N = 2) or 10 (N = 40); with a factor
-#: of 1000, at most 8 passes are needed.
+#: converge slowly: with 20 passes, simulations of A02 stop there for a factor of 1 (N = 2) or 10 (N = 40); with a
+#: factor of 1000, at most 8 passes are needed.
 HARDER = 1000.0
 #: Change, relative to the largest acceleration, below which passes end; and largest number of passes.
 SAME, PASSES = 1e-13, 20
