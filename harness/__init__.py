@@ -1,7 +1,7 @@
 """Screwgauge: do two descriptions of a mechanism's motion agree, by how much, and if not, why?
 
-The names below are imported on first use, so that ``screwgauge --help`` stays quick and no engine is loaded
-before it is asked for.
+The names below are imported on first use, so that ``screwgauge --help`` stays quick and engines are only loaded when
+they are needed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Functions of the package for Python. Each imports what it needs when called."""
+"""Functions of the package for Python. Each function imports what it needs when it is called."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def run(
     from screwgauge.report.results import Results
     from screwgauge.study.run import run as compared
 
-    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+    with np.errstate(all="ignore"):  # values that are not numbers become rows with a reason
         comparison = compared(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
     return Results.of(comparison)
 

@@ -114,7 +114,7 @@ def _whole_number(least: int) -> Callable[[str], int]:
 
 
 def _nonempty(text: str) -> str:
-    """Reject an empty path, as left by an unset shell variable: it would mean the current folder."""
+    """Reject an empty path, e.g. from an unset shell variable, because it would mean the current folder."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
     return text

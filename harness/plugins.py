@@ -255,7 +255,7 @@ __all__ = [
 ]
 
 _TREE = "screwgauge.engines.tree"
-#: Modules that only engines with an open tree need, and that take half of the time of all imports.
+#: Modules that only engines with an open tree need, and whose import takes half of the time of all imports.
 _HOMES = {
     "BodyPoses": f"{_TREE}.protocol",
     "LoopsFile": "screwgauge.models.files.loops",

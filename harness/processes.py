@@ -18,7 +18,7 @@ from threading import Lock
 
 ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1")
 SAFE = {"PYTHONSAFEPATH": "1"}
-MALLOC = {-3: 2**25, -1: 2**28}  # M_MMAP_THRESHOLD, at its largest, and M_TRIM_THRESHOLD of <malloc.h> [bytes]
+MALLOC = {-3: 2**25, -1: 2**28}  # largest M_MMAP_THRESHOLD, and M_TRIM_THRESHOLD, of <malloc.h> [bytes]
 _LOCK = Lock()
 
 
@@ -59,7 +59,7 @@ def python(*arguments: str) -> list[str]:
 
 
 def safe_path() -> list[str]:
-    """Return `sys.path` as absolute paths, without the folder that Python put first because it is the current one."""
+    """Return `sys.path` as absolute paths, without the current folder if Python put it first."""
     places = sys.path
     with suppress(OSError):  # the current folder no longer exists
         if not sys.flags.safe_path and os.path.samefile(places[0], "."):

@@ -16,7 +16,7 @@ from screwgauge.reference.mechanism import KINDS, Joint, Mechanism, driven_coord
 from screwgauge.reference.points import Point
 from screwgauge.reference.resistance import resistances
 
-G0 = 9.81  # [m/s^2], only a scale
+G0 = 9.81  # [m/s^2], used only as a scale
 MAX_DIGITS = 17.0
 
 
@@ -161,7 +161,7 @@ ACTUATED = RULED | {"jacobian"}
 FORCE = {"rad": "N m", "m": "N"}
 #: Number of angles among two coordinates -> unit of the inertia between them.
 INERTIA = ("kg", "kg m", "kg m^2")
-#: Unit of a rate per rate of an actuator -> its power of length.
+#: Unit of a rate per rate of an actuator -> exponent of a length.
 RATIOS = {"rad/rad": 0, "m/m": 0, "m/rad": 1, "rad/m": -1}
 #: Fraction of its natural scale, or of its largest term, below which a magnitude cannot serve as scale.
 FLOOR = 1e-6
@@ -299,9 +299,7 @@ def length(mechanism: Mechanism) -> float:
 
 
 def arm(unit: str, length: float) -> float:
-    """Return the factor by unit that converts angles to lengths, forces to moments, masses to inertias; 1 for other
-    units.
-    """
+    """Return the factor by unit that converts angles to lengths, forces to moments, masses to inertias; else 1."""
     if unit in RATIOS:
         return length ** RATIOS[unit]
     return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 Files = tuple[Iterable[Path], Mapping[str, Path]]
-"""Files that a command reads, and option -> file that it writes."""
+"""Files that a command reads, and option -> file that the command writes."""
 
 _ON = "run the same command again: it goes on from the rows that are there"
 

@@ -29,7 +29,7 @@ def arrays(solution: Solution) -> dict[str, Array]:
 
 
 def check_same(one: Solution, other: Solution) -> None:
-    """Fail if two answers differ in a bit."""
+    """Fail unless two answers are bitwise equal."""
     first, second = arrays(one), arrays(other)
     assert first.keys() == second.keys(), "it answers with other arrays when it is asked again"
     for name, array in first.items():

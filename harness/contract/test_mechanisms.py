@@ -114,7 +114,7 @@ def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     assert not said, f"numbers of {name} contradict each other: {'; '.join(said)}"
 
 
-#: A body on one joint from the ground, without actuators: kind of the joint, its axes and other entries.
+#: Description of a body on one joint from the ground, without actuators: kind of the joint, its axes, further entries.
 ALONE = """name = "alone"
 [independent]
 {independent}

@@ -32,7 +32,7 @@ def _freedoms(kinds: str) -> int:
 
 
 def _draw_kinds(s: Sketch, kinds: str, low: int, high: int) -> str:
-    """Draw from `low` to `high` - 1 joint kinds; repeated letters are more likely."""
+    """Draw between `low` and `high` - 1 joint kinds; repeated letters are more likely."""
     return "".join(s.rng.choice(list(kinds), size=s.rng.integers(low, high)))
 
 
@@ -180,7 +180,7 @@ def _legs(s: Sketch, n: int, kinds: str, driven: int) -> None:
 
 
 def _ups(s: Sketch, n: int, middle: str = "") -> None:
-    """Draw n UPS legs around a passive one."""
+    """Draw n UPS legs around a passive leg."""
     _legs(s, n, "UPS", 1)
     if middle:
         heights = 0.9 * np.arange(len(middle)) / max(len(middle) - 1, 1)

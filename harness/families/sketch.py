@@ -15,7 +15,7 @@ from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
 
 Tables = dict[str, Any]
-#: Singular values below this are zero, above `REGULAR` nonzero; sketches with values in between are drawn again.
+#: Singular values below `ZERO` are zero, and above `REGULAR` nonzero; sketches with values in between are discarded.
 ZERO, REGULAR = 1e-9, 5e-3
 
 
@@ -112,7 +112,7 @@ class Sketch:
         return np.stack([first, second, third])[:n]
 
     def join(self, kind: str, a: str, b: str, point: Array, axes: Array | None = None, *, driven: bool = False) -> None:
-        """Place a joint, given none, one or all axes, shape (3,) or (n_axes, 3)."""
+        """Place a joint with given axes, shape (3,) for the first or (n_axes, 3) for all; missing axes are drawn."""
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 

@@ -54,7 +54,7 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """Build the banner of a positive or negative result."""
+        """Return the banner of a positive or negative result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
@@ -74,7 +74,7 @@ class Table:
 
     @property
     def right(self) -> frozenset[int]:
-        """Columns of numbers, which are right-aligned."""
+        """Indices of columns with numbers, which are right-aligned."""
         columns = enumerate(zip(*self.body, strict=True) if any(self.head) else ())
         return frozenset(i for i, cells in columns if all(map(_NUMBER.fullmatch, cells)) and any(cells))
 
@@ -106,7 +106,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks folded under a title with a short note; `printed` opens them in print."""
+    """Blocks folded under a title with a short note; `printed`: the fold is open in print."""
 
     title: str
     blocks: tuple[Block, ...]

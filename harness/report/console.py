@@ -23,14 +23,14 @@ from screwgauge.reference.outputs import OVERWRITING
 #: Character -> substitute of equal length for streams that cannot encode it, so that columns stay aligned.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
 STOPS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
-BROKEN = 3  # exit status of an unforeseen error
+BROKEN = 3  # exit status after an unexpected error
 _FALLBACK = "screwgauge.signs"
 _stopped_by: list[int] = []
 
 
 @contextmanager
 def console() -> Iterator[None]:
-    """Prepare the streams for output; SIGTERM ends a command cleanly, as Ctrl-C does."""
+    """Prepare the streams for output; SIGTERM ends a command as cleanly as Ctrl-C."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -84,7 +84,7 @@ def mark(command: str) -> None:
 
 
 def _print(text: str, end: str) -> None:
-    """Print on standard output; a closed pipe does not change the exit status."""
+    """Print to standard output; a closed pipe does not change the exit status."""
     try:
         if sys.stdout is None:
             raise OSError(errno.EBADF, "it is closed")

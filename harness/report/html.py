@@ -26,7 +26,7 @@ from screwgauge.truth import cache
 PAGE = Path(__file__).with_name("page.html")
 #: Forbids all requests; pages with charts may evaluate code, because vega compiles functions.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
-WIDE = 8  # number of columns from which a table is set more tightly
+WIDE = 8  # number of columns from which a table has a tighter layout
 #: Letters per line on a phone, in a legible column of text, and in a table that fits twice on a line of paper.
 PHONE, LEGIBLE, SLIM = 50, 30, 40
 SENTENCE = 80  # number of letters from which a cell is a sentence, not a name or number

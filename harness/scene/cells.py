@@ -19,7 +19,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 
-#: Condition number of loops or actuators beyond which a cell is singular: half of the digits are lost there.
+#: Condition number of loops or actuators above which a cell is singular, because half of the digits are lost.
 SINGULAR = 1e8
 #: Largest deviation from the tangents at both ends, relative to the step; tolerance for rounding; and the longest step
 #: [rad or lengths of the mechanism].
@@ -32,8 +32,9 @@ NOT_REACHED = "the loops do not close there, or not without passing a singular p
 
 
 Closed = tuple[Array, ...]
-"""Closed poses of some cells: unknowns z without dimension, shape (n, n_z), their rates K per rate of y, shape
-(n, n_z, k), and the closing system, shape (n, m, n_z')."""
+"""Closed poses of cells: dimensionless unknowns z, shape (n, n_z), their rates K per rate of y, shape (n, n_z, k), and
+the closing system, shape (n, m, n_z').
+"""
 
 
 def edges(counts: Sequence[int]) -> tuple[Rows, Rows]:
@@ -223,7 +224,7 @@ def walk(
         Cells in order; cells of the whole path, including ways back; and the index on the path at which each cell is
         first reached.
     """
-    beside: list[dict[int, int]] = [{} for _ in wanted]  # difference of the indices -> the adjacent cell
+    beside: list[dict[int, int]] = [{} for _ in wanted]  # difference in index -> the adjacent cell
     for a, b in zip(*(side.tolist() for side in ways), strict=True):
         beside[a][b - a], beside[b][a - b] = b, a
     steps = [sign * int(np.prod(counts[axis + 1 :])) for axis in reversed(range(len(counts))) for sign in (1, -1)]

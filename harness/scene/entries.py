@@ -26,7 +26,7 @@ from screwgauge.scene.motion import read_column, read_course
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Curves of one quantity and unit in adjacent panels, or a contour plot over a grid.
+    """Curves of a quantity with one unit in panels side by side, or a contour plot over a grid.
 
     Attributes:
         panels: Label of each panel, and patterns (``leg1.*``) of its components.
@@ -169,7 +169,7 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     """Read a spring and damper along a joint coordinate, or on the line between points of two bodies.
 
     Raises:
-        ScrewgaugeError: A name is unknown, stiffness, damping or length is negative, or the spring exerts nothing.
+        ScrewgaugeError: A name is unknown, stiffness, damping or length is negative, or stiffness and damping are zero.
     """
     given = read_keys("springs", table, where)
     if ("coordinate" in table) == ("first" in table):

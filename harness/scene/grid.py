@@ -31,7 +31,7 @@ from screwgauge.scene.motion import Analytic, read_course
 KEY = "grid"
 
 Cell = tuple[int, ...]
-"""Number of a cell along each axis."""
+"""Index of a cell along each axis."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +91,7 @@ class GridMotion:
 
     @property
     def extent(self) -> str:
-        """Sentence with the number of cells and the assumptions about them."""
+        """Sentence with the number of cells, and the assumptions about the cells."""
         n = len(self.missing) + len(self.cells)
         return f"{len(self.cells)} of {n} cells, each at rest; t counts them in the order of a walk from home"
 

@@ -1,4 +1,4 @@
-"""Coordinates that a scene's motion omits because no actuator drives them: their motion follows from the forces."""
+"""Coordinates that a scene's motion omits because no actuator drives them, so that forces determine their motion."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COARSE = 1e-3
 
 
 Start = Mapping[str, float | None]
-"""``start`` of a coordinate that no actuator drives, by default home, and ``rate``, that of no momentum along it."""
+"""``start`` of a coordinate that no actuator drives, default home, and ``rate``, default without momentum along it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -238,8 +238,8 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
 def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     """Count freedoms at the most general of a few poses (joint coordinates): symmetry makes forces look unique.
 
-    Since rounding decides on ranks next to singular poses, only the given poses of the highest rank count; if there are
-    none, only home counts.
+    Since rounding decides on ranks next to singular poses, only the given poses with the highest rank are used; if
+    there are none, only home is used.
     """
     *sampled, home = (mobility(lay, q[None]) for q in [*poses, lay.mechanism.home])
 
@@ -253,7 +253,7 @@ def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     return replace(most, unique=unique, determined=determined)
 
 
-#: Largest rate at both ends of a motion from rest to rest, relative to the largest rate.
+#: Largest rate at both ends of a motion from rest to rest, relative to the largest rate in between.
 REST = 1e-6
 
 

@@ -313,7 +313,7 @@ def check_scene_type(what: object, where: str) -> None:
 
 
 def check_order(t: Array, since: float) -> None:
-    """Reject times of a simulation that do not increase from its start."""
+    """Reject times of a simulation that do not increase from the start on."""
     if (np.diff(t) <= 0.0).any() or t[0] < since:
         raise DescriptionError(
             f"the times do not increase from t = {since:g} s on", "times", "give times in order, from the start on"

@@ -20,7 +20,7 @@ from screwgauge.truth.cache import digest as digest_of
 
 #: Packages, in addition to those in `environment`, on which results or pickled data depend.
 PACKAGES = ("scipy", "llvmlite", "loky", "distributed", "cloudpickle")
-#: Packages that this distribution consists of.
+#: Packages that make up this distribution.
 ROOMS = ("screwgauge", "screwgauge.reference", "screwgauge.models")
 OURS = (".py", ".toml", ".csv", ".urdf", ".xml")
 

@@ -16,7 +16,7 @@ from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Error, Failure, Solution, Timing, Values
 
-TRACE = 20_000  # characters kept at the end of a traceback
+TRACE = 20_000  # number of characters kept from the end of a traceback
 LONG, SHORT, MOST = 2000, 200, 100  # largest length of a note and of a name; largest number of notes and of timings
 
 
@@ -81,7 +81,7 @@ def _some(what: str, items: object) -> list[Any]:
 
 
 def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
-    """Yield the entries of a mapping from quantities."""
+    """Yield the entries of a mapping whose keys are quantities."""
     if not isinstance(table, Mapping):
         raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
     for name, value in table.items():

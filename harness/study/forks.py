@@ -62,6 +62,6 @@ class _Process(ForkServerProcess):
 
 
 class Forks(ForkServerContext):
-    """Context of multiprocessing whose processes are forks of the server."""
+    """Multiprocessing context whose processes are forks of the server."""
 
     Process = _Process

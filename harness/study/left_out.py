@@ -27,7 +27,7 @@ from screwgauge.solution import Solution, Values, empty
 from screwgauge.witness.constraints import AdmissibleMotion
 
 FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
-#: Largest number of array elements computed at once.
+#: Largest number of array elements that are computed at once.
 NUMBERS = 4_000_000
 #: Largest remaining fraction of a difference that left-out forces explain.
 LEFT = 0.5

@@ -67,7 +67,7 @@ def describe(bars: Mapping[str, float], pins: Mapping[str, Tables], *independent
 
 
 def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Tables:
-    """Describe a four-bar by lengths [m], home angle of the crank, and side of the diagonal of the coupler's end."""
+    """Describe a four-bar by lengths [m], home angle of the crank, and side on which the coupler's end lies."""
     tip = _along(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = {
@@ -131,7 +131,7 @@ FILE = Path(__file__).with_name("four-bar.toml")
 COORDINATES = ("q1", "q2", "q3")
 LENGTHS, MASSES = np.array([0.3, 0.6, 0.4]), np.array([0.5, 1.1, 0.7])  # [m], [kg] crank, coupler, rocker
 MOMENTS = MASSES * LENGTHS**2 / 12  # moments of inertia about the centres [kg m^2]
-BASE, GRAVITY = 0.5, np.array([0.0, -9.81, 0.0])  # [m], [m/s^2]
+BASE, GRAVITY = 0.5, np.array([0.0, -9.81, 0.0])  # length of the base [m]; gravity [m/s^2]
 SPEED, TORQUE = 10.0, 3.0  # angular velocity of the crank [rad/s], torque on it [N m]
 FIRST, LAST = 0.8, 1.3  # first and last angle of the crank [rad]
 
@@ -144,7 +144,7 @@ def write_four_bar(folder: Path) -> ModelFiles:
 
 
 def four_bar_states(n: int) -> tuple[Problem, Values]:
-    """Return the problem of n closed states of the four-bar under a crank torque, and its exact accelerations."""
+    """Return a problem with n closed states of the four-bar under a crank torque, and its exact accelerations."""
     angles = _angles(np.linspace(FIRST, LAST, n))
     J = _jacobian(angles)
     rest = np.linalg.solve(J[..., 1:], -SPEED * J[..., 0, None])[..., 0]
@@ -157,7 +157,7 @@ def four_bar_states(n: int) -> tuple[Problem, Values]:
 
 
 def _angles(crank: Array) -> Array:
-    """Return the angles of the rods to the base for crank angles, (n,) [rad]. Shape (n, 3)."""
+    """Return the angles of the rods to the base, given the crank angles (n,) [rad]. Shape (n, 3)."""
     p = LENGTHS[0] * np.stack([np.cos(crank), np.sin(crank)], axis=1)
     across = np.array([BASE, 0.0]) - p
     d = np.linalg.norm(across, axis=1)

@@ -59,7 +59,7 @@ class CannotError(Exception):
 
 
 Maker = Callable[[Path, Sequence[str]], Path]
-"""Takes a folder that is to be made and requirements; returns the Python of an environment that has them."""
+"""Function that takes a folder to create and requirements, and returns the Python of an environment that meets them."""
 
 
 def matrix(
@@ -222,5 +222,5 @@ def _check(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
 
 
 def _exceeding_quantities(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield quantities in which two engines are out of tolerance."""
+    """Yield the quantities in which two engines are out of tolerance."""
     return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)

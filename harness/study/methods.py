@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
 
-DOUBTS = 3  # doubts about models or engines named in a sentence
+DOUBTS = 3  # number of doubts about models or engines named in a sentence
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
@@ -192,7 +192,7 @@ def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
 
 
 def without(quantities: Iterable[str]) -> str:
-    """Return the sentence on an answer that lacks quantities."""
+    """Return a sentence on an answer that lacks quantities."""
     return f"gives no {', '.join(quantities)}, though asked for"
 
 

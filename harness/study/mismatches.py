@@ -107,7 +107,7 @@ _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyo
 MEASURED = "measured"  # a run reports the size of such a property
 _NOT_KNOWN = "not known whether applied by {} in {}"
 SAME = 1e-12  # relative error in an amount due to rounding of a gear
-_NAMED, _LONGEST = 3, 80  # number of items of a kind that are named, the others being counted; largest length of one
+_NAMED, _LONGEST = 3, 80  # number of items of a kind that are named, if more are counted; largest length of an item
 
 
 def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ STANDIN = "screw"  # engine that computes the expected values without a force, a
 DENSE = 2001  # number of times between which expected values are interpolated
 PAIRED = 6  # largest number of acting forces for which pairs of missing forces are tried
 Solved = Callable[[str, Array], Mapping[str, Values]]
-"""What acts and is left out, or none, and times [s] -> values of each quantity."""
+"""Function of the name of a force to leave out (empty for none) and times [s]; returns quantity -> values."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 Ask = Callable[[Scene, Iterable[str], Path], Mapping[str, Solution | Failure]]
-"""Puts a scene to engines and tables; takes the folder of the generated models."""
+"""Function that puts a scene to engines and tables, given the folder of the generated model files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,7 +209,8 @@ def _check(scene: Scene, wanted: tuple[str, ...]) -> _Asked:
         )
     counts = check_scene(scene)
     wanted, left = check_actuation(scene, counts, wanted)
-    given = {name: named for name, named in names.items() if not name.startswith("tree_force")}  # engines cut trees
+    # components of tree forces depend on the tree of each engine
+    given = {name: named for name, named in names.items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
     missing = () if scene.grid is None else scene.grid.warnings
     warnings = (*left, *missing, *far_from_home(scene), *sampled, *rest_warning(scene))

@@ -32,10 +32,10 @@ FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults with a fitte
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
 
 Bases = Rows | slice
-"""Columns of expected numbers."""
+"""Indices of columns of expected numbers."""
 
 Key = tuple[str, str, str]
-"""Kind, of what, and size of a fault, rounded."""
+"""Kind of a fault, its object, and its rounded size."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ def _text(name: str) -> str:
 
 
 def filled(name: str, /, **values: Any) -> Spec:
-    """Replace every ``"$key"`` of a specification, at any depth; a facet of one panel becomes that panel."""
+    """Replace every ``"$key"`` in a specification, at any depth; a facet with one panel becomes that panel."""
     spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
     if spec.get("columns") == 1:
         panel = spec.pop("spec")

@@ -29,7 +29,7 @@ class Renderer:
     """The drawing process, started on demand, and restarted after a crash.
 
     Attributes:
-        lost: Reasons of failed drawings.
+        lost: Reasons why drawings failed.
     """
 
     def __init__(self) -> None:

@@ -50,7 +50,7 @@ WORDS: dict[Outcome, str] = {
 
 
 def _banners(check: Check) -> list[Banner]:
-    """Build the verdict banner and warnings about physically implausible models."""
+    """Return the verdict banner, and warnings about implausible models."""
     odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
     odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
     odd += [(row.scene, f"{sentence}.") for row in check.rows for sentence in row.remarks]

@@ -149,7 +149,7 @@ def _legend(x: float, y: float) -> str:
 
 
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
-    """Return the direction to the viewer: face-on if both machines are planar."""
+    """Return the direction to the viewer, which is normal to the plane if both machines are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
     planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar

@@ -27,7 +27,7 @@ from screwgauge.study.bench.variants import VARIANTS, VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
-#: Quantity of a contestant that computes nothing.
+#: Quantity of contestants that compute nothing.
 NOTHING = "none"
 
 
@@ -82,7 +82,7 @@ class Contestant:
         return f"{self.family} ({self.series})" if self.series else self.family
 
     def ask(self, posed: PreparedScene) -> Trial:
-        """Pose the contestant's question on a scene."""
+        """Pose the contestant's question for a scene."""
         return self.question(posed, self.method.engine, self.quantities)
 
     def scores(self, trial: Trial, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:

@@ -280,7 +280,7 @@ QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "ac
 #: Quantities that the judge needs and that the truth provides.
 JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
 
-TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
+TIMES = (0.5, 1.0, 2.5)  # instants of the default scene [s]
 ACCELERATION = "joint_acceleration"
 SCREW = Method("screw")
 

@@ -33,7 +33,7 @@ from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times
 
-#: Moments of inertia of the platform as a plate and of a leg half as a rod [kg m^2], close to those of the paper.
+#: Moments of inertia of the platform as a plate and of half a leg as a rod [kg m^2], close to the paper's values.
 PLATE, ROD = 0.46, 1.16e-2
 #: Directions of rates and of accelerations, with larger component one.
 _RATE = np.array([[1.0, -0.6], [0.5, -1.0], [-0.3, 1.0]])
@@ -114,9 +114,9 @@ def inertia_anisotropy(tables: Tables, e: float) -> None:
         body["inertia_rotation"] = {"axis": axis, "angle": "0.4"}
 
 
-STEP = 1e-3  # [s] between samples
+STEP = 1e-3  # time between samples [s]
 SCHEME_STEP = 1e-2  # step of the paper's scheme [s]
-PART = 2048  # steps of the scheme per part
+PART = 2048  # number of steps of the scheme per part
 CHECKED = 8  # number of samples compared with the truth, including the last one
 QUANTITIES = ("joint_position", "generalized_force")
 SCHEMES = {

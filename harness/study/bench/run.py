@@ -40,9 +40,9 @@ from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.store import Journal, is_record
 
 Measurements = tuple[dict[str, Any], dict[str, list[float]]]
-"""Contestant -> result of its first call, and -> its times [s]."""
+"""Contestant -> result of its first call, and contestant -> its measured times [s]."""
 
-#: Note on times of contestants that ran at the same time.
+#: Note on the times of contestants that ran simultaneously.
 BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 
 
@@ -246,7 +246,7 @@ def _measure_group(
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Measure the settings of a contestant; return their results and times along with the known ones.
+    """Measure the settings of a contestant; return their results and times in addition to the known ones.
 
     Args:
         end: Time after which no further measurement begins [s since 1970].

@@ -27,7 +27,7 @@ TWISTS = ("right", "printed", "literal")
 CLOSED = 1e-9  # [rad, m]: if the driving joint alone closes the loops, it closes them to rounding, about 1e-15
 #: Method -> its stages, each with fraction of the step and weight.
 STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
-#: Method -> number of parts of a step.
+#: Method -> number of parts in a step.
 PARTS = {"euler": 1, "rk4": 2}
 
 
@@ -213,7 +213,7 @@ def integrate(
 
 
 def _bias(terms: Array) -> Array:
-    """Compute ``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over S_j w_j. (..., m, 6) -> (..., 6)."""
+    """Compute ``w^T S_L w`` in eq. (44), the sum of [V before j, S_j w_j] over S_j w_j. (..., m, 6) -> (..., 6)."""
     return np.asarray(lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
 
 

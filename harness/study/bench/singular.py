@@ -168,7 +168,7 @@ def _path_around(lock: float, distance: float, steps: int) -> Array:
 
 
 def _poses(name: str, y: Array) -> Scene:
-    """Return a scene of a mechanism at poses, all with the same rates and accelerations."""
+    """Return a scene with a mechanism at given poses, all with the same rates and accelerations."""
     scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
     return scene_at(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
 
@@ -223,7 +223,7 @@ def _drive(
 
 
 def textbook_linkages() -> Iterator[Passing]:
-    """Yield textbook linkages, each in a motion through or up to a singular pose."""
+    """Yield textbook linkages, each with a motion through or up to a singular pose."""
     half, turn = float(np.pi / 2), float(np.pi)
     crank = slider_crank(0.3, 0.5, 0.4, driven="x")
     start, end = crank["joints"]["x"]["home"][0], 0.8
@@ -301,7 +301,7 @@ _NEAR = {"four-bar": _four_bar_near, "slider-crank": _slider_crank_near, "five-b
 
 
 def change_points(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about linkages passing poses with nearly collinear bars; at gap 0 also textbook linkages."""
+    """Yield questions about linkages that pass poses with nearly collinear bars; at gap 0 also textbook linkages."""
     some = [*near_change_points(3 if quick else 9, gap), *(textbook_linkages() if gap == 0.0 else ())]
     for one in some:
         place = folder / one.name

@@ -45,11 +45,11 @@ from screwgauge.study.reference_values import PreparedScene, Reference
 #: Damping ratio at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s for 1e10 N/m.
 DAMPING = 1.2
 SAFETY = 8.0  # factor for rounding of a spring's force: of its length, product and sum, in both directions
-DURATION = 0.1  # [s]
+DURATION = 0.1  # duration of the motion [s]
 START = (0.01, -0.005)  # start [rad], relative to the pose at which the springs are relaxed
 RADAU = Integration("Radau", 1e-5, 1e-7)
 DOP853 = Integration("DOP853", 1e-7, 1e-9)
-MOST_STEPS = 100  # steps that an explicit method may need for stability alone
+MOST_STEPS = 100  # largest number of steps that an explicit method may need for stability alone
 QUANTITIES = ("motion", "energy")
 _PUSHED = (
     Method("pinocchio", {"mu": 1e-10, "iterations": 5}),
@@ -101,7 +101,7 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
 def _with_springs(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
-    """Return the problem with springs, and with actuator forces that compensate the spring forces."""
+    """Return the problem with springs and with actuator forces that compensate them."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
         raise TypeError("the task gives no forces")
@@ -208,12 +208,12 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 
 STAGES = 10
-MOST_ITERATIONS = 40  # iterations of the simplified Newton method
+MOST_ITERATIONS = 40  # largest number of iterations of the simplified Newton method
 CLOSE = 1e-13  # change in the last iteration, relative to each component's largest value
 DIFFERENCE = 2.0**-17  # step of central differences: the cube root of the rounding error
 
 Slope = Callable[[Array], Array]
-"""Derivatives of states, one a row. Shape (n, m) -> (n, m)."""
+"""Derivatives of states, one state per row. Shape (n, m) -> (n, m)."""
 
 
 def collocate(slope: Slope, state: Array, times: Array) -> Array:

@@ -29,7 +29,7 @@ from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal, from_record, is_record
 
 Ask = Callable[[float, bool, Path], Iterable[Question]]
-"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, which pickles."""
+"""(severity, quick, folder for model files) -> questions for it. A module-level function, which can be pickled."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,10 +155,10 @@ SLOPE_COLUMNS = {
     "fitted": "slope",
     "ok": "ok",
 }
-WITHIN = 0.1  # admitted deviation from the expected slope
+WITHIN = 0.1  # admitted relative deviation from the expected slope
 #: Range of scaled errors that follow the power law: errors saturate above, and rounding dominates below.
 LARGE, SMALL = 0.1, 1e-10
-FLOOR = 30.0  # factor above a floor beyond which the floor does not matter
+FLOOR = 30.0  # factor above a floor beyond which the floor has no effect
 
 
 #: Rules of the table: `line` (family with its series, see `Contestant.line`), `quantity`, `expected` slope, and limits

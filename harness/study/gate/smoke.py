@@ -24,7 +24,7 @@ from screwgauge.study.gate.measure import GateSettings, compared
 #: the
 #: motion up to these samples takes most of the time.
 SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
-#: Share of a simulation that a smoke test integrates.
+#: Fraction of a simulation that a smoke test integrates.
 BEGINNING = 1e-2
 #: Quantity compared for full cuts, which depends on all loops and their motion; and the number of redundant actuators
 #: that the rule `spherical_axial` needs.

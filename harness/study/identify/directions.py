@@ -77,7 +77,7 @@ class _Found:
     """Directions found so far in a null space.
 
     Attributes:
-        units: Unit of each number in which its regressor column has length one. Shape (count,).
+        units: For each number, the unit in which its regressor column has length one. Shape (count,).
         null: Orthonormal rows in these units. Shape (c, count).
     """
 

@@ -23,7 +23,7 @@ from screwgauge.scene.scene import RULES, Scene
 FORCE = "actuator_force"
 #: Number of poses of a motion for which rates are drawn, and number of draws per pose.
 POSES, DRAWS = 60, 3
-#: Names of the moments of a body: mass, mass times centre of mass, inertia about the body's origin.
+#: Moments of a body: mass, mass times centre of mass, inertia about the body's origin.
 MOMENTS = ("mass", "mx", "my", "mz", *(entry.removeprefix("inertia.") for entry in ENTRIES[4:]))
 
 
