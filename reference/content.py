@@ -1,4 +1,4 @@
-"""Comparison of mechanisms and their parts by content."""
+"""Compares mechanisms and their parts by content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Couplings: joint coordinates that are sums of polynomials of others, as in gears, screws, belts and differentials."""
+"""Couplings: joint coordinates that are sums of polynomials of other coordinates (gears, screws, differentials)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PolynomialSum:
 
     Attributes:
         constant: p0 [rad or m].
-        terms: Coordinate -> coefficients of its powers from the first on [rad or m per power of rad or m].
+        terms: Coordinate -> coefficients of its powers, from the first power on [rad or m per power of rad or m].
     """
 
     constant: float
@@ -32,14 +32,14 @@ class PolynomialSum:
 
     @staticmethod
     def of(polynomials: Mapping[str, Array]) -> PolynomialSum:
-        """Build the sum of polynomials, lowest coefficient first; the key "" holds a constant."""
+        """Build the sum of polynomials, lowest coefficient first; the key "" stands for a constant."""
         constants = [float(p[0]) for p in polynomials.values()]
         terms = {name: np.array(p[1:], dtype=float) for name, p in polynomials.items() if name}
         return PolynomialSum(sum(constants[1:], constants[0]), terms)
 
     @property
     def polynomials(self) -> dict[str, Array]:
-        """Polynomials that sum to the function, lowest coefficient first; the first one holds the constant."""
+        """Polynomials that sum to the function, lowest coefficient first; the first one includes the constant."""
         if not self.terms:
             return {"": np.array([self.constant])}
         constants = [self.constant, *[0.0] * (len(self.terms) - 1)]
@@ -47,7 +47,7 @@ class PolynomialSum:
 
     @property
     def lead(self) -> str:
-        """Name of the coordinate if the function has exactly one; empty if it is constant."""
+        """Name of the first coordinate of the function; empty if the function is constant."""
         return next(iter(self.terms), "")
 
     @property
@@ -62,7 +62,7 @@ class PolynomialSum:
 
     @property
     def slopes(self) -> dict[str, float]:
-        """Coordinate -> factor of its first power."""
+        """Coordinate -> coefficient of its first power."""
         return {name: float(p[0]) for name, p in self.terms.items()}
 
     @property
@@ -72,7 +72,7 @@ class PolynomialSum:
         return PolynomialSum(self.constant, {name: p for name, p in powers.items() if len(p)})
 
     def __call__(self, q: Mapping[str, float]) -> float:
-        """Evaluate at coordinates [rad or m]."""
+        """Evaluate the function at coordinates [rad or m]."""
         return self.constant + sum(float(Polynomial([0.0, *p])(q[name])) for name, p in self.terms.items())
 
     def times(self, factor: float) -> PolynomialSum:
@@ -92,7 +92,7 @@ class PolynomialSum:
         return PolynomialSum(self.constant, {names.get(name, name): p for name, p in self.terms.items()})
 
     def at(self, values: Mapping[str, float]) -> PolynomialSum:
-        """Substitute values [rad or m] for some coordinates."""
+        """Substitute values [rad or m] for the given coordinates."""
         held = PolynomialSum(self.constant, {name: p for name, p in self.terms.items() if name in values})
         return PolynomialSum(held(values), {name: p for name, p in self.terms.items() if name not in values})
 
@@ -112,7 +112,7 @@ class PolynomialSum:
         return bool(p[0]) and not p[1:].any()
 
     def solved(self, coordinate: str, lead: str) -> PolynomialSum:
-        """Solve for a coordinate in which the function is linear; `coordinate` names its present value."""
+        """Solve for `lead`, in which the function is linear; `coordinate` names the value of the function."""
         rest = {name: -p for name, p in self.terms.items() if name != lead}
         return PolynomialSum(-self.constant, {coordinate: np.ones(1), **rest}).times(1.0 / float(self.terms[lead][0]))
 
@@ -125,7 +125,7 @@ class PolynomialSum:
         return first, second
 
     def filled(self, coefficients: Array) -> PolynomialSum:
-        """Replace the coefficients: the constant, then as many powers of each coordinate."""
+        """Replace the coefficients: the constant, then the same number of powers for each coordinate."""
         powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
         return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
 
@@ -138,7 +138,7 @@ class Coupling:
     """A joint coordinate that is a sum of polynomials of other coordinates, ``q = p0 + sum_k p_k(q_k)``.
 
     Attributes:
-        coordinate: The dependent joint coordinate.
+        coordinate: Name of the dependent joint coordinate.
         function: Right-hand side; constant for a fixed coordinate.
     """
 
@@ -159,30 +159,30 @@ class Coupling:
             raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "name other coordinates")
 
     def solved(self, coordinate: str) -> Coupling:
-        """Solve the coupling for another of its coordinates; return it unchanged if not linear in that one."""
+        """Solve the coupling for a given coordinate; return it unchanged if it is not linear in that coordinate."""
         if not self.function.is_linear_in(coordinate):
             return self
         return Coupling(self.name, coordinate, self.function.solved(self.coordinate, coordinate), self.where)
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Names of all coupled coordinates, the dependent one first."""
+        """Names of all coupled coordinates; the dependent coordinate comes first."""
         return self.coordinate, *self.function.terms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fixing(Coupling):
-    """The coupling that holds the hinge of a fixed joint, referenced by the joint's name."""
+    """The coupling that locks the hinge of a fixed joint; it has the name of the joint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingRows:
-    """Couplings as equations in a vector of n_q coordinates, one row each.
+    """Couplings as equations in a vector of n_q coordinates, one row per coupling.
 
     Attributes:
         columns: Column of the dependent coordinate of each row.
-        leads: Columns of the coordinates that each row depends on, with polynomials, lowest coefficient first; the
-            first includes the constant, which stands alone with column None for a fixed coordinate.
+        leads: Columns of the coordinates on which each row depends, with their polynomials, lowest coefficient first.
+            The first polynomial includes the constant; for a fixed coordinate, the constant has column None.
     """
 
     columns: list[int]
@@ -192,10 +192,11 @@ class CouplingRows:
         return len(self.columns)
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, list[tuple[int | None, Any]]]]:
-        """Return column i of each coupling ``q_i = sum_k p_k(q_k)``, with each column k and a derivative of p_k at q.
+        """Return column i of each coupling ``q_i = sum_k p_k(q_k)``, and each column k with a derivative of p_k at q.
 
         Args:
             q: Coordinates of any scalar type. Shape (..., n_q).
+            order: Order of the derivative.
         """
         return [
             (i, [(k, _derivative(p, order, None if k is None else q[..., k])) for k, p in terms])
@@ -211,7 +212,7 @@ class CouplingRows:
         return out
 
     def matrix(self, q: Array) -> Array:
-        """Return the derivative of the residuals, 1 at i and -p_k' at each k. Shape (n, n_q) -> (n, m, n_q)."""
+        """Return the derivative of the residuals: 1 at i and -p_k' at each k. Shape (n, n_q) -> (n, m, n_q)."""
         out = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype)
         for row, (i, terms) in enumerate(self.derivatives(q, 1)):
             out[:, row, i] = 1.0
@@ -223,7 +224,7 @@ class CouplingRows:
     def bias(self, q: Array, v: Array) -> Array:
         """Return the second derivative of the residuals at zero coordinate accelerations, ``-sum_k p_k'' v_k^2``.
 
-        Shape (n, n_q) twice -> (n, m).
+        Shapes (n, n_q), (n, n_q) -> (n, m).
         """
         out = np.zeros((len(q), len(self)), dtype=q.dtype)
         for row, (_, terms) in enumerate(self.derivatives(q, 2)):
@@ -234,9 +235,9 @@ class CouplingRows:
 
 
 def _derivative(polynomial: Array, order: int, x: Any) -> Any:
-    """Evaluate a derivative of a polynomial, coefficients lowest first, at x; without a coordinate it is a constant."""
+    """Evaluate a derivative of a polynomial, lowest coefficient first, at x; None for x stands for a constant."""
     coefficients, value = polynomial, 0.0
-    for _ in range(order):  # numpy's polyder takes five times as long, and this runs in every evaluation of a motion
+    for _ in range(order):  # numpy's polyder is five times slower, and this runs at every evaluation of a motion
         coefficients = coefficients[1:] * np.arange(1, len(coefficients))
     for coefficient in coefficients[::-1].tolist():  # Horner's scheme
         value = coefficient if x is None else value * x + coefficient
@@ -244,23 +245,23 @@ def _derivative(polynomial: Array, order: int, x: Any) -> Any:
 
 
 def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingRows:
-    """Build the equations of couplings over a coordinate vector that contains all their names."""
+    """Build the equations of couplings for a vector of coordinates, which must include all coupled coordinates."""
     place = {name: i for i, name in enumerate(coordinates)}
     leads = [[(place.get(name), p) for name, p in one.function.polynomials.items()] for one in couplings]
     return CouplingRows([place[one.coordinate] for one in couplings], tuple(map(tuple, leads)))
 
 
 def component_name(coupling: Coupling) -> str:
-    """Return the name of the ``reaction`` component of a coupling along its coordinate: ``mz`` for a fixed joint."""
+    """Return the name of a coupling's ``reaction`` component; it ends in ``mz`` for a fixed joint."""
     return f"{coupling.name}.{'mz' if isinstance(coupling, Fixing) else 'coupling'}"
 
 
 def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:
-    """Reject couplings of unknown coordinates, repeated couplings of one coordinate, and cycles.
+    """Reject couplings of unknown coordinates, repeated couplings of a coordinate, and cycles.
 
     Raises:
-        UnknownNameError: There is no such coordinate.
-        DescriptionError: A coordinate is coupled twice, or depends on itself.
+        UnknownNameError: A coordinate does not exist.
+        DescriptionError: A coordinate is coupled twice or depends on itself.
     """
     above: dict[str, Collection[str]] = {}
     for coupling in couplings:
@@ -278,10 +279,10 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
 
 
 def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Find the cycle of coupled coordinates through which a coordinate depends on itself; empty if there is none.
+    """Find the cycle of coupled coordinates through which a coordinate depends on itself; return () if it does not.
 
     Args:
-        above: Coupled coordinate -> coordinates that it is a function of.
+        above: Coupled coordinate -> coordinates on which it depends.
     """
     ways, passed = list[tuple[str, ...]]([(coordinate,)]), set[str]()
     while ways:

@@ -1,4 +1,4 @@
-"""Functions of time (polynomials with harmonics, or samples from a file) for motions, motors and loads."""
+"""Functions of time for motions, motors and loads: polynomials with harmonics, or samples from a file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Wave = Callable[[Any], Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """A polynomial and harmonics of time.
+    """A function of time: a polynomial plus harmonics.
 
     Attributes:
         polynomial: Coefficients, lowest first [unit of the number, per s^k]. Shape (m,).
@@ -30,7 +30,7 @@ class Course:
 
     @classmethod
     def of(cls, value: float) -> Course:
-        """Build a constant."""
+        """Build a constant function."""
         return cls(np.array([float(value)]), np.zeros((0, 3)))
 
     @property
@@ -44,7 +44,7 @@ class Course:
         return not (self.polynomial.any() or self.harmonics[:, 1:].any())
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """Evaluate at times [s], which may be of any scalar type."""
+        """Evaluate the function at times [s], which may be of any scalar type."""
         total: Any = 0.0
         for coefficient in self.polynomial[::-1].tolist():
             total = total * t + coefficient
@@ -63,19 +63,19 @@ class Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """A quantity known only at certain times.
+    """A quantity that is known only at certain times.
 
     Attributes:
         t: Increasing times [s]. Shape (n,).
         values: Values at these times. Shape (n,).
-        file: The file from which they were read.
+        file: File from which the samples were read.
     """
 
     t: Array
     values: Array
     file: str
 
-    #: Treated as varying with time.
+    #: Samples count as varying with time.
     constant = False
 
     @property
@@ -84,10 +84,10 @@ class Samples:
         return not self.values.any()
 
     def __call__(self, t: Any, cos: Wave = np.cos, sin: Wave = np.sin) -> Any:
-        """Evaluate at times of the file [s], up to rounding of their decimals. Shape (...).
+        """Return the values at sample times of the file [s], which must match up to rounding of decimals. Shape (...).
 
         Raises:
-            DescriptionError: The file has no sample at one of these times.
+            DescriptionError: The file lacks a sample at one of these times.
         """
         asked = np.atleast_1d(np.asarray(t, dtype=float))
         known, rows = same_times(asked, self.t)
@@ -111,14 +111,14 @@ Places = NDArray[np.intp]
 
 
 def same_times(t: Array, others: Array) -> tuple[Places, Places]:
-    """Match the times of two lists; times that differ only by rounding of their decimals are equal.
+    """Match the times of two lists; times that differ only by rounding of decimals count as equal.
 
     Args:
         t: Times in any order. Shape (n,).
         others: Increasing times. Shape (m,).
 
     Returns:
-        Indices into both lists, for each time of `t` that `others` contains.
+        Indices into both lists for each time of `t` that `others` contains.
     """
     right = np.searchsorted(others, t).clip(max=len(others) - 1)
     left = (right - 1).clip(min=0)

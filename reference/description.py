@@ -1,4 +1,4 @@
-"""Reader of mechanism descriptions in TOML; unknown keys are errors, and each error names file and entry."""
+"""Reads mechanism descriptions in TOML; unknown keys are errors, and each error names file and entry."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame", "held", *RESISTS}
-#: Marks a fixed joint, which has neither axes nor coordinates.
+#: Keys of a fixed joint, which has neither axes nor coordinates.
 _FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
 _COUPLING = ("coordinate", "of", "polynomial", "terms")
 #: Default axes of a joint with three axes.
@@ -51,7 +51,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
     Args:
         path: TOML file.
-        find: Returns the path of the mechanism named by ``extends``.
+        find: Function that returns the path of the mechanism that ``extends`` names.
 
     Raises:
         DescriptionError: The file does not describe a mechanism.
@@ -89,7 +89,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
 
 
 def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Read a description and merge it into the descriptions that it extends; numbers remain text."""
+    """Read a description and merge it into the descriptions that it extends; numbers remain strings."""
     data = read_toml(path)
     if path.resolve() in seen:
         raise DescriptionError("extends itself", str(path), "remove the circle of 'extends'")
@@ -118,14 +118,14 @@ def _body(name: str, table: Any, where: str) -> Body:
     xx, xy, xz, yy, yz, zz = (number(entries.get(key, 0), f"{where}.inertia.{key}") for key in _TENSOR)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     R = rotation_matrix(table.get("inertia_rotation", []), f"{where}.inertia_rotation")
-    if "inertia_rotation" in table:  # eq. (52): the tensor is given in rotated axes
+    if "inertia_rotation" in table:  # eq. (52): the file gives the tensor in rotated axes
         tensor = R @ tensor @ R.T
         tensor = 0.5 * (tensor + tensor.T)
     return Body(name, mass, com, tensor, where, allowed=True)
 
 
 def read_joint(name: str, table: Any, where: str) -> Joint:
-    """Read one entry of ``[joints]``, also in a loops file."""
+    """Read one entry of ``[joints]`` in a description or loops file."""
     read_name(name, where)
     check_keys(table, _JOINT, where)
     kind = check_name("joint kind", str(required(table, "kind", where)), KINDS, where)
@@ -159,12 +159,12 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
 
 
 def _amounts(value: Any, n: int, where: str) -> Array:
-    """Read one number per coordinate; a single number needs no brackets."""
+    """Read one number per coordinate; brackets are optional for a single number."""
     return vector(value if isinstance(value, list) else [value], where, n)
 
 
 def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) -> tuple[Coupling, ...]:
-    """Read an optional ``[couplings]`` table, also in a loops file, and add the couplings of fixed joints."""
+    """Read an optional ``[couplings]`` table of a description or loops file; add the couplings of fixed joints."""
     tables = read_table(data, "couplings", where) if "couplings" in data else {}
     read = tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
     fixed, known = fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
@@ -178,7 +178,7 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
 
 
 def fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
-    """Build the couplings that hold fixed joints."""
+    """Build the couplings that lock fixed joints."""
     fixed = (joint for joint in joints if joint.fixed)
     return tuple(Fixing(joint.name, joint.coordinates[0], PolynomialSum(0.0, {}), joint.where) for joint in fixed)
 
@@ -194,7 +194,7 @@ def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, st
     """List the polynomials of a coupling table as (key, coordinate, coefficients).
 
     Raises:
-        DescriptionError: There is none, or `terms` is given along with `polynomial` or `of`.
+        DescriptionError: A polynomial is missing, or `terms` is given together with `polynomial` or `of`.
     """
     if "terms" not in table:
         of, polynomial = read_text(table, "of", where, ""), required(table, "polynomial", where)
@@ -230,7 +230,7 @@ def _limits(value: Any, n: int, where: str) -> Array:
 
 
 def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, Array] | None:
-    """Read an optional ``[spherical_axial]`` table, also in a loops file."""
+    """Read an optional ``[spherical_axial]`` table of a description or loops file."""
     if table is None:
         return None
     check_keys(table, {"joint", "direction"}, where)

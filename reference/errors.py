@@ -1,4 +1,4 @@
-"""User errors, each a one-sentence message with fault, place and remedy; and text helpers for messages."""
+"""User errors, whose messages state fault, place and remedy in one sentence; and text helpers for messages."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from difflib import get_close_matches
 from numbers import Integral
 from typing import Any
 
-#: Invisible characters that count as letters or marks: names that differ only in them look alike.
+#: Invisible characters that count as letters or marks: names that differ only in these look alike.
 _CODES = {0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0}
 _CODES |= {*range(0x180B, 0x1810), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)}
 _UNSEEN = frozenset(map(chr, _CODES))
-#: Prefixes after which a space breaks a command to a CI service.
+#: Prefixes of commands to a CI service; a space after the prefix disables the command.
 _OBEYED = re.compile(r"^ *:(?=:)|#(?=#(?:vso)?\[)", re.MULTILINE)
 
 
 def printable(text: str, *, lines: bool = False) -> str:
-    """Replace terminal and direction controls, invisible characters and those illegal in XML with a space.
+    """Replace terminal and direction controls, invisible characters and characters illegal in XML with a space.
 
     Args:
-        lines: Whether to keep line breaks.
+        lines: Keep line breaks.
     """
     if lines and not _is_printable(text.replace("\n", "")):
         return "\n".join(map(printable, text.split("\n")))
@@ -36,26 +36,26 @@ def _is_printable(text: str) -> bool:
 def log_text(text: str) -> str:
     """Make lines printable and escape commands to a CI service that reads the log.
 
-    GitHub executes lines that begin with ``::`` or contain ``##[``, Azure lines that contain ``##vso[``.
+    GitHub executes lines that begin with ``::`` or contain ``##[``; Azure executes lines that contain ``##vso[``.
     """
     return _OBEYED.sub(r"\g<0> ", printable(text, lines=True))
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
-    """List the first items and the number of remaining ones: ``a, b and 3 more``, clauses as ``a; b; and 3 more``."""
+    """List the first items and the number of remaining items: ``a, b and 3 more``, or ``a; b; and 3 more``."""
     named = list(things)
     rest = len(named) - most
     return between.join(named[:most]) + (f"{between.rstrip(', ')} and {rest} more" if rest > 0 else "")
 
 
-#: Largest number of names that a message lists in full; of more names it lists the nearest.
+#: Largest number of names that a message lists in full, and number of similar names that it lists if there are more.
 LISTED, NEAREST = 30, 6
 #: Largest number of characters of a value that a message quotes.
 QUOTED = 60
 
 
 def shown(value: object) -> str:
-    """Quote a user's value on one line, in at most `QUOTED` characters."""
+    """Quote a user's value on one line with at most `QUOTED` characters."""
     try:
         text = printable(repr(value))
     except Exception:  # Python refuses to print huge integers; the repr of a foreign object may raise anything
@@ -68,9 +68,9 @@ class ScrewgaugeError(Exception):
     """Base class of all errors that a user can cause or fix.
 
     Args:
-        what: The fault, with value and limit.
+        what: Fault, with value and limit.
         where: File and entry, or time and pose.
-        remedy: The remedy.
+        remedy: What the user can do.
     """
 
     exit_status = 2  #: Exit status of a command that fails with this error.
@@ -81,7 +81,7 @@ class ScrewgaugeError(Exception):
         self.what, self.where, self.remedy = what, where, remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the error unmodified: subclasses have other constructor arguments."""
+        """Pickle the error unmodified, because subclasses have different constructor arguments."""
         return Exception.__new__, (type(self), str(self)), vars(self)
 
 
@@ -123,7 +123,7 @@ def check_seed(seed: object) -> None:
     """Reject an invalid random seed.
 
     Raises:
-        DescriptionError: The seed is invalid.
+        DescriptionError: The seed is not a non-negative integer.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
         raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "give a whole number from 0 on")
@@ -173,6 +173,6 @@ class OutputError(ScrewgaugeError):
 
 
 class ReportError(ScrewgaugeError):
-    """Raised when report pages cannot be made although the results are available."""
+    """Raised when report pages cannot be created although the results are available."""
 
     exit_status = 3

@@ -1,4 +1,4 @@
-"""Numbers, vectors and rotations of a description, given as decimals or expressions."""
+"""Reads numbers, vectors and rotations of a description, given as decimals or expressions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CONSTANTS = {"pi": math.pi, "deg": math.pi / 180}
 #: Name -> function and number of arguments.
 _FUNCTIONS = {name: (getattr(math, name), 1) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
 _FUNCTIONS["atan2"] = math.atan2, 2
-#: Decimals that `float` reads as Python's grammar does, in a tenth of the time.
+#: Decimals that `float` and Python's grammar read identically; `float` takes a tenth of the time.
 _DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", re.ASCII)
 #: Largest accepted number: products of three such numbers stay finite.
 LARGEST = 1e100
@@ -53,19 +53,19 @@ def _evaluate(node: ast.expr) -> float:
 
 @lru_cache(maxsize=4096)
 def _parse(text: str) -> float:
-    """Parse an expression, cached because descriptions repeat the same slow numbers."""
+    """Parse an expression; cache the result because descriptions repeat the same slow numbers."""
     if _DECIMAL.fullmatch(text):
         return float(text)
-    with warnings.catch_warnings():  # the parser warns about "1if"
+    with warnings.catch_warnings():  # Python's parser warns about "1if"
         warnings.simplefilter("ignore")
         return _evaluate(ast.parse(text, mode="eval").body)
 
 
 def number(value: Any, where: str) -> float:
-    """Read a finite number, given as a number or as text like ``"3*sqrt(3)/10"``.
+    """Read a finite number, given as a number or as a string such as ``"3*sqrt(3)/10"``.
 
     Raises:
-        DescriptionError: The value is not a finite number.
+        DescriptionError: The value is not a finite number, or is too large.
     """
     check_count(len(value) if isinstance(value, str) else 0, "characters", where)
     try:
@@ -93,10 +93,10 @@ def vector(value: Any, where: str, size: int = 3) -> Array:
 
 
 def unit_vector(value: Any, where: str) -> Array:
-    """Read a unit vector; expressions such as ``"1/sqrt(2)"`` reach the required accuracy.
+    """Read a unit vector; expressions such as ``"1/sqrt(2)"`` achieve the required accuracy.
 
     Raises:
-        DescriptionError: Its norm differs from 1 by more than 1e-12.
+        DescriptionError: The norm differs from 1 by more than 1e-12.
     """
     axis = vector(value, where)
     norm = float(np.linalg.norm(axis))
@@ -108,7 +108,7 @@ def unit_vector(value: Any, where: str) -> Array:
 
 
 def rotation_matrix(value: Any, where: str) -> Array:
-    """Read ``{axis, angle}``, ``{matrix}`` or a list of them, multiplied left to right. Shape (3, 3)."""
+    """Read ``{axis, angle}``, ``{matrix}``, or a list of these, multiplied from left to right. Shape (3, 3)."""
     result = np.eye(3)
     for step in value if isinstance(value, list) else [value]:
         if isinstance(step, dict) and set(step) == {"matrix"}:
@@ -119,7 +119,7 @@ def rotation_matrix(value: Any, where: str) -> Array:
         else:
             remedy = "write {axis = [0, 0, 1], angle = 'pi/2'}"
             raise DescriptionError(f"rotation {shown(step)} is not understood", where, remedy)
-    # cos("pi/2") evaluates to 2e-16 here; intended zeros are kept as zeros.
+    # cos("pi/2") evaluates to 2e-16; restore intended zeros
     return np.where(np.abs(result) < 4e-16, 0.0, result)
 
 

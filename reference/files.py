@@ -1,4 +1,4 @@
-"""Input files: opens each file, limits its size and content, and parses no format except JSON."""
+"""Opens input files, limits their size and content, and parses JSON."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from typing import Any
 
 from screwgauge.reference.errors import DescriptionError, shown
 
-#: Upper limits of an input. Beyond them, memory or time grow without bound: with the square of the bodies, with samples
-#: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
+#: Upper limits of an input. Beyond these, memory or time would grow without bound (with the square of the number of
+#: bodies, or with samples times terms), and Pinocchio's parser crashes on chains of a few thousand links.
 LIMITS = {
     "MB": 16,
     "MB of CSV": 256,
@@ -48,7 +48,7 @@ LIMITS = {
 }
 #: Control characters except line breaks and tabs; lone surrogates, which are invalid in text.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-#: Digits of the largest accepted integer: doubles end there, and Python refuses to print 4300 digits.
+#: Number of digits of the largest accepted integer: doubles overflow there, and Python refuses to print 4300 digits.
 _DIGITS = 300
 #: Encoding named in an XML declaration.
 _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
@@ -64,36 +64,36 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
         raise DescriptionError(f"{count:.6g} {what}, more than {LIMITS[what]:.6g}", where, remedy)
 
 
-#: File endings that name a mechanism, besides the names of built-in ones.
+#: Description, for messages, of a name that refers to a file instead of a built-in mechanism.
 A_PATH = "the path of a TOML file, URDF, MJCF, SDF or USD"
 
 
 def is_file(path: Path) -> bool:
-    """True if the file exists; False for a text too long for a path."""
+    """True if the file exists; False for a string that is too long for a path."""
     return os.path.isfile(path)
 
 
 def is_path(name: str) -> bool:
-    """True if a name refers to a file, existing or not, rather than to a built-in."""
+    """True if a name refers to a file (existing or not) instead of a built-in mechanism."""
     return "/" in name or name.endswith(".toml")
 
 
 def named_file(folder: Path, name: str) -> Path:
-    """Resolve a file name given in a file of `folder`; ``~`` is the user's home."""
+    """Resolve a file name that a file in `folder` contains; ``~`` stands for the user's home folder."""
     try:
         return folder / Path(name).expanduser()
-    except RuntimeError:  # no such user
+    except RuntimeError:  # unknown user
         return folder / name
 
 
 def read_file(path: Path, most: str = "MB") -> str:
-    """Read an input file as text: a regular UTF-8 file, with or without byte order mark.
+    """Read the text of an input file, which must be a regular UTF-8 file with or without byte order mark.
 
     Args:
-        most: Key of its size limit in `LIMITS`.
+        most: Key of the size limit in `LIMITS`.
 
     Raises:
-        DescriptionError: There is no such file, it is not a UTF-8 file, or it is too large.
+        DescriptionError: The file does not exist, is not a UTF-8 file, or is too large.
     """
     try:
         return read_bytes(path, most).decode("utf-8-sig")
@@ -102,10 +102,10 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 
 def read_xml(path: Path) -> str:
-    """Read XML text, which is UTF-8 whatever its declaration claims.
+    """Read XML text, which must be UTF-8 whatever its declaration says.
 
     Raises:
-        DescriptionError: The file cannot be read, see `read_file`, or its declared encoding yields another text.
+        DescriptionError: The file cannot be read, see `read_file`, or its declared encoding yields a different text.
     """
     text = read_file(path)
     text = text.lstrip() if text.lstrip().startswith("<?xml") else text  # a declaration must come first
@@ -130,13 +130,13 @@ def read_bytes(path: Path, most: str = "MB") -> bytes:
     """Read the bytes of an input file, see `read_file`."""
     with _open(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
-    if len(data) > LIMITS[most] * 10**6:  # the file has grown, or does not report its size
+    if len(data) > LIMITS[most] * 10**6:  # the file has grown or does not report its size
         raise _unread(path, _too_large(most))
     return data
 
 
 def digest(path: Path, most: str = "MB of CSV") -> str:
-    """Compute the SHA-256 of a file in blocks, limited as by `read_file`."""
+    """Compute the SHA-256 of a file in blocks, with the limits of `read_file`."""
     with _open(path, most) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -146,7 +146,7 @@ _READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
 
 @contextmanager
 def files_read() -> Iterator[list[Path]]:
-    """Record the paths of files read within the context."""
+    """Record the paths of files that are read within the context."""
     paths = list[Path]()
     token = _READ.set(paths)
     try:
@@ -157,7 +157,7 @@ def files_read() -> Iterator[list[Path]]:
 
 @contextmanager
 def _open(path: Path, most: str) -> Iterator[BufferedReader]:
-    """Open a regular file of limited size for reading; DescriptionError if there is none."""
+    """Open a regular file of limited size for reading; raise DescriptionError if this is impossible."""
     try:
         # opening a FIFO would wait for a writer
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
@@ -188,10 +188,10 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 
     Args:
         what: Noun for the file in the error message.
-        remedy: Remedy if it is not JSON.
+        remedy: Remedy if the file is not JSON.
 
-    Raises:
-        DescriptionError: The file cannot be read, or is not JSON written by this package.
+        Raises:
+            DescriptionError: The file cannot be read, or is not a JSON object.
     """
     value = parse_json(read_file(path), what, str(path), remedy)
     if not isinstance(value, dict):
@@ -200,7 +200,7 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 
 
 def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
-    """Parse JSON text and reject deep nesting, invalid numbers and invalid text; see `read_json`."""
+    """Parse JSON text; reject deep nesting, invalid numbers and invalid strings; see `read_json`."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
@@ -210,7 +210,7 @@ def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
 
 
 def check_plain(value: Any, where: str) -> None:
-    """Reject deep nesting, control characters, and integers that no double approximates.
+    """Reject deep nesting, control characters, and integers that a double cannot approximate.
 
     Args:
         value: Value from a reader of TOML or JSON.
@@ -232,7 +232,7 @@ def check_plain(value: Any, where: str) -> None:
 
 
 def why(error: OSError | ValueError) -> str:
-    """Return the system's reason why a file cannot be read or written."""
+    """Return the reason of the operating system why a file cannot be read or written."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

@@ -17,7 +17,7 @@ from screwgauge.reference.rotations import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A joint walked from the body `near`."""
+    """A joint that is walked from the body `near`."""
 
     joint: Joint
     near: str
@@ -29,7 +29,7 @@ class Edge:
 
     @property
     def far(self) -> str:
-        """The body beyond the joint."""
+        """Body beyond the joint."""
         return self.joint.parent if self.reverse else self.joint.child
 
 
@@ -38,9 +38,9 @@ class Layout:
     """A mechanism with a spanning tree and the resulting paths and loops.
 
     Attributes:
-        edges: Joints of the tree, in an order in which every `near` body is known before its edge.
-        cuts: Joints left out; each closes one loop.
-        kept: Results computed once per layout, as by `loops.loop_equations`.
+        edges: Joints of the tree; every edge follows the edge that leads to its `near` body.
+        cuts: Joints outside the tree; each closes one loop.
+        kept: Results that are computed once per layout, e.g. by `loops.loop_equations`.
     """
 
     mechanism: Mechanism
@@ -55,7 +55,7 @@ class Layout:
 
     @cached_property
     def path(self) -> Array:
-        """+1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q)."""
+        """Signs of coordinates (+1, -1 or 0) on the tree path from the ground to a body. Shape (n_body + 1, n_q)."""
         index, home = self.mechanism.body_index, self.mechanism.home
         path = np.zeros((len(index), len(home)), dtype=home.dtype)
         for edge in self.edges:
@@ -65,7 +65,7 @@ class Layout:
 
     @cached_property
     def loop(self) -> Array:
-        """Signs in the loop of each cut joint: parent's path + joint - child's path. Shape (n_cut, n_q)."""
+        """Signs in the loop of each cut joint: path of parent + joint - path of child. Shape (n_cut, n_q)."""
         index = self.mechanism.body_index
         loop = np.zeros((len(self.cuts), self.path.shape[1]), dtype=self.path.dtype)
         for row, joint in zip(loop, self.cuts, strict=True):
@@ -85,23 +85,22 @@ class Layout:
 
     @cached_property
     def tree_columns(self) -> list[int]:
-        """Columns of the tree's joints."""
+        """Columns of the tree joints."""
         return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
 
 
 def layout(mechanism: Mechanism) -> Layout:
-    """Build the spanning tree that keeps the joints of independent coordinates, which must be unknowns of the tree
-    itself."""
+    """Build the spanning tree that keeps the joints of independent coordinates, which must be tree unknowns."""
     chosen = {*mechanism.independent.values()}
     return spanning_tree(mechanism, [joint.name for joint in mechanism.joints if chosen & {*joint.coordinates}])
 
 
 def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
-    """Build a tree that cuts S joints, else R joints without actuator, where possible: points close these.
+    """Build a tree that preferably cuts S joints, or else R joints without actuator, since points can close these.
 
-    Kruskal's algorithm: F joints, which close no loop, joints with coupled coordinates, which must be unknowns, joints
-    in `keep`, joints with an actuator or a rotor, kinds that points cannot close, then few freedoms first, by name: the
-    order of the description does not matter.
+    Kruskal's algorithm adds joints in this order: F joints, which do not close loops; joints with coupled coordinates,
+    which must be unknowns; joints in `keep`; joints with an actuator or a rotor; kinds that points cannot close; joints
+    with few degrees of freedom. Ties are resolved by name, so that the order of the description does not matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
@@ -132,13 +131,13 @@ def root(group: Mapping[str, str], name: str) -> str:
 
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Return names of joints with a coordinate that is coupled or that a coupled coordinate depends on."""
+    """Return the names of joints with a coordinate that takes part in a coupling."""
     named = {name for coupling in mechanism.couplings for name in coupling.named}
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 
 def _order_outward(joints: list[Joint]) -> tuple[Edge, ...]:
-    """Order the joints of a tree from ground outward."""
+    """Order the joints of a tree from the ground outwards."""
     known, edges = {GROUND}, list[Edge]()
     while joint := next((joint for joint in joints if known & {*joint.bodies}), None):
         edges.append(Edge(joint, joint.parent if joint.parent in known else joint.child))
@@ -148,7 +147,7 @@ def _order_outward(joints: list[Joint]) -> tuple[Edge, ...]:
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
-    """Reject bodies not connected to ground, and loops of F or coupled joints only."""
+    """Reject bodies that are not connected to the ground, and loops that consist only of F or coupled joints."""
     tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
         at = joint.where or f"{where}, joints.{joint.name}"
@@ -165,13 +164,13 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
 
 
 def output_body(mechanism: Mechanism) -> str:
-    """Return the body with the most joints, the moving platform of a parallel mechanism."""
+    """Return the body with the most joints, e.g. the moving platform of a parallel mechanism."""
     sides = [body for joint in mechanism.joints for body in joint.bodies]
     return max((body.name for body in mechanism.bodies), key=sides.count)
 
 
 def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
-    """Follow single joints from the first edge on, up to the target body or ground."""
+    """Follow single joints from the first edge to the target body or the ground, or until the chain branches."""
     walked, unused = [first], [joint for joint in joints if joint is not first.joint]
     while (near := walked[-1].far) not in (target, GROUND):
         onward = [joint for joint in unused if near in joint.bodies]
@@ -183,9 +182,9 @@ def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]
 
 
 def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
-    """Return the serial chains from ground to the output body (section 2.2), in the order of their first joints.
+    """Return the serial chains from the ground to the output body (section 2.2), in the order of their first joints.
 
-    Branches that are not simple chains between the two are omitted.
+    Branches that are not simple chains between ground and output body are omitted.
     """
     target = output_body(mechanism)
     starts = [Edge(joint, GROUND) for joint in mechanism.joints if GROUND in joint.bodies]

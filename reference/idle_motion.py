@@ -1,8 +1,8 @@
-"""Motion of idle coordinates under the prescribed motion of the others: integrated once, then passed to every engine.
+"""Integrates the motion of idle coordinates under prescribed motion of the others, once for all engines.
 
-Collocation at Radau points (Radau IIA), all points of a stretch at once: accelerations of many poses cost little more
-than those of one pose. Newton's method solves for them with the Jacobian of the stretch's start, so stiff springs and
-dampers need no short stretches.
+The method is collocation at Radau points (Radau IIA) for all points of a time interval (stretch) at once, because
+accelerations of many poses take little more time than the accelerations of one pose. Newton's method uses the Jacobian
+at the start of the stretch; therefore, stiff springs and dampers do not require short stretches.
 """
 
 from __future__ import annotations
@@ -32,25 +32,26 @@ from screwgauge.reference.rotations import Array
 State = tuple[Array, Array, Array]
 """Coordinates and two derivatives. Shape (n, k) each."""
 
-#: Points of a piece, and of a piece between samples, many of which form a stretch.
+#: Number of points of a piece, and of a piece between samples; largest number of the latter pieces in a stretch.
 POINTS, BETWEEN, MANY = 16, 12, 8
-#: Largest size of the last terms of a piece, relative to the largest acceleration.
+#: Largest magnitude of the last terms of a piece, relative to the largest acceleration.
 TOLERANCE = 1e-13
-#: Newton's method: most steps; changes that count as rounding, alone and if the next are not smaller; factor by which
-#: each must be smaller.
+#: Newton's method: largest number of steps; change that counts as rounding in any case, and change that does so if the
+#: next change is not smaller; factor by which each change must decrease.
 STEPS, SETTLED, FOUND, SLOW = 25, 1e-14, 1e-7, 0.7
-#: Stretches: first length [s], largest growth factor, and the fraction of the time that is too short.
+#: Stretches: initial length [s], largest growth factor, and fraction of the total time below which they are too short.
 FIRST, LONGER, SHORTEST = 0.25, 2.0, 1e-9
-#: A stretch is extended to an end that is nearly as far.
+#: Fraction of its length by which a stretch may be extended to reach an end.
 ROUNDED = 0.1
-#: Condition of a pose, or of its forces, that no motion passes; and largest rate, relative to that of a pendulum as
-#: long as the mechanism.
+#: Condition of a pose, or of its forces, that a motion cannot pass; and largest rate, relative to the rate of a
+#: pendulum as long as the mechanism.
 NEARLY, RUNAWAY = 1e5, 1e4
 #: Condition that explains why no further step is possible.
 SUSPECT = 1e3
-#: Terms of a piece up to this multiple of the observed rounding are rounding; displacement of poses to observe it.
+#: Multiple of the observed rounding error up to which terms of a piece count as rounding; displacement of poses by
+#: which rounding errors are observed.
 ROUNDINGS, ASIDE = 8.0, 1e-7
-#: Largest distance of a pose from the same pose in the preceding step [rad or mechanism lengths].
+#: Largest distance of a pose from the same pose in the preceding Newton step [rad or mechanism lengths].
 NEAR = 0.3
 #: Relative step of finite differences: the square root of the rounding error.
 DIFFERENCE = 2.0**-26
@@ -63,7 +64,7 @@ to Legendre coefficients, and those to first and second integrals."""
 
 @cache
 def rule(s: int) -> Rule:
-    """Build the Radau points; the last is the end."""
+    """Build the Radau rule with s points, of which the last is the end of the interval."""
     x = legroots([0.0] * (s - 1) + [-1.0, 1.0])
     x[-1] = 1.0
     terms = np.asarray(np.linalg.inv(legvander(x, s - 1)), dtype=float)
@@ -109,11 +110,12 @@ class IdleMotion:
     """The idle coordinates as a function of time, integrated on demand.
 
     Attributes:
-        given: Times (n,) -> y, yd, ydd of all independent coordinates; entries of idle coordinates are ignored.
+        given: Function from times (n,) to y, yd, ydd of all independent coordinates; entries of idle coordinates are
+            ignored.
         idle, resting: Indices of the coordinates that no actuator drives, see `Dynamics`.
-        since: Time of the start [s].
-        start, rates: Idle coordinates and rates at that time. Shape (m,).
-        breaks: Times between which the given motion is smooth, if any. Shape (b,).
+        since: Start time [s].
+        start, rates: Idle coordinates and their rates at the start. Shape (m,).
+        breaks: Times between which the given motion is smooth, shape (b,); None if it is smooth throughout.
     """
 
     mechanism: Mechanism
@@ -147,7 +149,7 @@ class IdleMotion:
         return y, yd, ydd
 
     def accelerations(self, t: Array, y: Array, yd: Array, ydd: Array) -> Array:
-        """Return second derivatives of all independent coordinates in given states. Shape (n, k) each."""
+        """Return second derivatives of all independent coordinates at given states. Shape (n, k) each."""
         mode = AssemblyMode(layout(self.mechanism))
         at = ClosedMotion(mode.system, mode.motion(y, t, (yd, ydd)), yd, ydd, self.applied, t)
         at.idle, at.resting = self.idle, self.resting
@@ -175,10 +177,10 @@ class _Rejected(Exception):
 
 
 class _Integration:
-    """Integration from the end of a motion.
+    """The integration that continues a motion from its end.
 
     Attributes:
-        start: State at which it continues, and the Jacobian there with respect to y and yd, shape (m, m) each.
+        start: State at which the integration continues.
     """
 
     def __init__(self, motion: IdleMotion) -> None:
@@ -195,7 +197,7 @@ class _Integration:
         self.start.check()
 
     def stretch(self, end: float) -> list[Piece]:
-        """Integrate the next pieces, at most up to a time [s].
+        """Integrate the next pieces, at most up to the given time [s].
 
         Raises:
             ScrewgaugeError: The integration cannot continue.
@@ -251,8 +253,8 @@ class _Integration:
             back: Inverse of the derivative of the residual.
 
         Returns:
-            Poses, accelerations, shape (n, m), their last change, and the largest acceleration of all, the last
-            two in rad or mechanism lengths.
+            Poses; accelerations, shape (n, m); their last change and the largest acceleration, both in rad or mechanism
+            lengths.
 
         Raises:
             _Rejected: Newton's method does not converge.
@@ -276,7 +278,7 @@ class _Integration:
         raise _Rejected("accelerations are not found by iteration")
 
     def _noise(self, at: ClosedMotion) -> float:
-        """Estimate the change of accelerations due to rounding of poses, by closing the poses again from nearby."""
+        """Estimate the change in accelerations due to rounding of poses, by closing the poses again from nearby."""
         y, unit = at.q[:, self.loops.y_columns], self.unit[self.idle]
         aside = at.q + ASIDE * self.loops.sizes * np.cos(np.arange(at.q.shape[1]))
         again = self._motion_at(at.t, y[:, self.idle], at.yd[:, self.idle], aside)
@@ -300,13 +302,13 @@ class _Integration:
         return at
 
     def _close_in_order(self, y: Array, t: Array, rates: tuple[Array, Array]) -> Array:
-        """Return joint coordinates of successive closed poses, from home, then from the end of the known motion."""
+        """Return joint coordinates of successive closed poses, starting at home or at the end of the known motion."""
         if not self.started:
             return self.mode.motion(y, t, rates)
         return read(self.loops.lay, BranchPose(self.loops.lay, self.start.q[0]).joints(y))
 
     def _close(self, y: Array, near: Array) -> Array:
-        """Return joint coordinates of the closed poses next to given ones. Shape (n, n_q)."""
+        """Return joint coordinates of the closed poses next to given poses. Shape (n, n_q)."""
         if (poses := self.mode.in_closed_form(y)) is not None:
             return self.mode.close(poses)
         begun = self.loops.unknowns(near)
@@ -326,10 +328,10 @@ class _Integration:
             )
             J = ((at.ydd - self.start.ydd)[:, self.idle] / size[:, None]).T
             return J[:, :m], J[:, m:]
-        return np.zeros((m, m)), np.zeros((m, m))  # next to a pose where the loops open
+        return np.zeros((m, m)), np.zeros((m, m))  # near a pose where the loops open
 
     def _end_of_the_way(self, nearly: float = NEARLY) -> str:
-        """Return why the motion ends, at an impassable pose or with diverging coordinates; empty if it may continue."""
+        """Return why the motion ends (impassable pose, or diverging coordinates); empty if it may continue."""
         at = self.start
         if at.condition[0] > nearly:
             return f"the pose is nearly singular: {near_singularity(at.loops.lay, at.q)}"
@@ -360,7 +362,7 @@ def _sums(h: Array, by: Rule) -> tuple[Array, Array, Array]:
     """Build integration matrices over pieces of given durations.
 
     Returns:
-        Matrices that map accelerations at all points to rates and to coordinates there, shape (n, n) each, and the
+        Matrices that map accelerations at all points to rates and coordinates at all points, shape (n, n) each; and the
         time of each point since the start [s], shape (n,).
     """
     points, _, first, second = by

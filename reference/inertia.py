@@ -1,4 +1,4 @@
-"""Inertia tensors that violate the triangle inequality: completed in a plane, allowed, or rejected."""
+"""Completes (for planar motion), allows or rejects inertia tensors that violate the triangle inequality."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from screwgauge.reference.mechanism import SLACK, Body, Joint, triangle_excess
 from screwgauge.reference.planar import normals_of_planes
 from screwgauge.reference.rotations import Array
 
-#: Property of a body under which `allow` accepts its tensor: ``wrist.triangle``.
+#: Property of a body by which entries of `allow` accept its tensor: ``wrist.triangle``.
 TRIANGLE = "triangle"
-#: Sine below which slightly tilted axes were probably meant to be parallel.
+#: Sine of the angle below which tilted axes were probably meant to be parallel.
 MEANT = 1e-3
 #: Largest number of bodies that a message names.
 SHOWN = 4
@@ -28,15 +28,15 @@ def settled(
     allow: Collection[str] = (),
     where: str = "",
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """Complete or allow impossible tensors; return the bodies, and messages about every tensor changed or allowed.
+    """Complete or allow impossible tensors; return the bodies, and messages about all changed or allowed tensors.
 
     Args:
         bodies: Bodies with unchecked tensors (`Body.allowed`).
         allow: Entries such as ``wrist.triangle``.
 
     Raises:
-        DescriptionError: A tensor violates the triangle inequality, which affects results and is not allowed.
-        UnknownNameError: An entry of `allow` names no such body or property.
+        DescriptionError: A tensor violates the triangle inequality, which would affect results, and is not allowed.
+        UnknownNameError: An entry of `allow` refers to a missing body or property.
     """
     excused = _excused_bodies(bodies, allow, where)
     excesses = {body.name: excess for body in bodies if (excess := triangle_excess(body.inertia))}
@@ -78,10 +78,10 @@ def _excused_bodies(bodies: Sequence[Body], allow: Collection[str], where: str) 
 
 
 def _complete(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
-    """Complete the tensor with the smallest possible moments across each normal in turn.
+    """Yield the tensor, completed with the smallest possible moments across each normal in turn.
 
-    About the normal n the tensor is kept, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
-    that no body has for any J are not corrected: they are more likely wrong than omitted.
+    About the normal n, the tensor is kept, ``I n = J n``; across n, the moments of ``I + d (1 - n n^T)`` have the sum
+    J. Moments across n that are impossible for any J are not corrected, because they are probably wrong, not omitted.
     """
     size = float(np.trace(inertia))
     for n in normals:

@@ -1,6 +1,7 @@
-"""Forces in a model file for which descriptions and scenes have no entry: rotors, resistance, gravcomp, drag.
+"""Forces in a model file that descriptions and scenes cannot express: rotors, resistance, gravcomp, drag.
 
-They are kept as data so that a run can measure them; no engine applies them. Forces follow MuJoCo's formulas.
+They are kept as data so that a run can measure their effect; engines do not apply them. Forces follow MuJoCo's
+formulas.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ Powers = tuple[float, ...]
 
 
 def spring_law(powers: Powers, x: Array) -> Array:
-    """Return the force of a spring. Same shape as `x`."""
+    """Return the force of a spring, with the shape of `x`."""
     return _law(powers, x, x)
 
 
 def damper_law(powers: Powers, rate: Array) -> Array:
-    """Return the force of a damper, equal in both directions. Same shape as `rate`."""
+    """Return the force of a damper, with the shape of `rate`; its magnitude is equal in both directions."""
     return _law(powers, rate, np.abs(rate))
 
 
@@ -39,17 +40,17 @@ def _law(powers: Powers, x: Array, s: Array) -> Array:
 class StrokeResistance:
     """Inertia and passive forces along the stroke of a hinge, slide, tendon or actuator.
 
-    The stroke is a sum of joint coordinates, or the length of a straight path over points of bodies.
+    The stroke is a weighted sum of joint coordinates, or the length of a polygonal path through points of bodies.
 
     Attributes:
         of: Owner, as noun and name: ``joint m1``.
         along: Coordinate -> stroke per unit of the coordinate; empty for a path.
-        path: (Body or ground, point in its frame [m], shape (3,)) in order; empty for coordinates.
-        armature: Inertia along a stroke in rad or m [kg m^2 or kg].
-        damping: Force law of the rate [N m s/rad or N s/m, ...].
+        path: Pairs (body or ground, point in its frame [m], shape (3,)) in order; empty for coordinates.
+        armature: Inertia along the stroke [kg m^2 or kg].
+        damping: Coefficients of the force as a function of the rate [N m s/rad or N s/m, ...].
         friction: Dry friction [N m or N].
-        stiffness: Force law of the distance from the range `rest` [N m/rad or N/m, ...].
-        rest: Range without spring force [rad or m].
+        stiffness: Coefficients of the force as a function of the distance from the range `rest` [N m/rad or N/m, ...].
+        rest: Range in which the spring force is zero [rad or m].
     """
 
     of: str
@@ -79,10 +80,10 @@ class TurnResistance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BorneWeight:
-    """Weight carried by neither joint nor actuator (MuJoCo's gravcomp).
+    """Weight that neither joints nor actuators carry (MuJoCo's gravcomp).
 
     Attributes:
-        body: On which it acts.
+        body: Body on which the compensating force acts.
         mass: Mass whose weight is compensated [kg].
         point: Point of application in the body's frame [m]. Shape (3,).
     """
@@ -95,10 +96,10 @@ class BorneWeight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drag:
-    """Drag of a medium on the box with the mass and inertia of a body, or of a part of one.
+    """Drag of a medium on the box that has the mass and inertia of a body, or of a part of a body.
 
     Attributes:
-        body: On which it acts.
+        body: Body on which the drag acts.
         density, viscosity: Density and viscosity of the medium [kg/m^3, Pa s].
         wind: Velocity of the medium in world axes [m/s]. Shape (3,).
         box: Edge lengths [m]. Shape (3,).
@@ -174,7 +175,7 @@ def _laws(table: dict[str, Any], where: str) -> dict[str, Any]:
 
 
 def _powers(table: dict[str, Any], key: str, where: str) -> Powers:
-    """Read a force law from one number or a list."""
+    """Read the coefficients of a force law, given as one number or a list."""
     value = table.get(key, [])
     some = value if isinstance(value, list) else [value]
     return tuple(float(x) for x in vector(some, f"{where}, {key}", len(some))) if some else ()
@@ -202,7 +203,7 @@ def _drag(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]
 
 
 _Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut]
-#: Keys that identify the kind of an entry -> its further keys and its reader.
+#: Keys that identify the kind of an entry -> further keys and reader of the entry.
 _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
     frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
     frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
@@ -213,7 +214,7 @@ _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
 
 
 def entries(one: LeftOut) -> dict[str, Any]:
-    """Return an entry of ``[[left_out]]`` without zero fields."""
+    """Return the fields of an entry of ``[[left_out]]`` that are not zero."""
     match one:
         case StrokeResistance():
             path = tuple({"body": body, "point": point} for body, point in one.path)

@@ -1,4 +1,4 @@
-"""Linear algebra on stacks of small matrices: solution, inverse, condition number, null space. No mechanics."""
+"""Linear algebra on stacks of small matrices: solution, inverse, condition number, null space."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 from screwgauge.reference.rotations import Array
 
 EPS = float(np.finfo(float).eps)
-#: A matrix with a condition number above this counts as singular: fewer than four digits would remain.
+#: Condition number above which a matrix counts as singular: fewer than four digits would remain.
 SINGULAR = 1e12
-#: Rounding of one closing equation or joint axis in units of eps; a few hundred operations add up to several.
+#: Rounding error of one closing equation or joint axis in units of eps; a few hundred operations accumulate such
+#: errors.
 ROUNDED = 2.0
-#: Along a motion every `EVERY`-th matrix is inverted; number of matrices processed at a time.
+#: Interval of the matrices along a motion that are inverted directly; number of matrices processed at a time.
 EVERY, BLOCK = 16, 128
-#: Relative error from which no digit is correct.
+#: Relative error above which no digit is correct.
 DIGIT = 0.1
 
 
 def solve(A: Array, b: Array) -> Array:
     """Solve ``A x = b`` for a stack of square, or consistent tall or wide, matrices.
 
-    Square regular stacks go through LU, tall ones of full rank through QR (least squares); all others through the
+    Regular square stacks are solved by LU, tall stacks with full rank by QR (least squares), and all others by the
     pseudo-inverse (least squares, minimum norm).
 
     Args:
@@ -35,23 +36,23 @@ def solve(A: Array, b: Array) -> Array:
         Shape (..., n, k). NaN stays NaN.
     """
     if A.shape[-1] == A.shape[-2]:
-        with suppress(np.linalg.LinAlgError):  # one matrix of the stack is exactly singular
+        with suppress(np.linalg.LinAlgError):  # raised if one matrix is exactly singular
             return np.asarray(np.linalg.solve(A, b))
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-        # the rank is certain, so the result equals that of the pseudo-inverse at a fifth of its cost
+        # full rank is certain: the result equals the pseudo-inverse's, in a fifth of the time
         if (pivots.min(axis=-1) > 1e-7 * pivots.max(axis=-1)).all():
             return np.asarray(np.linalg.solve(R, Q.swapaxes(-1, -2) @ b))
     finite = np.isfinite(A).all(axis=(-1, -2), keepdims=True)
-    rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # single precision cannot resolve 1e-13
+    rcond = max(1e-13, 450.0 * float(np.finfo(A.dtype).eps))  # float32 cannot resolve 1e-13
     return np.where(finite, np.linalg.pinv(np.where(finite, A, 0.0), rcond=rcond) @ b, np.nan)
 
 
 def condition(A: Array) -> Array:
-    """Return the condition number in the Frobenius norm, infinite where singular. Shape (..., m, n) -> (...).
+    """Return the condition number in the Frobenius norm; infinite for singular matrices. Shape (..., m, n) -> (...).
 
-    It is at most n times the 2-norm condition number, and an order of magnitude cheaper over a trajectory.
+    It is at most n times the 2-norm condition number, and an order of magnitude faster to compute along a trajectory.
     """
     size = norms(A)
     if A.shape[-2] > A.shape[-1]:  # the triangular factor has the same singular values
@@ -65,7 +66,7 @@ def condition(A: Array) -> Array:
 
 
 def inverted(A: Array) -> tuple[Array, Array]:
-    """Compute the inverse as in `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
+    """Compute the inverse, in the sense of `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)
@@ -80,10 +81,10 @@ def inverted(A: Array) -> tuple[Array, Array]:
 
 
 def inverted_along(A: Array) -> tuple[Array, Array]:
-    """Invert slowly varying matrices, if square; also return condition numbers. (n, m, m).
+    """Invert slowly varying square matrices, shape (n, m, m); also return condition numbers.
 
-    One in `EVERY` is inverted, the others follow from Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
-    blocks of cache size.
+    One in `EVERY` matrices is inverted directly; the others follow from Schulz's iteration ``X + X E + X E^2`` with
+    ``E = 1 - A X``, in blocks of cache size. Other matrices are treated as in `inverted`.
     """
     X, eye = np.empty_like(A), np.eye(A.shape[-1])
     if A.shape[1] != A.shape[2]:
@@ -93,7 +94,7 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
-        while error > 1e-6:  # a step leaves the cube of E
+        while error > 1e-6:  # a step reduces E to its cube
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
             before, error = error, max(E.max(), -E.min())
             if not error < 0.1 * before:
@@ -105,17 +106,17 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
 
 
 def blocks(n: int) -> Iterator[slice]:
-    """Yield blocks of rows small enough for their results to stay in the cache."""
+    """Yield blocks of rows that are small enough for their results to stay in the cache."""
     return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
 
 
 def norms(A: Array) -> Array:
-    """Return Frobenius norms, faster than `numpy.linalg.norm` on small matrices. Shape (..., m, n) -> (...)."""
+    """Return Frobenius norms, for small matrices faster than `numpy.linalg.norm`. Shape (..., m, n) -> (...)."""
     return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))
 
 
 def inverse(A: Array) -> Array:
-    """Invert a stack of square matrices, with NaN where a matrix is exactly singular. Shape (..., n, n)."""
+    """Invert a stack of square matrices; return NaN for exactly singular matrices. Shape (..., n, n)."""
     try:
         return np.asarray(np.linalg.inv(A))
     except np.linalg.LinAlgError:
@@ -133,7 +134,7 @@ def null_space(A: Array, tolerance: float = 1e-9) -> Array:
 def rank(A: Array, tolerance: float = 1e-9) -> int:
     """Return the rank of a dimensionless matrix.
 
-    Singular values count as zero below `tolerance` times the largest, or times 1 if all are small.
+    Singular values up to `tolerance` times the largest singular value, or times 1 if that is larger, count as zero.
     """
     return _count(np.linalg.svd(A, compute_uv=False), tolerance)
 

@@ -1,5 +1,5 @@
-"""Equations of motion, written once and generic over the scalar type.
+"""Equations of motion, implemented once for all scalar types.
 
-Arrays have any leading shape, ``(..., 3)``, ``(..., 6)``; their elements are floats of any precision, nodes of a trace,
-from which a program is made, or balls. `ops` has what depends on the scalar type.
+Arrays may have any leading shape, ``(..., 3)``, ``(..., 6)``; their elements are floats of any precision, nodes of a
+trace, from which a program is compiled, or balls. `ops` has the operations that depend on the scalar type.
 """

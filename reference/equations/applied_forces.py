@@ -1,4 +1,4 @@
-"""Wrenches, power and stored energy of loads, springs, dampers and motors; `applied` defines their data."""
+"""Computes wrenches, power and stored energy of loads, springs, dampers and motors; `applied` defines their data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Exerted(NamedTuple):
-    """Forces other than inertia, gravity and constraints.
+    """Applied forces without gravity.
 
     Attributes:
         wrenches: Wrench on each body, see `recursion.wrench`. Shape (..., b, 6).
@@ -36,7 +36,7 @@ def exerted(at: Dynamics) -> Exerted:
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
-        if body := at.mechanism.body_index[load.body]:  # ground needs no force balance
+        if body := at.mechanism.body_index[load.body]:  # the ground does not need a force balance
             f, m = load_vectors(at, load)
             W[..., body, :] = W[..., body, :] + wrench(at.pose, body, place(at, load), f, m)
     for spring in at.applied.springs:
@@ -57,12 +57,12 @@ def exerted(at: Dynamics) -> Exerted:
 
 
 def place(at: Dynamics, load: Load) -> Array:
-    """Return the body point at which a load acts, by default the centre of mass. Shape (3,)."""
+    """Return the body point at which a load acts; by default, it is the centre of mass. Shape (3,)."""
     return at.mechanism.body(load.body).com if load.point is None else load.point
 
 
 def load_vectors(at: Dynamics, load: Load) -> tuple[Array, Array]:
-    """Return force and torque of a load at its time, in world axes. Shape (..., 3) each."""
+    """Return force and torque of a load at the time of the motion, in world axes. Shape (..., 3) each."""
     now = load.at(at.t, at.ops.cos, at.ops.sin)
     f, m = np.asarray(now.force), np.asarray(now.torque)
     if load.axes == "world":
@@ -85,7 +85,7 @@ def point(at: Dynamics, body: int, arm: Array) -> Array:
 
 
 def ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
-    """Return the bodies at the two ends of a spring, and the world positions of its end points. Shape (..., 3)."""
+    """Return the bodies at both ends of a spring, and the world positions of its end points. Shape (..., 3)."""
     index = at.mechanism.body_index
     return [(index[body], point(at, index[body], arm)) for body, arm in spring.ends]
 
@@ -107,7 +107,7 @@ def stretch(at: Dynamics, spring: Spring) -> Any:
 
 
 def stretch_rate(at: Dynamics, spring: Spring) -> Any:
-    """Return the rate of a spring's length, which its damper resists. Shape (...)."""
+    """Return the rate of change of a spring's length, which its damper resists. Shape (...)."""
     if isinstance(spring, PointSpring):
         (i, a), (j, b) = ends(at, spring)
         apart = velocity_at(at.V[..., j, :], b) - velocity_at(at.V[..., i, :], a)
@@ -116,7 +116,7 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 
 
 def tension(at: Dynamics, spring: Spring) -> Any:
-    """Return the tension ``k (l - l0) + c ld``; a joint spring opposes its coordinate. Shape (...)."""
+    """Return the tension ``k (l - l0) + c ld``; for a joint spring, it opposes the coordinate. Shape (...)."""
     return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
 
 
@@ -129,14 +129,14 @@ def resisting_force(at: Dynamics, one: Resistance) -> Any:
 
 
 def sign(at: Dynamics, rate: Any) -> Any:
-    """Return the sign of a rate, -1, 0 (up to `REST`) or 1, for any scalar type. Shape (...)."""
+    """Return the sign of a rate for any scalar type: -1, 0 (for rates up to `REST`) or 1. Shape (...)."""
     size = at.ops.sqrt(rate * rate)
     moves = -at.ops.maximum(-at.ops.maximum((size / REST - 1.0) / linear.EPS, 0.0), -1.0)
     return moves * rate / at.ops.maximum(size, REST)
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
-    """Return the force of a motor at its time [s]."""
+    """Return the force of a motor at the time of the motion."""
     return motor.force(at.t, at.ops.cos, at.ops.sin)
 
 
@@ -144,7 +144,7 @@ def check_applied(mechanism: Mechanism, applied: Applied) -> None:
     """Reject springs on bodies or coordinates that the mechanism lacks.
 
     Raises:
-        UnknownNameError: There is no such body or coordinate.
+        UnknownNameError: A spring refers to a missing body or coordinate.
     """
     for spring in applied.springs:
         if isinstance(spring, JointSpring) and spring.coordinate not in mechanism.coordinates:

@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of U-P-S and U-P-U legs for a given pose of the carried body."""
+"""Solves the inverse kinematics of U-P-S and U-P-U legs in closed form for a given pose of the carried body."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from screwgauge.reference.equations.screws import Array, dot, times, transpose
 from screwgauge.reference.graph import Edge, Layout, serial_chains
 from screwgauge.reference.mechanism import Joint
 
-#: Home is given to ten digits; other branches are farther away.
+#: Largest distance from home on the home branch: home is given to ten digits, and other branches are farther away.
 HOME = 1e-8
 
 
 def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None = None) -> Coordinates | None:
-    """Return tree coordinates if every leg has a closed form with its wrist cut, on the branch of home; else None.
+    """Return tree coordinates on the home branch if every leg, with its wrist cut, has a closed form; else None.
 
-    The joint of the independent coordinates places the output body, with that joint's other coordinates as
-    at home; where a leg forbids that, the loops stay open by as much and Newton's method continues from here.
+    The joint of the independent coordinates places the output body; the remaining coordinates of that joint keep their
+    home values. If a leg does not allow this, the loops stay open, and Newton's method must continue from the result.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (..., k).
-        fixed: Coordinates that never move, if all others of the joint of the output body must be among
-            them: the home assembly mode then ends only where a leg locks or has zero length.
+        fixed: Coordinates that never move. If given, the remaining coordinates of the output body's joint must be among
+            them; the home assembly mode then ends only where a leg locks or has zero length.
 
     Returns:
-        Cut joints keep their home coordinates.
+        Coordinates of the tree; cut joints keep their home coordinates.
     """
     legs = _legs(lay)
     if legs is None:
@@ -39,14 +39,14 @@ def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None =
         return None
     at_home = _coordinates(lay, *legs, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
     tree = lay.tree_columns
-    close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # single precision cannot resolve 1e-8
+    close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # float32 cannot resolve 1e-8
     if not np.abs(at_home.q - lay.mechanism.home)[tree].max() < close:
         return None
     return _coordinates(lay, *legs, y, ops)
 
 
 def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
-    """Find the joint of the output body and the legs; None unless each leg has a closed form."""
+    """Find the joint of the output body and the legs; return None unless each leg has a closed form."""
     mechanism = lay.mechanism
     chains = serial_chains(mechanism)
     drivers = [chain[0].joint for chain in chains if len(chain) == 1 and not chain[0].reverse]
@@ -62,7 +62,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
-    """True for U-P-U or U-P-S whose slide passes both centres along the normal of the first U's axes."""
+    """True for U-P-U or U-P-S legs whose slide passes both centres along the normal of the first U joint's axes."""
     kinds = "".join(edge.joint.kind for edge in chain)
     if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False
@@ -95,7 +95,7 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
 
 
 def _leg(base: Joint, centre: Array, ops: Ops) -> list[Value]:
-    """Compute base angles and slide length of a leg with its wrist at a point, eqs. (19), (24). (..., 3)."""
+    """Compute base angles and slide length of a leg whose wrist is at a given point, eqs. (19), (24). (..., 3)."""
     x, y = base.axes
     AC = times(transpose(base.parent_frame.R), centre - base.parent_frame.p)
     u, v, w = (dot(AC, axis) for axis in (x, y, np.cross(x, y)))

@@ -1,9 +1,9 @@
 """Closing system: constraints of cut joints, couplings and given coordinates, and the resulting motion.
 
-``M qd = [0; 0; yd]`` over the coordinates of the tree stands for the chains of eqs. (15), (25), (26): a cut joint
-constrains its bodies with the wrenches of eq. (8), so its own coordinates are not unknowns. The transpose of M is
-the force balance, ``M^T [constraint forces; coupling forces; Q] = tau``. Forces are in `dynamics`; how loops
-are closed over a motion is in the package `closed`.
+``M qd = [0; 0; yd]`` for the coordinates of the tree replaces the chains of eqs. (15), (25), (26): a cut joint
+constrains its bodies with the wrenches of eq. (8), so its own coordinates are not unknowns. The transpose of M yields
+the force balance, ``M^T [constraint forces; coupling forces; Q] = tau``. `dynamics` computes forces; the package
+`closed` closes the loops along a motion.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ from screwgauge.reference.mechanism import Mechanism
 
 
 class Loops:
-    """The loops of a layout, independent of pose.
+    """The loops of a layout, independent of the pose.
 
     Attributes:
         fixed: Columns of coordinates that never move on the assembly mode of home.
-        columns: Columns of the tree, fixed ones last, in the order of the unknowns.
+        columns: Columns of the tree in the order of the unknowns; fixed columns come last.
         moving: Number of moving columns.
-        names: Label and unit of the constraint wrenches of cut joints, row after row.
-        ends: Rows of cut joint j are ``ends[j]:ends[j + 1]``.
+        names: Label and unit of each row of the cut joints, i.e. of their constraint wrenches.
+        ends: Boundaries of rows: cut joint j has the rows ``ends[j]:ends[j + 1]``.
         given: Rows of the given coordinates.
-        unit, size: Units of rows and sizes of unknowns: 1 for angles, the mechanism's length for distances.
+        unit, size: Units of rows and scales of unknowns: 1 for angles, the length of the mechanism for distances.
     """
 
     def __init__(self, lay: Layout, fixed: Sequence[int] = ()) -> None:
@@ -82,7 +82,7 @@ class Loops:
 
 
 class Closed:
-    """The closing system at one pose, and the motion that it allows."""
+    """The closing system at a pose, and the motion that it allows."""
 
     def __init__(self, loops: Loops, at: Coordinates, folds: Sequence[Any], ops: Ops) -> None:
         """Prepare the system; `folds` selects the angle triple of each cut joint, see `cut_coordinates`."""
@@ -95,12 +95,12 @@ class Closed:
         ]
 
     def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
-        """Return the power of cut joint j's wrenches per rate of each coordinate of its loop: columns, (..., m, c)."""
+        """Return columns of the loop of cut joint j, and power of its wrenches per rate of each, shape (..., m, c)."""
         columns, signs = self.loops.around[j]
         return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
 
     def reading(self, column: int) -> tuple[list[int], Array]:
-        """Return the rate of a coordinate per rate of the tree coordinates: columns, (..., 1, c)."""
+        """Return columns of tree coordinates, and rate of a coordinate per rate of each, shape (..., 1, c)."""
         if column in self.loops.place:
             return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         j, i = self.loops.owner[column]
@@ -108,7 +108,7 @@ class Closed:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """The matrix M: eq. (15) of each loop by reciprocal products, eq. (8), slopes of couplings, selection of y."""
+        """Matrix M: eq. (15) of each loop by reciprocal products, eq. (8), slopes of couplings, selection of y."""
         loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         blocks: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
@@ -124,7 +124,7 @@ class Closed:
 
     @cached_property
     def system(self) -> Any:
-        """M as a solvable system in place of eq. (25), see `ops.System`."""
+        """M as a solvable system, which replaces eq. (25), see `ops.System`."""
         loops = self.loops
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
@@ -149,7 +149,7 @@ class Closed:
         return self.ops.atan2(value * cosine_y - cosine * sine_y, cosine * cosine_y + value * sine_y)
 
     def newton_step(self, y: Array) -> Array:
-        """Return the change of all coordinates in a step of Newton's method, in place of eq. (27). Shape (..., n_q)."""
+        """Return the step of all coordinates in Newton's method, which replaces eq. (27). Shape (..., n_q)."""
         return self.spread(self.system.solve(-self.residual(y)))
 
     def spread(self, x: Array) -> Array:
@@ -159,23 +159,23 @@ class Closed:
         return full
 
     def solve(self, given: Array, above: Array | None = None) -> Array:
-        """Solve for tree coordinates with zeros, or `above`, over `given` on the right side. Shape (..., n_q)."""
+        """Solve for tree coordinates; the right-hand side is `above` (or zeros) and `given`. Shape (..., n_q)."""
         n = self.loops.given.start
         top = np.zeros((*given.shape[:-1], n), dtype=given.dtype) if above is None else above
         return self.spread(self.system.solve(join(top, given)))
 
     @cached_property
     def K(self) -> Array:
-        """Velocity map of the tree coordinates, one row ``dq/dy_k`` for each of y, eq. (26). Shape (..., k, n_q)."""
+        """Velocity map of the tree coordinates, one row ``dq/dy_k`` for each y_k, eq. (26). Shape (..., k, n_q)."""
         eye = np.eye(len(self.loops.y_columns), dtype=self.loops.lay.path.dtype)
         return np.stack([self.solve(np.broadcast_to(row, self.q.shape[:-1] + row.shape)) for row in eye], axis=-2)
 
     def velocities(self, yd: Array) -> Array:
-        """Rates of the tree's coordinates, eq. (26). Shape (..., n_q)."""
+        """Return the rates of the tree coordinates, eq. (26). Shape (..., n_q)."""
         return times(self.K.swapaxes(-1, -2), yd)
 
     def joint_rates(self, w: Array, V: Array) -> Array:
-        """Rates of all joints. Shape (..., n_q).
+        """Return the rates of all joints. Shape (..., n_q).
 
         Args:
             w: Rates of the tree coordinates. Shape (..., n_q).
@@ -184,7 +184,7 @@ class Closed:
         return self._with_cuts(w, lambda cut: cut.rates(V))
 
     def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
-        """Assemble all coordinates from the tree's and, for each cut joint, from its two bodies."""
+        """Assemble all coordinates: tree coordinates, and coordinates of cut joints from their two bodies."""
         joined = tree + 0.0
         for cut in self.cuts:
             joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
@@ -196,7 +196,7 @@ class Motion(Closed):
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).
-        near: Column of a cut joint's angle -> value near which to choose it among equivalent angles; else it is within
+        near: Column of a cut joint's angle -> value that selects the nearest equivalent angle; other angles are within
             half a turn.
     """
 
@@ -235,7 +235,7 @@ class Motion(Closed):
 
     @cached_property
     def joint_map(self) -> Array:
-        """Velocity map of all joints. Shape (..., n_q, k)."""
+        """Velocity map of all joint coordinates. Shape (..., n_q, k)."""
         rates = np.moveaxis(self.K, -2, 0)
         return np.stack([self.joint_rates(w, V) for w, V in zip(rates, self.partial, strict=True)], axis=-1)
 
@@ -245,7 +245,7 @@ class Motion(Closed):
         return outward(self.pose, self.w, 0.0 * self.w)
 
     def accelerations(self, ydd: Array) -> Array:
-        """Return the tree's second derivatives given those of the independent coordinates, eq. (48). (..., n_q)."""
+        """Return second derivatives of tree coordinates, given independent ones, eq. (48). Shape (..., n_q)."""
         above, given, w = list[Array](), ydd + 0.0, self.w
         for cut in self.cuts:
             above.append(-cut.bias(self.V, self.bias))
@@ -260,7 +260,7 @@ class Motion(Closed):
 
     @cached_property
     def beta(self) -> Array:
-        """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q)."""
+        """Second derivatives of the tree coordinates, eq. (48). Shape (..., n_q)."""
         return self.accelerations(self.ydd)
 
     @cached_property
@@ -270,7 +270,7 @@ class Motion(Closed):
 
     @property
     def body_angular_acceleration(self) -> Array:
-        """Angular accelerations of the moving bodies in the world. Shape (..., b - 1, 3)."""
+        """Angular accelerations of the moving bodies in world axes. Shape (..., b - 1, 3)."""
         return self.pose.to_world(self.moved.bodies.turning.b, MOVING)
 
     @property
@@ -313,7 +313,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.moved)
 
     def accelerations_of_joints(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Return second derivatives of all coordinates given the tree's and the body accelerations. (..., n_q)."""
+        """Return second derivatives of all coordinates, given the tree's and body accelerations. Shape (..., n_q)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property

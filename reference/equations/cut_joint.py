@@ -1,4 +1,4 @@
-"""A cut joint at a pose: its rows in the closing system, its coordinates and rates, and forces on its two bodies."""
+"""A cut joint at a pose: rows of the closing system, coordinates and rates, and forces on its two bodies."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class CutJoint:
     Attributes:
         at: Frames of the joint.
         W: Constraint wrenches. Shape (..., m, 6).
-        parent, child: Indices of its bodies.
+        parent, child: Indices of the two bodies.
     """
 
     def __init__(self, at: JointPose, parent: int, child: int, fold: Any, ops: Ops) -> None:
@@ -55,7 +55,7 @@ class CutJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Unit screws of the cut joint; its bodies carry the first and the last axis. Shape (..., f, 6)."""
+        """Unit screws of the cut joint; parent and child carry the first and the last axis. Shape (..., f, 6)."""
         at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
         if len(turns) > 2:
             return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
@@ -64,20 +64,20 @@ class CutJoint:
 
     @cached_property
     def D(self) -> Array:
-        """Wrenches dual to its freedoms, used to read its rates and to drive it. Shape (..., f, 6)."""
+        """Wrenches dual to the joint's screws, used to read its rates and to drive it. Shape (..., f, 6)."""
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
-        """Return the rates of the cut joint given the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
+        """Return the rates of the cut joint, given the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _angular(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Return child minus parent angular acceleration without the joint's brackets, eq. (44). Shape (..., 3)."""
+        """Return child minus parent angular acceleration, without the joint's brackets, eq. (44). Shape (..., 3)."""
         turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
         return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
     def _linear(self, V: Array, moved: BodyAccelerations) -> Array:
-        """Return the relative acceleration at the joint's point of the child, likewise. Shape (..., 3)."""
+        """Return the relative linear acceleration at the joint's point on the child. Shape (..., 3)."""
         joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
         linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
         if self.at.slides:
@@ -91,7 +91,7 @@ class CutJoint:
 
         Args:
             V: Twists of all bodies. Shape (..., b, 6).
-            moved: Body accelerations at zero second derivatives.
+            moved: Body accelerations at zero second derivatives of y.
         """
         kind = self.at.type
         bias = times(kind.forces(self.at), self._linear(V, moved))
@@ -107,7 +107,7 @@ class CutJoint:
 
         Args:
             V: Twists of all bodies. Shape (..., b, 6).
-            moved: Their accelerations.
+            moved: Accelerations of all bodies.
         """
         w, angular = self.rates(V), self._angular(V, moved)
         first, *rest = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
@@ -115,14 +115,14 @@ class CutJoint:
         return np.asarray(power(self.D, relative[..., None, :]))
 
     def wrenches(self, x: Array, along: Array) -> list[tuple[int, Frame, Array, Array]]:
-        """Return the forces on the joint's two bodies, at its point on each, in world axes.
+        """Return the forces on the joint's two bodies at the joint's point on each body, in world axes.
 
         Args:
             x: Forces along the constraint wrenches. Shape (..., m).
             along: Forces along the joint's coordinates. Shape (..., f).
 
         Returns:
-            Body, frame of the joint, force and moment, shape (..., 3).
+            Body, frame of the joint on it, force and moment; shape (..., 3) each.
         """
         kind, joint = self.at.type, self.at.joint
         directions = kind.forces(self.at)

@@ -1,7 +1,8 @@
 """Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
 
-Corrections to the paper: gravity is ``m (a - g)``, lever arms from the centre of mass to the point of action, the
-moment of the U-joint's wrist and ``(O - P) x F_S`` are included, and the load has the sign of action on the platform.
+Corrections to the paper: gravity enters as ``m (a - g)``; lever arms lead from the centre of mass to the point of
+action; the moment of the U-joint's wrist and ``(O - P) x F_S`` are included; and the sign of the load is that of its
+action on the platform.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ class Dynamics(Motion):
         t: Time [s] at which motors and loads are evaluated. Shape (...).
         given_forces: Further forces along all joint coordinates, if any. Shape (..., n_q).
         points: Named points whose velocities are requested.
-        axial: Whether redundant actuators follow the rule of eq. (56), else the minimum-norm rule.
-        idle: Indices of independent coordinates that no actuator drives, whose accelerations follow from the forces.
+        axial: True if redundant actuators follow the rule of eq. (56), False for the minimum-norm rule.
+        idle: Indices of independent coordinates that no actuator drives; their accelerations follow from the forces.
         resting: Indices of independent coordinates without actuator and without inertia; their motion is given.
     """
 
@@ -69,7 +70,7 @@ class Dynamics(Motion):
 
     @cached_property
     def required(self) -> Array:
-        """Wrenches that the motion requires on each body, see `BodyAccelerations.needs`. Shape (..., b, 6)."""
+        """Wrenches that each body needs for its motion, see `BodyAccelerations.needs`. Shape (..., b, 6)."""
         return self.moved.needs(self.applied.g)
 
     @cached_property
@@ -78,7 +79,7 @@ class Dynamics(Motion):
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Convert forces along all joints to tree forces of the same power. Shape (..., n_q) -> (..., n)."""
+        """Convert forces along all joints to tree forces with the same power. Shape (..., n_q) -> (..., n)."""
         tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
@@ -97,12 +98,12 @@ class Dynamics(Motion):
         return along[..., self.loops.columns] - self.along_tree(acting)
 
     def acting(self, beta: Array, moved: BodyAccelerations) -> Array:
-        """Return the forces along all coordinates other than actuator forces: exerted minus rotor inertia. (..., n_q).
+        """Return applied forces minus rotor inertia along all coordinates, without actuator forces. Shape (..., n_q).
 
-        A rotor of inertia I, geared or not, absorbs ``I qdd`` of the force along its coordinate.
+        A rotor with (reflected) inertia I absorbs ``I qdd`` of the force along its coordinate.
 
         Args:
-            beta: Second derivatives of the tree's coordinates. Shape (..., n_q).
+            beta: Second derivatives of the tree coordinates. Shape (..., n_q).
             moved: Accelerations of the bodies.
         """
         rotors = self.mechanism.rotors
@@ -121,20 +122,19 @@ class Dynamics(Motion):
         return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
-        """Project tree forces on y, ``K^T tau``, accurately even near constraint singularities. Shape (...,
-        k)."""
+        """Project tree forces on y, ``K^T tau``; accurate even near constraint singularities. Shape (..., k)."""
         return times(self.K[..., self.loops.columns], tau)
 
     @cached_property
     def generalized_force(self) -> Array:
-        """Generalized actuator force along each independent coordinate; preload cancels. (..., k)."""
+        """Generalized actuator force along each independent coordinate; preload cancels. Shape (..., k)."""
         return self.virtual_power(self.tau)
 
     # actuators
 
     @cached_property
     def B(self) -> Array:
-        """Rates of the actuated coordinates per rate of each independent one. Shape (..., n_act, k)."""
+        """Rates of the actuated coordinates per rate of each independent coordinate. Shape (..., n_act, k)."""
         K, rows = self.K[..., self.loops.columns], list[Array]()
         for column in self.mechanism.actuated_columns:
             places, row = self.reading(column)
@@ -158,7 +158,8 @@ class Dynamics(Motion):
     def per_actuator(self) -> Array:
         """Rates of the driven coordinates per rate of each actuator, ``B^-1``. Shape (..., n_driven, n_act).
 
-        For redundant actuators it is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates rest.
+        For redundant actuators, it is ``B^+``, whose transpose gives minimum-norm forces; undriven coordinates are at
+        rest.
         """
         B, BT = self._B, transpose(self._B)
         actuators, driven = B.shape[-2:]
@@ -177,7 +178,7 @@ class Dynamics(Motion):
         """Twists of the bodies about their origins, and velocities of `points`, per rate of each actuator.
 
         Returns:
-            Entries row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
+            Entries of the matrix, row by row. Shape (..., (6 (b - 1) + 3 n_point) n_act).
         """
         columns = list[Array]()
         if not self.mechanism.actuator_names or not self.driven:
@@ -195,7 +196,7 @@ class Dynamics(Motion):
 
     @cached_property
     def drive(self) -> System:
-        """Matrix of the actuator forces: ``B^T`` stacked on the rule of eq. (56), or B's smaller Gram matrix."""
+        """System matrix for the actuator forces: ``B^T`` above the rule of eq. (56), or B's smaller Gram matrix."""
         BT = transpose(self._B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -203,15 +204,17 @@ class Dynamics(Motion):
 
     @property
     def surplus(self) -> int:
-        """Number of actuators beyond the driven freedoms, whose forces are minimised; zero under the rule of eq.
-        (56)."""
+        """Number of actuators minus number of driven coordinates; zero under the rule of eq. (56).
+
+        If it is positive, the norm of the actuator forces is minimised.
+        """
         return 0 if self.line is not None else len(self.mechanism.actuator_names) - len(self.driven)
 
     @cached_property
     def actuator_force(self) -> Array:
-        """Actuator forces f with ``B^T f = Q``, of minimum norm or by the rule of eq. (56). Shape (..., n_act).
+        """Actuator forces f with ``B^T f = Q``, with minimum norm or by the rule of eq. (56). Shape (..., n_act).
 
-        Too few actuators solve this in the least-squares sense.
+        With too few actuators, f is the least-squares solution.
         """
         Q = self.generalized_force[..., self.driven]
         if self.line is not None:
@@ -229,23 +232,25 @@ class Dynamics(Motion):
 
     @cached_property
     def axis_moment(self) -> Array:
-        """Forces along all coordinates, transmitted between the two bodies of each joint. Shape (..., n_q).
+        """Forces along all coordinates that the two bodies of each joint transmit to each other. Shape (..., n_q).
 
-        Sum of actuators, springs, dampers, motors and resistance, minus rotor inertia. Couplings, which are components
-        of `reaction`, are excluded.
+        They are the sum of actuators, springs, dampers, motors and resistance, minus rotor inertia. They exclude
+        coupling forces, which are components of `reaction`.
         """
         return self.along_joints(self.actuator_force) + self.along
 
     @property
     def resistance(self) -> Array:
-        """Force of each rotor, damper and dry friction along its coordinate. Shape (..., n)."""
+        """Force of each rotor, damper and dry friction along its coordinate. Shape (..., n_resistance)."""
         taken = [resisting_force(self, one) for one in self.mechanism.resistances]
         return np.stack(np.broadcast_arrays(*taken), axis=-1) if taken else zeros(self.q, 0)
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
-        """Transverse force of a joint (eq. 56) per actuator force, and at zero actuator force; None under another
-        rule."""
+        """Transverse force of a joint (eq. 56) per actuator force, and at zero actuator force.
+
+        None under the minimum-norm rule.
+        """
         return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
 
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
@@ -265,15 +270,15 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """Return the reactions to actuator forces, shape (..., n_act) -> (..., r); `idle` omits all other forces."""
+        """Return the reactions to actuator forces; `idle` omits all other forces. Shape (..., n_act) -> (..., r)."""
         return self.constraint_forces(f, idle=idle)[0]
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:
         """Return reaction components, tree forces that joints transmit, and multipliers of the rows of M.
 
-        The multipliers are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, from which
-        all others follow. For redundant constraints it is the solution of minimum norm, with moments divided by the
-        mechanism's length.
+        The multipliers are the unknowns of eq. (57): ``M^T x = tau`` yields the forces at cut joints, from which all
+        other forces follow. For redundant constraints, x is the minimum-norm solution, with moments divided by the
+        length of the mechanism.
 
         Returns:
             Shapes (..., r), (..., n_q), (..., m).
@@ -310,7 +315,7 @@ class Dynamics(Motion):
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:
-        """Null vectors of the rows of M (internal forces), each with its components per unit."""
+        """Null vectors of the rows of M (internal forces), each with its scaled reaction components."""
         null = self.system.null()
         nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
         rows = [null[..., i, :] for i in range(null.shape[-2])]
@@ -319,7 +324,7 @@ class Dynamics(Motion):
     def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
         """Return reaction components of all joints, and tree forces including drives. Shapes (..., r), (..., n_q).
 
-        Components are the powers on the twists that joints forbid, and the coupling forces.
+        The components are the powers on the twists that joints forbid, and the coupling forces.
 
         Args:
             x: Forces along the rows of M. Shape (..., m).
@@ -344,7 +349,7 @@ class Dynamics(Motion):
         """Return forces along all coordinates of an open tree due to inertia and gravity. Shape (..., n_q).
 
         Args:
-            shares: Share of each body carried by each coordinate, signed. Shape (b - 1, n_q).
+            shares: Signed share of each body that each coordinate carries. Shape (b - 1, n_q).
         """
         along, elsewhere = inward(self.pose, self.required)[0], shares - self.loops.lay.path[1:]
         if elsewhere.any():

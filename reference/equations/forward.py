@@ -1,7 +1,7 @@
 """Forward dynamics: accelerations of the independent coordinates, or of all bodies at once, under given forces.
 
-`Forward` projects on the independent coordinates; `NewtonEuler` solves for all accelerations and reactions
-together, eqs. (57) and (58). Inverse dynamics is in `dynamics`.
+`Forward` projects the equations on the independent coordinates; `NewtonEuler` solves for all accelerations and
+reactions together, eqs. (57) and (58). Inverse dynamics is in `dynamics`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Forward(Dynamics):
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
-        """Velocities of centres of mass, and angular ones in body axes, per rate of each y. (..., k, b - 1, 3)."""
+        """Velocities of centres of mass and body-axes angular velocities per rate of each y. (..., k, b - 1, 3)."""
         each = [V[..., 1:, :] for V in self.partial]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (
@@ -67,14 +67,14 @@ class Forward(Dynamics):
 
     @property
     def ydd(self) -> Array:
-        """Second derivatives of the independent coordinates: given, or solved from the forces. Shape (..., k)."""
+        """Second derivatives of the independent coordinates, given or computed from the forces. Shape (..., k)."""
         if self._ydd is None:
             return self.response
         return self.followed if self.idle else self._ydd
 
     @cached_property
     def neutral(self) -> Array:
-        """Motions of y that move no actuator, one per idle coordinate, at unit rate. Shape (..., k, m)."""
+        """Motions of y that do not move any actuator; one per idle coordinate, with unit rate. Shape (..., k, m)."""
         unit, idle, driven = self.loops.sizes[self.loops.y_columns], [*self.idle], self.driven
         N, moved = zeros(self.B[..., 0], len(unit), len(idle)), -self.rates_of_actuators[..., idle]
         if self._oversteered:
@@ -86,7 +86,7 @@ class Forward(Dynamics):
 
     @cached_property
     def steering(self) -> System:
-        """Dimensionless actuator rates per rate of the coordinates that they drive, or their Gram matrix."""
+        """Dimensionless actuator rates per rate of the driven coordinates, or the Gram matrix of these."""
         B = self.rates_of_actuators[..., self.driven]
         return self.ops.square(transpose(B) @ B if self._oversteered else B)
 
@@ -102,9 +102,10 @@ class Forward(Dynamics):
 
     @cached_property
     def followed(self) -> Array:
-        """Given second derivatives, with those of idle coordinates solved from ``N^T (Q + M x) = 0``. (..., k).
+        """Second derivatives: the given ones and, for idle coordinates, x from ``N^T (Q + M x) = 0``. Shape (..., k).
 
-        Q are the forces along y at x = 0, M the columns of the inertia matrix: no actuator can exert either along N.
+        Q are the forces along y at x = 0, and M the columns of the inertia matrix for idle coordinates; actuators
+        cannot exert forces along N.
         """
         idle, ydd = [*self.idle], super().ydd + 0.0
         ydd[..., idle] = 0.0
@@ -117,15 +118,16 @@ class Forward(Dynamics):
 
     @cached_property
     def idle_masses(self) -> System:
-        """``N^T M`` over the idle coordinates, each scaled by the root of its inertia."""
+        """``N^T M`` for the idle coordinates, each scaled by the square root of its inertia."""
         d, N, idle = self.idle_sizes, transpose(self.neutral), [*self.idle]
         total = sum(N @ part @ transpose(momenta[..., idle, :]) for part, momenta in self.momenta)
         return self.ops.square(total / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
     def idle_reluctance(self) -> Any:
-        """Norm of the inverse of `idle_masses`: 1 if idle and given coordinates are decoupled, infinite
-        where that matrix is singular. (...).
+        """Norm of the inverse of `idle_masses`. Shape (...).
+
+        It is 1 if idle and given coordinates are decoupled, and infinite where the matrix is singular.
         """
         return self.ops.sqrt(self.idle_masses.response(np.ones(len(self.idle))).sum(-1))
 
@@ -137,7 +139,7 @@ class Forward(Dynamics):
 
     @cached_property
     def momenta(self) -> list[tuple[Array, Array]]:
-        """Velocities per rate of each y, with their linear, angular and rotor momenta. Shape (..., k, n) each."""
+        """Linear, angular and rotor velocities per rate of each y, and their momenta. Shape (..., k, n) each."""
         mechanism, pairs = self.mechanism, zip(self.partial_motion, self._partial_momenta, strict=True)
         flat = [(_flat(velocity), _flat(momentum)) for velocity, momentum in pairs]
         if (turning := np.flatnonzero(mechanism.rotors)).size:
@@ -166,7 +168,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """Condition of M at unit diagonal; if k = 1, the total mass at full length divided by M. (...)."""
+        """Condition of M at unit diagonal; if k = 1, inertia of the total mass at full length divided by M. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -174,7 +176,7 @@ class Forward(Dynamics):
 
     @property
     def kinetic_energy(self) -> Any:
-        """Kinetic energy: half the momenta of the bodies times their velocities [J]. Shape (...)."""
+        """Kinetic energy, ``yd M yd / 2`` [J]. Shape (...)."""
         return 0.5 * dot(self.yd, times(self.inertia_matrix, self.yd))
 
     @property
@@ -193,7 +195,7 @@ class Forward(Dynamics):
 
     @property
     def input_power(self) -> Any:
-        """Power of motors, given forces, loads and dampers, none of which stores energy [W]. Shape (...)."""
+        """Power of motors, given forces, loads and dampers, which do not store energy [W]. Shape (...)."""
         total = 0.0 * self.yd[..., 0]
         for load in self.applied.loads:
             if load.body != GROUND:
@@ -214,7 +216,7 @@ def _flat(x: Array) -> Array:
 
 
 def balances(com: Array, W: Array) -> Array:
-    """Stack wrenches on bodies as in eqs. (53)-(55), moments about centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
+    """Stack wrenches on bodies, moments about centres of mass, eqs. (53)-(55). (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
     moved = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
     return moved.reshape(*moved.shape[:-2], 6 * moved.shape[-2])
@@ -230,13 +232,16 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """Return wrenches on all bodies of unit joint forces, without power on the joint's other freedoms, eq. (8).
+    """Return the wrenches on all bodies of unit forces along joint coordinates, eq. (8).
+
+    The force along one coordinate does not exert power on the joint's remaining coordinates.
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).
+        columns: Coordinates whose joints are evaluated.
 
     Returns:
-        Zero for the other coordinates. Shape (n, n_q, b, 6).
+        Wrenches; zero for coordinates of all other joints. Shape (n, n_q, b, 6).
     """
     total = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
     for joint in at.lay.mechanism.joints:
@@ -256,8 +261,8 @@ def exerted_wrenches(at: Dynamics) -> Array:
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     """Build the matrix c of eq. (57): wrench of each unknown on each body, see `balances`.
 
-    Unknowns are the reaction components, in the order of `reaction_names`, then the actuator forces. A coupling
-    ``q_i = sum_k p_k(q_k)`` acts with 1 along q_i and -p_k' along q_k, so that it has no power.
+    Unknowns are the reaction components, in the order of `reaction_names`, followed by the actuator forces. A coupling
+    ``q_i = sum_k p_k(q_k)`` acts with 1 along q_i and -p_k' along q_k, so that its power is zero.
 
     Args:
         q, S: Coordinates and unit screws of all joints. Shapes (n, n_q), (n, n_q, 6).
@@ -280,13 +285,14 @@ def preload_space(B: Array) -> Array:
 
 
 class NewtonEuler:
-    """System of eq. (57) at n samples, with rows appended that fix redundant actuators.
+    """System of eq. (57) at n samples, with additional rows that determine redundant actuators.
 
-    Moments, as equations and as unknowns, are divided by the mechanism's length, so its size does not matter.
+    Moments are divided by the length of the mechanism, as equations and as unknowns; therefore, its size does not
+    matter.
 
     Attributes:
         c: System matrix, see `force_matrix`.
-        names, units: Names and units of the reaction components, the first unknowns.
+        names, units: Names and units of the reaction components, which are the first unknowns.
     """
 
     def __init__(self, at: Dynamics) -> None:
@@ -297,7 +303,7 @@ class NewtonEuler:
 
     @cached_property
     def rule(self) -> Array:
-        """Rows that fix redundant actuators: no preload, or no force across the line of eq. (56). Shape (n, l, m)."""
+        """Rows that set the preload, or the force across the line of eq. (56), to zero. Shape (n, l, m)."""
         at, (n, _, m) = self.at, self.c.shape
         if at.axial and at.mechanism.axial is not None:
             name, direction = at.mechanism.axial
@@ -313,7 +319,7 @@ class NewtonEuler:
         return rows
 
     def scaled(self, c: Array) -> Array:
-        """Scale the system with this c or c in a wider format. Shape (n, 6 (b - 1) + l, m)."""
+        """Scale the system with matrix c, which may have a wider format. Shape (n, 6 (b - 1) + l, m)."""
         return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
 
     @cached_property
@@ -326,17 +332,17 @@ class NewtonEuler:
         return self._inverted[1]
 
     def solve(self, need: Array, wide: Array | None = None) -> Array:
-        """Solve eq. (58) for all constraint and actuator forces given the required wrenches, see `balances`.
+        """Solve eq. (58) for all constraint and actuator forces, given the required wrenches, see `balances`.
 
-        Near a singular pose large unknowns cancel in the equations, but the rounding of c does not: one
-        step of iterative refinement, with the residual computed from a wider c, recovers those digits.
+        Near a singular pose, large unknowns cancel in the equations, but rounding errors of c do not: one step of
+        iterative refinement, with the residual computed from a wider c, recovers the lost digits.
 
         Args:
             need: Required wrenches for p cases. Shape (n, 6 (b - 1), p).
-            wide: c in a wider format.
+            wide: Matrix c in a wider format.
 
-        Returns:
-            In the order of c's columns. Shape (n, m, p).
+            Returns:
+                Forces in the order of c's columns. Shape (n, m, p).
         """
         inverse, below = self._inverted[0], np.zeros((len(need), self.rule.shape[1], need.shape[2]))
         right = np.concatenate([need / self.rows[:, None], below], axis=1)
@@ -351,11 +357,10 @@ class NewtonEuler:
         return balances(self.at.com, at_origin(self.at.pose, self.at.required) - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:
-        """Solve for the accelerations of all joints and all reactions from the balance of every body and the closure of
-        every loop: ``[D -c; G 0] [qdd; R] = [W; 0]``, in the minimum-norm least-squares sense.
+        """Solve for all joint accelerations and reactions from the balance of every body and the closure of every loop.
 
-        Actuators exert only the given forces. Any closed motion may serve as the reference from which accelerations are
-        counted.
+        The system ``[D -c; G 0] [qdd; R] = [W; 0]`` is solved in the minimum-norm least-squares sense. Actuators exert
+        only the given forces. Any closed motion may serve as the reference for accelerations.
 
         Returns:
             Shapes (n, n_q), (n, n_reaction).
@@ -368,7 +373,7 @@ class NewtonEuler:
         D = balances(at.com, self._needs(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
         system = np.block([[D, -c], [G, np.zeros((*G.shape[:2], m))]])
         right = np.concatenate([-balances(at.com, need), np.zeros(G.shape[:2])], axis=1)
-        # scale the columns, whose units differ, to equal size; singular values far below are redundancy
+        # scale the columns, whose units differ, to equal size; much smaller singular values indicate redundancy
         size = np.linalg.norm(system, axis=1, keepdims=True)
         size = np.where(size > 0.0, size, 1.0)
         unknown = (np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / transpose(size))[..., 0]
@@ -377,6 +382,6 @@ class NewtonEuler:
         return at.accelerations_of_joints(beta, outward(at.pose, at.w, beta)), unknown[:, k:]
 
     def _needs(self, w: Array, beta: Array, g: Array) -> Array:
-        """Return the wrenches about O required by tree rates and accelerations. (..., n_q) -> (..., b, 6)."""
+        """Return the wrenches about O that tree rates and accelerations require. (..., n_q) -> (..., b, 6)."""
         pose = self.at.pose
         return at_origin(pose, outward(pose, w, beta).needs(g))

@@ -1,9 +1,9 @@
-"""Joint types; each entry of `TYPES` holds the mechanics of one kind of joint.
+"""Joint types; each entry of `TYPES` defines the mechanics of one kind of joint.
 
-A joint transmits the wrenches that have no power on its freedoms (eq. 8). They close the loop of a cut joint and are
-the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
-component is also the power of the joint's whole wrench on the unit twist that it forbids. Wrenches dual to its freedoms
-read its rates and drive it.
+A joint transmits the wrenches that have zero power on its screws (eq. 8). They close the loop of a cut joint and are
+the components of its reaction. Their directions are orthonormal and act at the joint's point on the child, so that a
+component is also the power of the joint's total wrench on the unit twist that it forbids. Wrenches dual to the screws
+of a joint are used to read its rates and to drive it.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ class JointPose:
 
     @cached_property
     def slides(self) -> list[Array]:
-        """Sliding directions, with the preceding angles at zero, which turn about them."""
+        """Sliding directions at zero preceding angles, which are rotations about these directions."""
         return [times(self.R_parent, axis) for turns, axis in self.joint.freedoms if not turns]
 
 
 @lru_cache(maxsize=4096)
 def is_identity(frame: Frame) -> bool:
-    """True if a frame coincides with that of its body; tested once per frame."""
+    """True if a frame coincides with the frame of its body; cached per frame."""
     return frame.is_identity
 
 
@@ -82,14 +82,14 @@ def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
 
 
 def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Return the pose of a body given that of a frame fixed in it."""
+    """Return the pose of a body, given the pose of a frame fixed to it."""
     if is_identity(frame):
         return R, p
     R = R @ frame.R.T
     return R, p - times(R, frame.p)
 
 
-# Directions of constraint wrenches, (..., m, 3) in the world.
+# Directions of constraint wrenches, (..., m, 3) in world axes.
 
 
 def _none(at: JointPose) -> Array:
@@ -111,7 +111,7 @@ def _child(at: JointPose) -> Array:
 
 
 def _across(at: JointPose) -> Array:
-    """Return two directions orthogonal to the child's axis."""
+    """Return two directions orthogonal to the joint axis on the child."""
     return np.asarray(_directions_across(at.joint)[1] @ transpose(at.R_child))
 
 
@@ -121,7 +121,7 @@ def _normal(at: JointPose) -> Array:
 
 
 def _along(at: JointPose) -> Array:
-    """Return the child's axis."""
+    """Return the joint axis on the child."""
     return times(at.R_child, _named_axis(at.joint)[1])[..., None, :]
 
 
@@ -133,13 +133,13 @@ def _directions_across(joint: Joint) -> tuple[Sequence[str], Array]:
 
 @lru_cache(maxsize=4096)
 def _named_axis(joint: Joint) -> tuple[str, Array]:
-    """Return label and direction of the axis, labelled as a joint-frame axis if it is parallel to one."""
+    """Return label and direction of the axis; if it is parallel to an axis of the joint frame, it has that label."""
     axis = joint.axes[0]
     named = np.flatnonzero(axis)
     return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if len(named) == 1 else ("", axis)
 
 
-# Small rotations by which a cut joint is open along its constraint moments, (..., 3) in the world.
+# Small rotations by which a cut joint is open along its constraint moments, (..., 3) in world axes.
 
 
 def _tilt(at: JointPose) -> Array:
@@ -184,7 +184,7 @@ def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value
 
 
 def _power_on_normal(at: JointPose, w: Array) -> Any:
-    """Return the power of ``[S1 w1, S2 w2] = S w1 w2`` on the common normal, about which S turns."""
+    """Return the power of ``[S1 w1, S2 w2] = S w1 w2`` on the common normal, which is the axis of S."""
     normal = cross(at.first, at.last)
     return dot(normal, normal) * (w[..., 0] * w[..., 1])
 
@@ -197,8 +197,8 @@ class JointType:
         forces, moments: Directions of the constraint forces and moments.
         open: Small rotation along the moments by which the cut joint is open.
         angles: Angles of the cut joint.
-        own: Power of its screws' brackets on its last constraint wrench, given its rates, for eq. (48); they have
-            no power on the other wrenches, and by default none at all.
+        own: Function that computes the power of the brackets of the joint's screws on its last constraint wrench from
+            its rates, for eq. (48); the power on all other wrenches is zero. None if it is zero on all wrenches.
     """
 
     forces: Callable[[JointPose], Array]
@@ -230,7 +230,7 @@ def components(joint: Joint) -> list[tuple[str, str]]:
 
 
 def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """List names and units of all reaction components, ``leg1.base.fx`` and N, by role, then those of couplings."""
+    """List names and units of all reaction components, ``leg1.base.fx`` and N: joints by role, then couplings."""
     pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
     turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
     pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
@@ -239,7 +239,7 @@ def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tu
 
 @lru_cache(maxsize=4096)
 def triad(joint: Joint) -> tuple[Array, float]:
-    """Return right-handed orthonormal axes that start with a joint's first two axes, or its only axis.
+    """Return right-handed orthonormal axes, of which the first are a joint's first two axes, or its only axis.
 
     Returns:
         The three axes, shape (3, 3), and -1 if the joint's third axis is opposite to the third of these, else 1.
@@ -251,18 +251,17 @@ def triad(joint: Joint) -> tuple[Array, float]:
 
 
 def constraint_wrenches(at: JointPose) -> Array:
-    """Return the wrenches with which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
+    """Return the wrenches by which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
     return stack(force(at.type.forces(at), at.p_child[..., None, :]), couple(at.type.moments(at)))
 
 
 def reaction_components(at: JointPose, f: Array, m: Array) -> Array:
-    """Return the components of a force and of a moment about the joint's point of the child. Shape (..., m)."""
+    """Return the components of a force and of a moment about the joint's point on the child. Shape (..., m)."""
     return join(times(at.type.forces(at), f), times(at.type.moments(at), m))
 
 
 def closure_residual(at: JointPose) -> Array:
-    """Return a cut joint's residual along each constraint wrench, m and rad; its rate is the power. Shape (...,
-    m)."""
+    """Return a cut joint's residual along each constraint wrench [m or rad]; its rate is the power. Shape (..., m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)
@@ -271,7 +270,7 @@ def closure_residual(at: JointPose) -> Array:
 
 
 def dual_wrenches(at: JointPose, S: Array) -> Array:
-    """Return wrenches with unit power on one freedom of a joint and none on the others.
+    """Return wrenches with unit power on one screw of a joint and zero power on its other screws.
 
     Args:
         S: Unit screws of the joint. Shape (..., f, 6).
@@ -285,15 +284,15 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
         faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
         axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
     duals = stack(couple(axes), force(S[..., ~turns, 3:], at.p_child[..., None, :]))
-    order = np.argsort(~turns, kind="stable")  # of the dual wrenches: the angles, then the slides
+    order = np.argsort(~turns, kind="stable")  # order of the dual wrenches: angles, then slides
     return duals[..., np.argsort(order), :]
 
 
 def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
-    """Solve eqs. (19)-(24) for the coordinates of a cut joint, from the frames on both sides.
+    """Solve eqs. (19)-(24) for the coordinates of a cut joint, given the frames on both sides.
 
     Args:
-        fold: Sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
+        fold: Sign of the cosine of a spherical joint's middle angle, which selects one of two equivalent angle triples.
     """
     M, hand = _rotation(at)
     sides = zip(at.type.angles(M, fold, sqrt), (1.0, 1.0, hand), strict=False)
@@ -302,7 +301,7 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     return [next(angles if turns else shifts) for turns in KINDS[at.joint.kind]]
 
 
-#: Angles read at a worse condition do not predict later samples: poses closed to 1e-13 leave errors of 1e-5 rad.
+#: Condition number above which angles do not predict later samples: poses closed to 1e-13 leave errors of 1e-5 rad.
 SURE = 1e8
 
 
@@ -310,8 +309,8 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
     """Read the coordinates of a cut joint as floats; unlike `cut_coordinates`, it also works in gimbal lock.
 
     Args:
-        near: The equivalent angles nearest to these are chosen, from either triple; without
-            `near`, angles are within half a turn. Shape (n, f).
+        near: Angles to which the nearest equivalent angles, from either triple, are chosen; without `near`, angles are
+            within half a turn. Shape (n, f).
 
     Returns:
         Shape (n, f).
@@ -326,6 +325,6 @@ def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
 
 
 def _rotation(at: JointPose) -> tuple[Array, float]:
-    """Return the rotation of the child's frame relative to the parent's, in the joint's `triad`."""
+    """Return the rotation of the child frame relative to the parent frame, in the joint's `triad`, and its sign."""
     A, hand = triad(at.joint)
     return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

@@ -1,7 +1,7 @@
-"""Kinematics of the spanning tree: poses, unit screws, twists and their biases (sections 2 to 4 of the paper).
+"""Kinematics of the spanning tree: poses, unit screws, twists and biases (sections 2 to 4 of the paper).
 
 `tree_pose` and the functions that use it take any scalar type; `pose` and `gaps` take arrays of given coordinates.
-Closed loops are in `closure`.
+`closure` treats closed loops.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Freedoms = Sequence[tuple[bool, Array]]
 
 
 class Coordinates(NamedTuple):
-    """Joint coordinates with sines and cosines of the angles. Shape (..., n_q) each."""
+    """Joint coordinates, and sines and cosines of the angles. Shape (..., n_q) each."""
 
     q: Array
     sine: Array
@@ -39,13 +39,13 @@ def coordinates(q: Array, ops: Ops) -> Coordinates:
 
 
 class Step(NamedTuple):
-    """An edge of a spanning tree, walked from ground.
+    """An edge of a spanning tree, walked from the ground outwards.
 
     Attributes:
-        near, far: Bodies before and after the joint, 0 being ground.
-        columns: Columns of its coordinates.
-        sign: -1 where the joint is entered from its child.
-        freedoms: (turns, axis) of each freedom.
+        near, far: Bodies before and after the joint; 0 is the ground.
+        columns: Columns of the joint's coordinates.
+        sign: -1 if the joint is entered from its child, else 1.
+        freedoms: (turns, axis) of each degree of freedom.
     """
 
     edge: Edge
@@ -71,14 +71,14 @@ def walk(lay: Layout) -> list[Step]:
 
 
 class Crossing(NamedTuple):
-    """Transition from one frame to the next, which is fixed in it or moves by one freedom.
+    """Transition from a frame to the next frame, which is fixed in it or moves along one degree of freedom.
 
     Attributes:
-        R: Orientation of the next frame in this one; None where they are parallel.
-        p: Origin of the next frame if fixed in this one; None if it moves or coincides.
-        axis: Axis of the freedom, the same in both frames.
+        R: Orientation of the next frame in this frame; None if they are parallel.
+        p: Origin of the next frame if it is fixed in this frame; None if it moves or coincides.
+        axis: Axis of the degree of freedom, with equal components in both frames; None if the next frame is fixed.
         travel: Displacement along that axis; None for a rotation.
-        column, sign: Column of the coordinate, and -1 if it is measured from the next frame to this one.
+        column, sign: Column of the coordinate, and -1 if it is measured from the next frame to this frame, else 1.
     """
 
     R: Array | None
@@ -90,12 +90,12 @@ class Crossing(NamedTuple):
 
     @property
     def arm(self) -> Array | None:
-        """Vector from this frame's origin to the next one's; None where they coincide. Shape (..., 3)."""
+        """Vector from the origin of this frame to the origin of the next; None if they coincide. Shape (..., 3)."""
         return self.p if self.travel is None or self.axis is None else scale(self.travel, self.axis)
 
 
 class Way(NamedTuple):
-    """An edge of the tree, frame by frame: to the joint, across its freedoms, and to the far body."""
+    """An edge of the tree, frame by frame: to the joint, across its degrees of freedom, and to the far body."""
 
     step: Step
     start: Sequence[Crossing]
@@ -114,7 +114,7 @@ def ways(lay: Layout, at: Coordinates) -> list[Way]:
 
 
 def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
-    """List the freedoms of a joint in order of passage, reversed if entered from its child."""
+    """List the degrees of freedom of a joint in the order of passage, reversed if it is entered from its child."""
     found = list[Crossing]()
     for column, (turns, axis), (value, cosine) in zip(columns, freedoms, values, strict=True):
         value = sign * value
@@ -125,7 +125,7 @@ def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value
 
 @lru_cache(maxsize=4096)
 def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
-    """Return the transition between a body and a frame fixed in it; empty if they coincide."""
+    """Return the transition between a body and a frame fixed in the body; empty if they coincide."""
     R, p = (frame.R.T, -frame.p) if leave else (frame.R, frame.p)
     turn = () if np.array_equal(R, np.eye(3)) else (Crossing(R),)
     shift = (Crossing(None, p),) if p.any() else ()
@@ -149,11 +149,11 @@ def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Ar
 
 @dataclass(frozen=True, eq=False)
 class TreePose:
-    """Poses of all bodies from the tree's joints; body 0 is ground.
+    """Poses of all bodies, computed from the tree joints; body 0 is the ground.
 
     Attributes:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
-        S: Unit screws of the tree's coordinates, eq. (5), child relative to parent; zero for those of cut joints.
+        S: Unit screws of the tree coordinates, eq. (5), child relative to parent; zero for coordinates of cut joints.
             Shape (..., n_q, 6).
         ways: Edges of the tree.
     """
@@ -170,7 +170,7 @@ class TreePose:
         return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], self.lay.mechanism.mass_centres)
 
     def to_world(self, v: Array, body: int | slice) -> Array:
-        """Rotate vectors from the axes of one or several bodies to the world's. Shape (..., 3)."""
+        """Rotate vectors from the axes of one or several bodies to world axes. Shape (..., 3)."""
         return times(self.R[..., body, :, :], v)
 
     def to_body(self, v: Array, body: int | slice) -> Array:
@@ -187,12 +187,12 @@ class TreePose:
 
 
 def zeros(like: Array, *shape: int) -> Array:
-    """Return zeros with the leading shape of vectors. Shape (..., n) -> (..., *shape)."""
+    """Return zeros with the leading shape of given vectors. Shape (..., n) -> (..., *shape)."""
     return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
 
 
 def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) -> list[Value]:
-    """Return the coordinates of one joint."""
+    """Return the coordinate values of one joint."""
     return [
         (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
         for c, (turns, _) in zip(columns, freedoms, strict=True)
@@ -200,11 +200,11 @@ def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) ->
 
 
 def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
-    """Return unit screws of a joint's freedoms, eqs. (18)-(20), (..., f, 6), and the frame beyond them, eq. (24).
+    """Return unit screws of a joint, eqs. (18)-(20), shape (..., f, 6), and the frame beyond them, eq. (24).
 
     Args:
         R, p: Joint frame on the parent.
-        values: Value of each freedom.
+        values: Value of each coordinate of the joint.
     """
     lines, R_end, p_end = traverse(crossings(joint.freedoms, range(len(values)), values), R, p)
     directions, points = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in zip(*lines, strict=True))
@@ -212,7 +212,7 @@ def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> t
 
 
 def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
-    """Compute the pose of all bodies from the tree's joints, eq. (24)."""
+    """Compute the poses of all bodies from the tree joints, eq. (24)."""
     n, m, found = len(lay.mechanism.body_index), at.q.shape[-1], ways(lay, at)
     R, p, e, r = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, m, 3), zeros(at.q, m, 3)
     R[..., 0, :, :] = np.eye(3)
@@ -225,7 +225,7 @@ def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
 
 
 def twists(at: TreePose, w: Array) -> Array:
-    """Compute body twists: sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
+    """Compute body twists: sums of ``S_i w_i`` along the paths from the ground, eqs. (4), (15). Shape (..., b, 6).
 
     Args:
         w: Rates of the tree coordinates. Shape (..., n_q).
@@ -237,11 +237,11 @@ def twists(at: TreePose, w: Array) -> Array:
 
 
 def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
-    """Sum the brackets of one joint's screws in eq. (44), using eq. (37) for each freedom.
+    """Sum the brackets of one joint's screws in eq. (44), using eq. (37) for each screw.
 
     Args:
         V: Twist of the body before the joint. Shape (..., 6).
-        terms: ``S_j w_j`` of the joint's freedoms.
+        terms: ``S_j w_j`` for each screw of the joint.
     """
     bias: Any = 0.0
     for term in terms:
@@ -251,7 +251,7 @@ def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
 
 
 def pose(lay: Layout, q: Array) -> TreePose:
-    """Compute poses from the tree joints, and screws of all joints, using the given coordinates of cut joints.
+    """Compute poses from the tree joints, and screws of all joints from the given coordinates of cut joints.
 
     Args:
         q: Joint coordinates; the loops need not be closed. Shape (n, n_q).
@@ -263,14 +263,14 @@ def pose(lay: Layout, q: Array) -> TreePose:
 
 
 def gaps(lay: Layout, q: Array) -> Array:
-    """Return the displacement of cut joints from the placement given by their coordinates.
+    """Return the displacement of cut joints from the placement that their coordinates define.
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
 
     Returns:
-        Small displacement, as a twist at O, from the child's pose in the tree to that given by the cut joint. Shape
-        (n, n_cut, 6).
+        Small displacement, as a twist at O, from the child's pose in the tree to the pose that the cut joint defines.
+        Shape (n, n_cut, 6).
     """
     at, found = tree_pose(lay, coordinates(q, NUMPY)), np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
     for i, joint in enumerate(lay.cuts):
@@ -282,7 +282,7 @@ def gaps(lay: Layout, q: Array) -> Array:
 
 
 def _cross_cut_joint(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
-    """Return screws of a cut joint and the frame beyond them, given its coordinates, see `joint_screws`."""
+    """Return the screws of a cut joint and the frame beyond them, given its coordinates, see `joint_screws`."""
     frames, columns = at.joint(joint), at.lay.columns[joint.name]
     return joint_screws(
         joint, frames.R_parent, frames.p_parent, joint_values(joint.freedoms, columns, coordinates(q, NUMPY))

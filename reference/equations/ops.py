@@ -1,4 +1,4 @@
-"""Scalar types: elementary functions and linear solves over float arrays and over nodes of a trace.
+"""Scalar types: elementary functions and linear solvers for float arrays and for nodes of a trace.
 
 Only this module depends on the scalar type.
 """
@@ -21,15 +21,16 @@ Block = tuple[slice, Sequence[int], Array]
 
 
 class System(Protocol):
-    """``A x = b`` with a matrix (..., m, n) of full column rank, m >= n, and consistent right sides.
+    """A linear system ``A x = b`` with full column rank, m >= n, and consistent right-hand sides.
 
-    The first columns belong to moving unknowns; the others, at rest, affect the transposed system only.
+    The first columns belong to moving unknowns; the remaining columns, of unknowns at rest, only affect the transposed
+    system.
 
     Attributes:
-        exact: Whether `response` is exact.
-        A: The dimensionless matrix, for floats. Shape (..., m, n).
-        inverse: Inverse over moving unknowns, for floats. Shape (..., moving, m).
-        condition, whole_condition: Condition over moving unknowns, and over all, for floats. Shape (...).
+        exact: True if `response` is exact.
+        A: Dimensionless matrix; only for floats. Shape (..., m, n).
+        inverse: Inverse for moving unknowns; only for floats. Shape (..., moving, m).
+        condition, whole_condition: Condition for moving unknowns and for all unknowns; only for floats. Shape (...).
     """
 
     exact: bool
@@ -42,16 +43,16 @@ class System(Protocol):
         """Solve for the moving unknowns. Shape (..., m) -> (..., moving)."""
 
     def solve_transposed(self, tau: Array) -> Array:
-        """Return some x with ``A^T x = tau``. Shape (..., n) -> (..., m)."""
+        """Return an x with ``A^T x = tau``. Shape (..., n) -> (..., m)."""
 
     def null(self) -> Array:
         """Return rows that span all x with ``A^T x = 0``. Shape (..., m - n, m)."""
 
     def response(self, unit: Array, *, whole: bool = False) -> Array:
-        """Sum the squared effects on each unknown of errors `unit` in the rows, shape (m,). Shape (..., n).
+        """Sum the squared effects that errors `unit`, shape (m,), in the rows have on each unknown. Shape (..., n).
 
-        Only moving unknowns count unless `whole`. Exact for floats, else estimated from pivots, within a factor of two
-        once the effect of the given coordinates is added.
+        Only moving unknowns count unless `whole` is True. The result is exact for floats; for other types, it is
+        estimated from pivots and accurate within a factor of two once the effect of the given coordinates is added.
         """
 
 
@@ -60,8 +61,8 @@ class Ops:
     """Functions of one scalar type.
 
     Attributes:
-        system: Builds a `System` from blocks, units of the rows, sizes of the unknowns, the number that move, and the
-            leading shape.
+        system: Function that builds a `System` from blocks, units of the rows, scales of the unknowns, number of moving
+            unknowns, and leading shape.
     """
 
     sin: Callable[[Any], Any]
@@ -80,10 +81,10 @@ class Ops:
 
 
 class Dense:
-    """A system over floats, solved sample by sample.
+    """A linear system with float entries, solved sample by sample.
 
     Attributes:
-        A: The dimensionless matrix. Shape (..., m, n).
+        A: Dimensionless matrix. Shape (..., m, n).
     """
 
     exact = True
@@ -105,12 +106,12 @@ class Dense:
 
     @property
     def inverse(self) -> Array:
-        """Dimensionless inverse over moving unknowns. Shape (..., moving, m)."""
+        """Dimensionless inverse for moving unknowns. Shape (..., moving, m)."""
         return self._inverted[0]
 
     @property
     def condition(self) -> Array:
-        """Condition number of `inverse`. Shape (...)."""
+        """Condition number for moving unknowns. Shape (...)."""
         return self._inverted[1]
 
     @cached_property
@@ -119,12 +120,12 @@ class Dense:
 
     @property
     def whole(self) -> Array:
-        """Inverse over all unknowns. Shape (..., n, m)."""
+        """Inverse for all unknowns. Shape (..., n, m)."""
         return self._whole[0]
 
     @property
     def whole_condition(self) -> Array:
-        """Condition number over all unknowns. Shape (...)."""
+        """Condition number for all unknowns. Shape (...)."""
         return self._whole[1]
 
     def solve(self, b: Array) -> Array:
@@ -145,7 +146,7 @@ class Dense:
 
 
 class Sparse:
-    """A system over objects, eliminated in an order chosen once, see `Factors`."""
+    """A linear system with objects as entries, eliminated in an order that is chosen once, see `Factors`."""
 
     exact = False
 

@@ -1,8 +1,8 @@
-"""Recursion along the tree: body accelerations outward, forces inward (eqs. (36), (44), (49)-(55)).
+"""Recursion along the tree: body accelerations outwards, forces inwards (eqs. (36), (44), (49)-(55)).
 
-Accelerations and wrenches refer to the origin of each body and are expressed in its own axes, where centres of mass,
-axes and tensors are constants, so folding removes most operations of a program. Screws at O, as in eq. (44), give
-the same.
+Accelerations and wrenches refer to the origin of each body and are expressed in body axes, where centres of mass, axes
+and tensors are constant; therefore, constant folding removes most operations of a program. Screws at O, as in eq. (44),
+yield the same result.
 """
 
 from __future__ import annotations
@@ -19,21 +19,20 @@ from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import Crossing, TreePose, Way, zeros
 from screwgauge.reference.equations.screws import Array, cross, dot, join, scale, times, transpose
 
-#: All bodies except ground.
+#: All bodies except the ground.
 MOVING = slice(1, None)
 
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """Angular velocity and acceleration of frames that turn together. Shape (..., 3)."""
+    """Angular velocity and angular acceleration of frames that rotate together. Shape (..., 3)."""
 
     w: Array
     b: Array
 
     @cached_property
     def E(self) -> Array:
-        """``[b x] + [w x]^2``; a point at r from another has the relative acceleration ``E r``, eq. (49). (..., 3,
-        3)."""
+        """``[b x] + [w x]^2``, eq. (49): ``E r`` is the relative acceleration of points r apart. Shape (..., 3, 3)."""
         E = np.empty((*self.b.shape, 3), dtype=self.b.dtype)
         for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             (x, y, z), b = (self.w[..., n] for n in (i, j, k)), self.b[..., k]
@@ -54,7 +53,7 @@ class FrameMotion(NamedTuple):
 
 
 def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
-    """Return the motion of the next frame; the cross product is the bracket of eq. (36), in eqs. (42), (43), (48).
+    """Return the motion of the next frame; the cross product is the bracket of eq. (36) in eqs. (42), (43), (48).
 
     Args:
         w, beta: Rates and second derivatives of all coordinates. Shape (..., n_q).
@@ -75,7 +74,7 @@ def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotio
 
 
 def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Array]:
-    """Transfer force and moment from the next frame's origin to this one's; fills the freedom's entry of tau."""
+    """Transfer force and moment from the next frame to this frame; write the force along the coordinate into tau."""
     if crossing.axis is not None:
         tau[..., crossing.column] = crossing.sign * dot(crossing.axis, m if crossing.travel is None else f)
     if crossing.R is not None:
@@ -85,26 +84,26 @@ def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Arr
 
 
 def outward(pose: TreePose, w: Array, beta: Array) -> BodyAccelerations:
-    """Compute body accelerations, eqs. (38)-(44), from rates and second derivatives of coordinates, (..., n_q)."""
+    """Compute body accelerations, eqs. (38)-(44), given rates and second derivatives of coordinates, (..., n_q)."""
     rest = np.zeros(3, dtype=w.dtype)
     each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
     for step, start, *parts in pose.ways:
         motion = each[step.near]
-        for crossing in chain(start if step.near else (), *parts):  # ground is at rest
+        for crossing in chain(start if step.near else (), *parts):  # the ground is at rest
             motion = out(crossing, motion, w, beta)
         each[step.far] = motion
     return BodyAccelerations(pose, each)
 
 
 def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Array, Array]]]:
-    """Compute the forces along the tree coordinates that produce the wrenches on the bodies, eqs. (53)-(55).
+    """Compute the forces along the tree coordinates that produce given wrenches on the bodies, eqs. (53)-(55).
 
     Args:
-        wrenches: About the origins of the bodies, in their axes. Shape (..., b, 6).
+        wrenches: Wrenches about the origins of the bodies, in body axes. Shape (..., b, 6).
 
     Returns:
-        The forces, shape (..., n_q), and for each joint the force and moment of parent on child in its child frame,
-        shape (..., 3).
+        The forces, shape (..., n_q), and, for each joint, force and moment of the parent on the child, in the child
+        frame of the joint, shape (..., 3).
     """
     total = [(W[..., :3], W[..., 3:]) for W in np.moveaxis(wrenches, -2, 0)]
     tau, through = zeros(wrenches[..., 0], len(pose.lay.turns)), dict[str, tuple[Array, Array]]()
@@ -117,14 +116,14 @@ def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Arra
             f, m = back(crossing, f, m, tau)
         if step.edge.reverse:
             through[step.edge.joint.name] = -f, -m
-        for crossing in start[::-1] if step.near else ():  # the ground needs no balance
+        for crossing in start[::-1] if step.near else ():  # no balance for the ground
             f, m = back(crossing, f, m, tau)
         total[step.near] = total[step.near][0] + f, total[step.near][1] + m
     return tau, through
 
 
 def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array) -> Array:
-    """Return the wrench about a body's origin in its axes, given a world force and moment. Shape (..., 6).
+    """Return the wrench about a body's origin in body axes, given force and moment in world axes. Shape (..., 6).
 
     Args:
         place: Point of application, in body axes. Shape (3,).
@@ -134,7 +133,7 @@ def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array)
 
 
 def at_origin(pose: TreePose, wrenches: Array) -> Array:
-    """Transform wrenches about body origins in body axes to O in world axes. Shape (..., b, 6)."""
+    """Transform wrenches about body origins in body axes to wrenches about O in world axes. Shape (..., b, 6)."""
     f, m = (pose.to_world(part, slice(None)) for part in (wrenches[..., :3], wrenches[..., 3:]))
     return join(f, m + cross(pose.p, f))
 
@@ -149,10 +148,10 @@ def on_child(pose: TreePose, way: Way) -> JointPose:
 
 @dataclass(frozen=True, eq=False)
 class BodyAccelerations:
-    """Motion of all bodies in their own axes.
+    """Motion of all bodies, each in its own axes.
 
     Attributes:
-        each: Motion of each body, ground first.
+        each: Motion of each body; the ground comes first.
     """
 
     pose: TreePose
@@ -160,7 +159,7 @@ class BodyAccelerations:
 
     @cached_property
     def bodies(self) -> FrameMotion:
-        """Motion of all bodies except ground. Shape (..., b - 1, 3)."""
+        """Motion of all bodies except the ground. Shape (..., b - 1, 3)."""
         vectors = zip(*((one.turning.w, one.turning.b, one.a) for one in self.each[1:]), strict=True)
         w, b, a = (np.stack(np.broadcast_arrays(*each), axis=-2) for each in vectors)
         return FrameMotion(Turning(w, b), a)
@@ -179,13 +178,13 @@ class BodyAccelerations:
         return self.pose.to_world(self.each[body].at(place), body)
 
     def needs(self, g: Array) -> Array:
-        """Return the wrenches about body origins that this motion requires against inertia and gravity, eqs. (51)-(55).
+        """Return the wrenches about body origins that inertia and gravity require in this motion, eqs. (51)-(55).
 
         Euler's equations, eq. (52), use the second moments of mass P: ``J b + w x J w`` is the axial vector of
         ``E P - (E P)^T``.
 
         Returns:
-            Shape (..., b, 6).
+            Wrenches in body axes. Shape (..., b, 6).
         """
         mechanism = self.pose.lay.mechanism
         f = mechanism.masses[:, None] * (self.of_com - self.pose.to_body(g, MOVING))

@@ -1,7 +1,7 @@
-"""Conditioning: dimensionless amplification of rounding by the equations at a pose.
+"""Conditioning: dimensionless amplification of rounding errors by the equations at a pose.
 
-A row that closes a loop changes with the coordinates in proportion to the loop's length, not the mechanism's; the
-mechanism's length only sets the rounding of body poses.
+A row that closes a loop changes with the coordinates in proportion to the length of the loop, not of the mechanism; the
+length of the mechanism only determines the rounding errors of body poses.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Extent:
     Attributes:
         loops: Largest distance between joint points around each loop at home [m], see `Layout.loop`. Shape (n_cut,).
         size: Unit of each joint coordinate: 1 for angles, the length of its shortest loop for distances. Shape (n_q,).
-        owner: First loop of each joint coordinate, 0 if there is none. Shape (n_q,).
-        stretch: Length of the mechanism divided by that of its shortest loop.
+        owner: First loop of each joint coordinate; 0 if it is not in a loop. Shape (n_q,).
+        stretch: Length of the mechanism divided by the length of its shortest loop.
     """
 
     loops: Array
@@ -41,7 +41,7 @@ class Extent:
 
 
 def extent(lay: Layout) -> Extent:
-    """Measure the loops, once per layout."""
+    """Measure the loops; compute the result once per layout."""
     if "extent" not in lay.kept:
         lay.kept["extent"] = _extent(lay)
     kept: Extent = lay.kept["extent"]
@@ -63,10 +63,10 @@ def _extent(lay: Layout) -> Extent:
 
 
 def gain(at: Closed, *, whole: bool = False) -> Any:
-    """Return the squared norm of the inverse of M for the worst loop, scaled with each loop's own length. Shape (...).
+    """Return the squared norm of the inverse of M for the worst loop, scaled with the length of each loop. Shape (...).
 
     Args:
-        whole: Whether coordinates at rest count, as they do for constraint forces.
+        whole: Include coordinates at rest, which matter for constraint forces.
     """
     loops, by = at.loops, extent(at.loops.lay)
     lengths = by.loops[[j for j, _ in enumerate(loops.cuts) for _ in range(*loops.ends[j : j + 2])]]
@@ -83,7 +83,7 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Return the squared norm of the map to actuator forces, with coordinates in their units. Shape (...)."""
+    """Return the squared norm of the map to actuator forces; coordinates are in their units. Shape (...)."""
     drives = len(at.mechanism.actuator_names)
     m = min(drives, len(at.driven)) if at.surplus else drives
     squares = at.drive.response(np.ones(m)).sum(-1)
@@ -91,9 +91,10 @@ def drive_gain(at: Dynamics) -> Any:
 
 
 def idle_gain(at: Forward) -> Any:
-    """Return the squared inertia of the bodies moved by idle coordinates, relative to the resisting inertia.
+    """Return the squared inertia of the bodies that idle coordinates move, relative to the resisting inertia.
 
-    The worst coordinate counts, times the condition of all: a cheap substitute for `idle_rounding`. Shape (...).
+    The result is the value of the worst coordinate times the condition of all coordinates, a cheap substitute for
+    `idle_rounding`. Shape (...).
     """
     mechanism, L, m = at.mechanism, at.loops.length, len(at.idle)
     whole = mechanism.masses * L**2 + np.trace(mechanism.inertias, axis1=1, axis2=2)
@@ -105,9 +106,10 @@ def idle_gain(at: Forward) -> Any:
 
 
 def idle_rounding(at: Forward) -> Array:
-    """Return dimensionless acceleration errors of idle coordinates divided by eps, for floats. Shape (n, m).
+    """Return dimensionless acceleration errors of idle coordinates, divided by eps; only for floats. Shape (n, m).
 
-    Sums the magnitudes of terms that cancel: a freely spinning rod loads its bearings 1000 times more than its axis.
+    The errors are sums of magnitudes of terms that cancel: a freely spinning rod loads its bearings 1000 times more
+    than its axis.
     """
     loops, system, idle = at.loops, at.system, [*at.idle]
     columns, unit = loops.columns[: loops.moving], loops.sizes[loops.y_columns]
@@ -122,7 +124,7 @@ def idle_rounding(at: Forward) -> Array:
 
 
 def chart_condition(cut: CutJoint) -> Any:
-    """Return the condition number of a cut joint's angles, 1 at best, infinite in gimbal lock. Shape (...)."""
+    """Return the condition number of a cut joint's angles: 1 at best, infinite in gimbal lock. Shape (...)."""
     if cut.at.joint.angles < 3:
         return 1.0
     cosine = cut.values[1][1]
@@ -130,19 +132,19 @@ def chart_condition(cut: CutJoint) -> Any:
 
 
 def chart_conditions(at: Closed) -> Array:
-    """Return condition numbers of the angles of each cut joint, for floats. Shape (n, n_cut)."""
+    """Return the condition numbers of the angles of each cut joint; only for floats. Shape (n, n_cut)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         conditions = [chart_condition(cut) + np.zeros(len(at.q)) for cut in at.cuts]
     return np.stack(conditions, axis=1) if conditions else np.zeros((len(at.q), 0))
 
 
 def chart_gain(at: Closed) -> Any:
-    """Return the squared condition number of the angles of cut joints, 1 each at best. Shape (...)."""
+    """Return the sum of squared condition numbers of the angles of cut joints, each 1 at best. Shape (...)."""
     middle = [cut.values[1][1] for cut in at.cuts if cut.at.joint.angles == 3]
     return sum((1.0 / (c * c) for c in middle), start=0.0)
 
 
 def squares(x: Array, sizes: Array) -> Any:
-    """Return the sum of squared ratios of values to their sizes. Shape (..., m) -> (...)."""
+    """Return the sum of squared ratios of values to given sizes. Shape (..., m) -> (...)."""
     scaled = x * (1.0 / sizes)
     return (scaled * scaled).sum(-1)

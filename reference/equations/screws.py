@@ -1,6 +1,6 @@
 """Vectors, twists and wrenches (section 2.1 of the paper).
 
-A twist is ``[angular; linear at O]``, a wrench ``[force; moment about O]`` (eq. 9), in world axes.
+A twist is ``[angular; linear at O]``, and a wrench is ``[force; moment about O]`` (eq. 9), both in world axes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def times(M: Array, v: Array) -> Array:
     """Multiply matrices by vectors. Shapes (..., m, n), (..., n)."""
     if M.size <= FEW or object in (M.dtype, v.dtype):
         return np.asarray((M @ v[..., None])[..., 0])
-    return np.asarray(np.einsum("...ij,...j->...i", M, v))  # takes about half the time
+    return np.asarray(np.einsum("...ij,...j->...i", M, v))  # about twice as fast
 
 
 def transpose(M: Array) -> Array:
@@ -53,7 +53,7 @@ def stack(*parts: Array) -> Array:
 
 
 def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
-    """Concatenate arrays with broadcast leading shapes; `after` has a slice for each axis behind the joined one."""
+    """Concatenate arrays and broadcast leading shapes; `after` has a slice for each axis behind the joined axis."""
     axis = -1 - len(after)
     leads = {x.shape[:axis] for x in parts}
     if len(leads) == 1:
@@ -68,14 +68,14 @@ def _concatenate(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
 
 
 def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
-    """Evaluate ``e e^T + cos (1 - e e^T) + sin [e x]``, Rodrigues; eqs. (19)-(21) are cases. (..., 3, 3)."""
+    """Evaluate Rodrigues' formula ``e e^T + cos (1 - e e^T) + sin [e x]``; eqs. (19)-(21) are cases. (..., 3, 3)."""
     E, F, K = _generators(axis.tobytes(), axis.dtype.str)
     return np.asarray(E + np.asarray(cosine)[..., None, None] * F + np.asarray(sine)[..., None, None] * K)
 
 
 @lru_cache(maxsize=1024)
 def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
-    """Return ``e e^T``, ``1 - e e^T`` and ``[e x]``, cached because joint axes repeat."""
+    """Return ``e e^T``, ``1 - e e^T`` and ``[e x]``; cache them because joint axes repeat."""
     e = np.frombuffer(axis, dtype=dtype)
     (x, y, z), E = e, np.outer(e, e)
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=e.dtype)
@@ -83,7 +83,7 @@ def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
 
 
 def unit_screws(turns: Array, directions: Array, points: Array) -> Array:
-    """Build unit screws, eqs. (2), (18); some turn. Shapes (m,), (..., m, 3), (..., m, 3) -> (..., m, 6)."""
+    """Build unit screws of rotations and slides, eqs. (2), (18). (m,), (..., m, 3), (..., m, 3) -> (..., m, 6)."""
     S = np.zeros((*directions.shape[:-1], 6), dtype=directions.dtype)
     e = directions[..., turns, :]
     S[..., turns, :3], S[..., turns, 3:] = e, cross(points[..., turns, :], e)
@@ -102,7 +102,7 @@ def couple(m: Array) -> Array:
 
 
 def power(W: Array, V: Array) -> Any:
-    """Return the power of a wrench on a twist, their reciprocal product, eq. (8)."""
+    """Return the power of a wrench on a twist, which is their reciprocal product, eq. (8)."""
     return dot(W, V[..., _SWAPPED])
 
 
@@ -112,11 +112,11 @@ def powers(W: Array, V: Array) -> Array:
 
 
 def lie_bracket(X: Array, Y: Array) -> Array:
-    """Return the Lie bracket of two twists, eq. (36) with its first row corrected: ``[w1 x w2; w1 x v2 - w2 x v1]``."""
+    """Return the Lie bracket ``[w1 x w2; w1 x v2 - w2 x v1]`` of two twists, eq. (36) with a corrected first row."""
     w1, w2 = X[..., :3], Y[..., :3]
     return join(cross(w1, w2), cross(w1, Y[..., 3:]) - cross(w2, X[..., 3:]))
 
 
 def velocity_at(V: Array, r: Array) -> Array:
-    """Return the velocity [m/s] of a body's point at `r`, eq. (28)."""
+    """Return the velocity [m/s] of the body point at `r`, eq. (28)."""
     return np.asarray(V[..., 3:] + cross(V[..., :3], r))
