@@ -229,11 +229,11 @@ def compile(
         parameters: Numbers of the machine, by name or pattern as in `Scene.with_`, that become additional inputs.
 
     Returns:
-        With parameters, a function ``variants(y, yd, ydd, parameters={name: values})`` of arrays of shape (V, n, k),
-        see `screwgauge.engines.screw.variants.Variants`. Without, a function ``solver(y, yd, ydd, out=None)`` of plain
-        float64 arrays of shape (n, k); ``solver.buffers(n)`` or, with arrays of your own, ``solver.buffers(n,
-        {quantity: array})`` makes an ``out`` that each call fills again. Rows that cannot be solved, or whose values
-        are not finite, raise an error.
+        With parameters, a function ``variants(y, yd, ydd, parameters={name: values})`` of arrays of shape (n, k), whose
+        results have shape (V, n, n_component), see `screwgauge.engines.screw.variants.Variants`. Without parameters, a
+        function ``solver(y, yd, ydd, out=None)`` of plain float64 arrays of shape (n, k). ``solver.buffers(n)``, or
+        ``solver.buffers(n, {quantity: array})`` with arrays of your own, makes an ``out`` that each call fills again.
+        Rows that cannot be solved, or whose values are not finite, raise an error.
 
     Raises:
         ScrewgaugeError: The input is invalid, or the motion cannot be followed.

@@ -22,7 +22,7 @@ WIDTH, DPI = "17cm", 200  # a picture is as wide as the text of a page
 
 
 def view(options: argparse.Namespace) -> int:
-    """Show a mechanism, or two side by side."""
+    """Show a mechanism, optionally with its differences from a second one."""
     from screwgauge.models.shapes import differences
     from screwgauge.reference.lint import suspicious
     from screwgauge.report.figures.saved import check_ending, picture_file

@@ -158,7 +158,7 @@ def _block(block: Block) -> str:
 
 
 def _room(block: b.Front | b.Appendix | b.Folded) -> str:
-    """Render a block that contains blocks."""
+    """Render a block that contains other blocks."""
     match block:
         case b.Front(inside):
             return _front(inside)

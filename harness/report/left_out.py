@@ -21,7 +21,7 @@ def more(results: Comparison) -> str:
 
 
 def sentences(results: Comparison, *, agree: bool) -> list[str]:
-    """Describe what files add; if engines agree, they agree on the rigid machine."""
+    """Describe what files add to the rigid machine, on which agreeing engines agree."""
     if not results.left_out.terms:
         return [*contained(results)]
     text = more(results)

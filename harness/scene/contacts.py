@@ -53,7 +53,7 @@ class Contact:
         return {"weld": np.eye(3), "hinge": self.axis[:, None], "point": np.zeros((3, 1))}[self.kind]
 
     def joint(self, R: Array, p: Array) -> Joint:
-        """Return the joint from ground to the body at a pose, shapes (3, 3), (3,). A weld has the world axes."""
+        """Return the joint from ground to the body at a pose, shapes (3, 3), (3,). A weld uses world axes."""
         kind, place = CONTACTS[self.kind], p + R @ self.point
         n, turned = len(KINDS[kind]), (np.eye(3), R.T) if self.kind == "weld" else (R, np.eye(3))
         return Joint(
@@ -167,7 +167,7 @@ def independent_of(
 
 
 def _first_of(K: Array, tiers: Iterable[tuple[Sequence[int], float]]) -> list[int]:
-    """Select independent rows, early ones first, each with more than a given share that is new. (n, k) -> k."""
+    """Select linearly independent rows, early ones first; more than a given share of each is new. (n, k) -> k."""
     rest, sizes, chosen = K.copy(), np.linalg.norm(K, axis=1), list[int]()
     for rows, least in tiers:
         for row in rows:

@@ -128,7 +128,7 @@ def _drop_motion(data: dict[str, Any], labels: Collection[str]) -> dict[str, Any
 
 
 def _with_base_held(mechanism: Mechanism, named: Collection[str]) -> Mechanism:
-    """Lock the named coordinates of a floating base, unless other joints also connect the base to the ground."""
+    """Let the ground hold the named coordinates of a floating base, unless other joints connect it to the ground."""
     joints = list[Joint]()
     for joint in mechanism.joints:
         free = not joint.constrains and joint.parent == GROUND and not _is_led_to(mechanism, joint)

@@ -169,7 +169,7 @@ class _Jobs(Generic[T]):
         return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
 
     def steps(self, shares: Mapping[str, float]) -> list[str]:
-        """Return the names of the running jobs; for a job that is silent for long, with its possible step."""
+        """Return the names of the running jobs, with a possible explanation for jobs that report no progress."""
         began = {name: begin for name, _, begin in self.running.values()}
         slow = {name for name, share in shares.items() if not share and monotonic() - began.get(name, np.inf) > SLOW}
         return [STARTING.format(name) if name in slow else name for name in shares]

@@ -156,7 +156,7 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """Copy this package, as it runs here, for a different Python."""
+    """Copy the running version of this package for a different Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")

@@ -235,7 +235,7 @@ def _files(scene: Scene, names: Iterable[str], folder: Path) -> dict[str, Path]:
 
 
 def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered:
-    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces without engine."""
+    """Prepare answers for comparison: estimate rounding, note missing values, subtract forces that engines omit."""
     scene, problem = asked.scene, asked.problem
     failures = {name: one for name, one in told.items() if isinstance(one, Failure)}
     posed = replace(problem, wanted=frozenset(asked.requested))
@@ -256,7 +256,7 @@ def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Itera
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
-    """Yield the samples that engines omit without having declared so."""
+    """Yield the samples that engines omit without declaring it."""
     t = asked.scene.t
     for name, answer in answers.items():
         if name in asked.scene.tables:
@@ -349,7 +349,7 @@ def _errors(
 def _estimate_integration(
     asked: _Asked, lay: Layout, solution: Solution, again: Sequence[Solution]
 ) -> tuple[Solution, Integrated]:
-    """Add a note on the integration error to a solution; return both, using runs with looser tolerances."""
+    """Estimate the integration error from runs with looser tolerances; return it after a solution with a note on it."""
     seen = add_observables(asked.scene, lay, {f"{k}": one for k, one in enumerate(again)}, asked.wanted)
     runs = {name: one for name, one in seen.items() if name != REFERENCE}
     mechanism = asked.scene.mechanism

@@ -24,7 +24,7 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
     """Yield evenly spaced times [s], ``first + k step`` for k below `count`, in parts and never all at once.
 
     Raises:
-        DescriptionError: A count is not positive, or `step` or `first` is not finite or not positive.
+        DescriptionError: `count`, `part` or `step` is not positive, or a number is not finite.
     """
     if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
         what = f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on"

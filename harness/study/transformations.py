@@ -92,7 +92,7 @@ class Family:
 
     @property
     def cost(self) -> int:
-        """Number of faults for which the family counts."""
+        """Number of faults that the family represents."""
         return len(self.faults(1.0))
 
 

@@ -194,7 +194,7 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
 def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:
     """Select samples whose connecting lines miss no omitted sample by more than `off`; gaps remain. Shapes (n,).
 
-    Four passes each test every second sample, with a tolerance below `off`, because samples dropped early deviate less.
+    Each of four passes tests every second sample; samples dropped in an early pass deviate less.
     """
     at = np.arange(len(t))
     for _ in range(4):

@@ -1,4 +1,4 @@
-"""Selection of components for a run's pictures: those that a scene names, or all; non-unique ones apart."""
+"""Selection of components for the pictures of a run. Components without a unique value get separate pictures."""
 
 from __future__ import annotations
 

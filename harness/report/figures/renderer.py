@@ -135,7 +135,7 @@ os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a
 
 @contextmanager
 def losses() -> Iterator[list[str]]:
-    """Collect the reasons of failed drawings; the list is complete at the end of the context."""
+    """Collect the reasons why drawings failed; the list is complete at the end of the context."""
     reasons, before = list[str](), len(RENDERER.lost)
     yield reasons
     reasons += RENDERER.lost[before:]

@@ -1,4 +1,4 @@
-"""Benches (`run`, `forward_run`) and stress: methods answer questions from `cases.toml`; measurements and tables."""
+"""Benches (`run`, `forward_run`) and stress: methods answer questions of `cases.toml`, and tables list the results."""
 
 import tomllib
 from pathlib import Path

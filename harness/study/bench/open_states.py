@@ -56,7 +56,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Yield questions about joint coordinates and velocities with closure errors like those of an integration."""
+    """Yield questions about joint coordinates and velocities with closure errors such as an integration leaves."""
     scene = scene_in_motion(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)

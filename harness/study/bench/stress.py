@@ -168,7 +168,7 @@ class Stress:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Reasons of severities that failed without asking an engine."""
+        """Reasons why severities failed without asking an engine."""
         return tuple(dict.fromkeys(row.reason for row in self.rows if row.engine == ALL))
 
     @property

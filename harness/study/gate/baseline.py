@@ -24,8 +24,8 @@ SCHEMA = 1
 TEXTS = Mapping[str, str]
 #: Remedy for a missing baseline.
 UPDATE = "make one by --update"
-#: Factor by which an error must grow to be reported, and the noise due to rounding on a different machine: one digit,
-#: and a hundredth of the tolerance of solved quantities. The larger of both limits counts.
+#: Factor by which an error must exceed its known value to be reported: one digit. Known values below NOISE (rounding on
+#: a different machine) are raised to it: a hundredth of the tolerance of solved quantities.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 

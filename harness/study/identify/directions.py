@@ -123,7 +123,7 @@ class _Found:
                 self.directions.append(Direction(LIST, self._entries(row)))
 
     def _add(self, vector: Array) -> bool:
-        """Add a vector to the known ones; return False if it is outside the null space or depends on the known ones."""
+        """Add a vector to the known directions; return False if it is outside the null space or depends on them."""
         size = np.linalg.norm(vector)
         if not size or len(self.known) == len(self.null):
             return False
