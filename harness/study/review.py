@@ -204,7 +204,7 @@ def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
 
 
 def _expected(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:
-    """Return an engine's values, and their changes if forces are missing and at different times."""
+    """Return an engine's values: as computed, with forces omitted or reversed, and at shifted times."""
     given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
     dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given
     times = np.union1d(t, dense)

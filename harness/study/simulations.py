@@ -80,7 +80,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
 
 
 def _reference(scene: Scene, known: Known) -> Solution:
-    """Return the reference of the scene at the times that both have in common."""
+    """Return the known values as a solution of the scene, at the times that both have in common."""
     values, rows = known_values(known, scene.observables, scene.t, scene.name)
     n = len(scene.t)
     solved = None if len(rows) == n else rows

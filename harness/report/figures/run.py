@@ -231,7 +231,7 @@ def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str
 
 
 def _largest_difference(subject: _Subject, pair: Pair) -> Apart:
-    """Return times, the largest difference over the components, NaN if a value is NaN, and its component. (n,) each."""
+    """Return times, largest differences (NaN if a value is NaN), and the components that have them. Shapes (n,)."""
     both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
     first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
