@@ -62,7 +62,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _thin_out(items: list[pytest.Item]) -> None:
-    """Mark all but every n-th case of a ``sampled(n)`` test as ``thorough``."""
     seen = Counter[str]()
     for item in items:
         marker = item.get_closest_marker("sampled")

@@ -96,7 +96,6 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
 
 
 def _watch(folder: Path) -> None:
-    """Writes down the files outside of the folder that Python opens to write."""
     log = os.open(folder / "outside", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     inside = (str(folder), "/dev/", "/proc/self")
 

@@ -233,7 +233,6 @@ def _mutated(file: str, data: bytes, chance: random.Random) -> tuple[bytes, str]
 
 
 def _pairs(text: str) -> list[tuple[str, str, str]]:
-    """Key, separator and value as JSON of the lines of a YAML that `screwgauge models` wrote."""
     lines = (line.partition(": ") for line in text.splitlines() if not line.startswith(("#", "more")))
     return [*lines]
 

@@ -150,7 +150,6 @@ def _code_lines(file: Path) -> int:
 
 
 def listed(mutant: Mutant) -> dict[str, str]:
-    """Describe a mutant by lines that stand once in its file."""
     code = (ROOT / mutant.file).read_bytes()
     start, end = code.rfind(b"\n", 0, mutant.start) + 1, code.find(b"\n", mutant.end)
     while code.count(code[start:end].strip()) > 1:

@@ -207,7 +207,6 @@ def test_points_close_what_they_can_and_copies_the_rest(name, cut, tmp_path):
 
 
 def test_a_free_joint_counts_as_no_constraint(tmp_path):
-    """A platform on six legs, with and without coordinates of its pose."""
     free = check("stewart", 1, tmp_path)
     assert free.mobility["kutzbach"] == free.mobility["mobility"] == 6
     assert free.mobility["overconstraints"] == 0

@@ -205,7 +205,6 @@ def test_values_that_no_double_holds_are_refused_by_row(backend, name, own):
 
 @pytest.mark.parametrize("own", [False, True])
 def test_a_program_that_cannot_answer_leaves_the_row_to_arrays(backend, own):
-    """Sines of a million radians in an open tree."""
     solver = screwgauge.compile(sampled("arm7", slice(0, 5 * N, 5)), ["actuator_force"], backend=backend)
     out = solver.buffers(N) if own else None
     y, yd, ydd = motion("arm7")
@@ -217,7 +216,6 @@ def test_a_program_that_cannot_answer_leaves_the_row_to_arrays(backend, own):
 
 
 def test_a_sample_that_lies_in_its_buffer_is_read_first(backend):
-    """Parts are answered one after the other."""
     n, solver = 7000, screwgauge.compile(sampled("slider-crank", slice(0, 50, 5)), ["joint_position"], backend=backend)
     some = [np.ascontiguousarray(np.tile(x[:1], (n, 1))) for x in motion("slider-crank")]
     some[0] += np.linspace(0.0, 0.1, n)[:, None]

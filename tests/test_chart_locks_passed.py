@@ -101,7 +101,6 @@ def test_a_given_motion_through_the_lock_of_its_own_angles_is_refused(engine):
 
 
 def path(n):
-    """Angles of a spherical joint through five locks, the third exactly at a sample."""
     t = np.linspace(-1.0, 1.0, n)
     q = np.stack([0.3 + 2.0 * t, np.pi / 2 + 2.2 * np.pi * t, -0.2 + np.sin(3.0 * t)], axis=1)
     v = np.stack([0.0 * t + 2.0, 0.0 * t + 2.2 * np.pi, 3.0 * np.cos(3.0 * t)], axis=1)

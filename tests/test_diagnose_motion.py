@@ -29,8 +29,6 @@ def pair_of(first, second):
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """Pair of files of a mechanism, cut in different ways, A being the one or the other."""
-
     @cache
     def made(name, turned=False):
         folder = tmp_path_factory.mktemp(name)

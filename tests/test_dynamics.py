@@ -47,7 +47,6 @@ def test_system_has_54_equations_and_56_unknowns(paper):
 
 
 def test_equations_and_projection_give_the_same_forces(known):
-    """The judge then checks the balance of all bodies."""
     results = solve(known)
     worst = results.judge.set_index(["residual", "unit"])["max_scaled"]
     assert worst["newton_euler"].max() < ROUNDING

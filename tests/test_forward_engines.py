@@ -109,7 +109,6 @@ def test_what_progress_raises_ends_the_integration(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_cut_joints_follow_whole_turns(engine):
-    """The crank turns five times in ten seconds."""
     scene = screwgauge.load_scene("a02-fourbar-2").at([0.0, 3.0])
     found = simulate_scene(engine, scene)
     names = scene.mechanism.coordinates
@@ -191,8 +190,6 @@ def test_bad_problems_are_said(engine):
 
 
 class Sticking(METHODS["DOP853"]):
-    """Steps shrink to zero after 0.3 s, unless started later."""
-
     def step(self):
         if 0.3 < self.t < 0.4 and self.sticks:
             self.h_abs, self.sticks = 1e-9, self.sticks - 1

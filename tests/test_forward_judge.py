@@ -56,7 +56,6 @@ def test_an_acceleration_that_is_slightly_off_is_found(driven):
 
 
 def test_the_energy_of_a_motion_that_is_looked_at_from_later_on_balances(driven):
-    """Work counts from the start, energy from the first requested sample."""
     later = driven.at([0.1, 0.2])
     rows = judged(later, answered(later))
     assert rows["ok"].all()

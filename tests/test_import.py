@@ -308,7 +308,6 @@ def test_a_refusal_leaves_no_file(refused, write, tmp_path):
 
 
 def planar(folder: Path, right_angle: str) -> Path:
-    """A planar four-bar, one axis of which is written by a right angle, closed by a point."""
     parts = [
         link("base"),
         *(link(name, 1.0, com) for name, com in (("a", "0 0.1 0"), ("b", "0.1 0 0"), ("c", "0 0 0.1"))),

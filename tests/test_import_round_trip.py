@@ -38,7 +38,6 @@ def written(name: str) -> tuple[Mechanism, TemporaryDirectory[str]]:
 
 
 def imported(name: str, file: str) -> tuple[Mechanism, Mechanism]:
-    """The mechanism, its independent coordinates being those that import chose, and what was imported."""
     mechanism, folder = written(name)
     found = import_model(Path(folder.name) / file).mechanism
     rigid = without_fixed_joints(mechanism)  # what is welded is one body in a file

@@ -105,7 +105,6 @@ def test_both_rules_of_redundant_actuators():
 
 
 def test_few_samples_are_on_the_branch_of_many():
-    """Seven samples of four turns of a crank."""
     scene = load_scene("double-cardan")
     some = np.linspace(scene.t[0], scene.t[-1], 7)
     few = compared(scene.at(some), ["joint_position"]).values("joint_position", "lagrange")

@@ -20,7 +20,6 @@ DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ", 
 
 @pytest.fixture
 def made(monkeypatch):
-    """Environments that are asked for; commands in them answer what they are told to, by version of pin."""
     told = SimpleNamespace(asked=[], checks={})
 
     def make(folder: Path, wanted):
@@ -92,7 +91,6 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_the_package_answers_where_it_is_laid_out(tmp_path):
-    """This Python stands for the fresh environment."""
     found = study.matrix(
         [("0", "0")],
         tmp_path / "m.csv",

@@ -87,7 +87,6 @@ def test_four_bar_is_cut_at_a_hinge_as_two_points(four_bar: Mechanism, tmp_path:
 
 @pytest.mark.parametrize("cut", ["minimal", "full"])
 def test_four_bar_closures_leave_one_freedom(four_bar: Mechanism, cut: str) -> None:
-    """The mobility is nv - rank of the closure rows."""
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(write_mjcf(four_bar, cut))
     data = mujoco.MjData(model)

@@ -13,7 +13,6 @@ FIXED = '<link name="{0}.mount"/><joint name="{1}" type="fixed"><parent link="tr
 
 
 def quadruped(legs=LEGS, mount: str = "") -> tuple[str, str]:
-    """URDF and MJCF of some legs. `mount`: names fixed joints before them."""
     urdf, mjcf = ['<link name="trunk"/>'], []
     for k, leg in enumerate(legs):
         near, body = "trunk", ""

@@ -18,8 +18,6 @@ OTHERS = [
 
 @pytest.fixture
 def under(tmp_path):
-    """Gravity of the MJCF may differ."""
-
     def make(name: str, gravity: str = ""):
         scene = screwgauge.load_scene(name).at([0.0, 0.01])
         write_models(scene.mechanism, tmp_path, gravity=scene.applied.g)

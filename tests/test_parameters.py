@@ -100,7 +100,6 @@ def test_loops_that_cannot_close_are_refused():
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "delta", "five-bar"])
 def test_home_stays_on_its_assembly(name):
-    """In one change or in a hundred steps."""
     scene, rng = load_scene(name), np.random.default_rng(1)
     variants = screwgauge.compile(scene, ["joint_velocity"], parameters=PLACED[name], backend="numpy")
     nominal = dict(zip(variants.names, variants.nominal, strict=True))

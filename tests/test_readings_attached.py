@@ -105,7 +105,6 @@ def test_models_that_attach_each_other_without_end_are_refused(tmp_path):
 
 
 def test_what_is_attached_many_times_counts_as_often(tmp_path):
-    """Each model has the next one 20 times: 8421 bodies in all."""
     for i in range(4):
         asset = f'<asset><model name="m" file="{i + 1}.xml"/></asset>' if i < 3 else ""
         attach = "".join(f'<attach model="m" prefix="{k}_"/>' for k in range(20)) if i < 3 else ""

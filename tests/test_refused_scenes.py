@@ -43,7 +43,6 @@ def test_bad_input_is_refused_at_its_place_with_a_remedy(group, row, write, refu
 
 
 def entry(group: dict[str, Any], given: str) -> dict[str, str]:
-    """An entry of a scene by its key."""
     text = group.get("entry", "{}").replace("{}", given, 1)
     return {text.partition(" ")[0]: text}
 

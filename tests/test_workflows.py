@@ -115,7 +115,6 @@ def test_a_name_of_a_branch_is_no_option_and_no_code(action, what):
 
 @pytest.mark.parametrize("options", ["--help", "-h", "--he", "--smoke\n--help"])
 def test_options_that_check_nothing_fail(somebody, action, options):
-    """Not even with a report that lies there."""
     (somebody / "screwgauge.xml").write_text("<testsuites/>", encoding="utf-8")
     assert action("scenes", options)[0] != 0
 

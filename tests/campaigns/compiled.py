@@ -49,7 +49,6 @@ LEFT_OUT = ("a02-fourbar-40",)
 
 
 def states(count: int, seed: int = 0) -> GivenMotion:
-    """Random states of the paper's mechanism on both sides of its leg singularity."""
     rng = np.random.default_rng(seed)
     y, yd, ydd = rng.uniform(-REACH, REACH, (count, 2)), rng.normal(size=(count, 2)), rng.normal(size=(count, 2))
     return GivenMotion(np.arange(float(count)), y, yd, ydd)
@@ -170,7 +169,6 @@ def beyond(a: Array, b: Array, bound: Array, *, angle: bool) -> float:
 
 
 def cases(count: int | None) -> Iterator[tuple[str, int]]:
-    """Name and seed of each case: random states, and so many mechanisms built in and random ones, family by family."""
     yield "states", 0
     yield from [(f"built-in {name}", 0) for name in mechanism_names() if name not in LEFT_OUT][:count]
     yield from ((families()[i % len(families())], i // len(families())) for i in range(count or DRAWN))

@@ -21,7 +21,6 @@ def legs(n: int) -> str:
 
 
 def arm(n: int) -> str:
-    """A chain of n actuated R joints whose axes are turned by a right angle from each to the next."""
     lines = ["name = 'arm'", "[independent]", *(f"q{k} = 'joint{k}'" for k in range(n))]
     for k in range(n):
         lines += _body(f"link{k}", "[0.05, 0.01, 0]", 1)

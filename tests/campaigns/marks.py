@@ -143,7 +143,6 @@ def _jointed(body: Element | None) -> bool:
 
 
 def joints(xml: XmlText) -> list[Mark]:
-    """Hinges and slides with a name; those that mimic others are none."""
     if is_urdf(xml):
         kinds = ("revolute", "continuous", "prismatic")
         own = [joint for joint in children(xml, "joint") if joint.get("type") in kinds and not joint.find("mimic")]
@@ -167,7 +166,6 @@ def whole(xml: XmlText) -> list[Mark]:
 
 
 def last_bodies(xml: XmlText) -> list[Mark]:
-    """Bodies of an MJCF with an inertial behind joints, and no joint behind them."""
     own = [] if is_urdf(xml) else [joint.element.parent for joint in joints(xml)]
     own = [body for body in own if body and body.find("inertial")]
     return [Mark(xml, b, b.get("name")) for b in own if all(moving(c) for c in b.children if c.tag == "body")]

@@ -156,7 +156,6 @@ def _turning(imported: Imported, tree: ReadingTree, states: TreeStates) -> Array
 
 
 def _whole(asked: Forces, tree: ReadingTree, states: TreeStates) -> Array:
-    """What a library has, with what the reading knows of springs and dampers that it leaves out."""
     left = (force for name, force in passive_parts(tree, states).items() if name not in asked.covers)
     return asked.tau + sum(left, np.zeros_like(asked.tau))
 
@@ -180,7 +179,6 @@ def _asked(source: Source, library: str, tree: ReadingTree, states: TreeStates, 
 
 
 def _untouched(file: Path, library: str, floating: bool) -> Any:
-    """The file as its library loads it by itself, where the package prepares it first."""
     if library == "mujoco":
         return mujoco.MjModel.from_xml_path(str(file))
     free = (pinocchio.JointModelFreeFlyer(), "root_joint") if floating else ()

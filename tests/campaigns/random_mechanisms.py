@@ -42,7 +42,6 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
 
 
 def _certified(scene: Scene) -> str:
-    """``certified`` if ``screw`` is right by the truth at every sample, else what is wrong."""
     results = run(scene, (TRUTH, ENGINES[0]))
     if TRUTH in results.failures:
         return str(results.failures[TRUTH].reason)

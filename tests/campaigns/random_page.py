@@ -58,7 +58,6 @@ def _reasons(found: pd.DataFrame) -> list[Row]:
 
 
 def plain(reason: str) -> str:
-    """A reason without what differs from one mechanism to the next: quoted names, numbers, lists of them."""
     text = re.sub(r"'[^']*'", "'...'", reason)
     text = re.sub(r"(\S+ = (\[[^]]*\]|[^\s,]+)(, (?=\S+ =))?)+", "...", text)
     return re.sub(r"(?<![\w-])-?\d[\d.]*(e-?\d+)?", "N", text)

@@ -18,7 +18,6 @@ CODE = code_version(Path(__file__).parent)
 
 
 def rows_in_turn(works: Iterable[tuple[str, Callable[[], Any]]], progress: Callable[[str, float], None]) -> list[Any]:
-    """What each of some works returns, in this process. Their names are for the progress alone."""
     tasks = [Task(f"{number}: {name}", partial(_made, work)) for number, (name, work) in enumerate(works, 1)]
     return run_tasks(tasks, InTurn(), lost=_raised, progress=progress)
 

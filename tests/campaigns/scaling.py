@@ -54,7 +54,6 @@ MOTIONS = (100, 1000, 10_000, 100_000, 1_000_000)
 
 
 def climbed(ladder: str, sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
-    """Forces of actuators of growing mechanisms, all of a motion in one call; sizes are measured in turn."""
     text, _, many = MECHANISMS[ladder]
     made, calls = {}, dict[str, tuple[Callable[[], object], int]]()
     for n in sizes:
@@ -78,7 +77,6 @@ def _operations(solver: Solver) -> int:
 
 
 def lengthened(sizes: Sequence[int], backend: str, rounds: int = ROUNDS) -> Iterator[Rung]:
-    """Forces of actuators of the paper's mechanism on longer and longer motions, streamed."""
     scene = load_scene("3ups-upu-s")
     start = process_time()
     solver = Solver(scene, FORCES, backend, 1)
@@ -99,7 +97,6 @@ def _streamed(solver: Solver, scene: Scene, n: int) -> Callable[[], object]:
 
 
 def exponent(rungs: Sequence[Rung]) -> float:
-    """Power of the size that the cost of a whole motion, or of a sample where the mechanism grows, goes with."""
     size = np.array([rung.size for rung in rungs], dtype=float)
     cost = np.array([rung.sample_us * (rung.size if rung.ladder == "samples" else 1.0) for rung in rungs])
     return float(np.polyfit(np.log(size), np.log(cost), 1)[0])

@@ -225,7 +225,6 @@ def _fits(value: Difference, expected: Expected, carriers: Mapping[str, str]) ->
 
 
 def _error(value: Difference, magnitude: float) -> float:
-    """Of a magnitude, relative to it; of a step, by its turn or its way."""
     step = np.asarray(value.b, dtype=float) - (0.0 if value.a is None else np.asarray(value.a, dtype=float))
     sizes = map(float, np.linalg.norm(step, axis=1)) if step.shape == (2, 3) else [float(np.linalg.norm(step))]
     return min(abs(size - abs(magnitude)) / abs(magnitude) for size in sizes)

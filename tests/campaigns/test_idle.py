@@ -27,7 +27,6 @@ REFUSED = ("breaks off", "limits", "singular", "cannot close", "no force decides
 
 
 def without_actuators(description: dict[str, Any], rng: np.random.Generator, freedoms: int) -> bool:
-    """Takes some actuators away, so that fewer are left than freedoms; whether there are enough to do so."""
     driven = [name for name, joint in description["joints"].items() if joint.get("actuated")]
     if freedoms < 2:
         return False
@@ -38,7 +37,6 @@ def without_actuators(description: dict[str, Any], rng: np.random.Generator, fre
 
 
 def with_spin(description: dict[str, Any], rng: np.random.Generator) -> bool:
-    """Makes a ball of a universal joint, whose third angle is free; whether there is one."""
     universal = [name for name, joint in description["joints"].items() if joint["kind"] == "U"]
     if not universal:
         return False
@@ -55,7 +53,6 @@ def with_spin(description: dict[str, Any], rng: np.random.Generator) -> bool:
 
 
 def drawn(seed: int, folder: Path) -> Path | None:
-    """The file of a scene with freedoms that nothing drives; None where the draw has none to free."""
     rng, names = np.random.default_rng(seed), families()
     scene = screwgauge.random(seed, names[seed % len(names)], folder)
     files = {file: tomllib.loads(file.read_text(encoding="utf-8")) for file in folder.glob("*.toml")}

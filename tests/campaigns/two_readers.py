@@ -95,7 +95,6 @@ def _apart(a: Array, b: Array) -> float:
 
 
 def _omitted(both: tuple[Answers, Answers], readings: tuple[Reading, Reading]) -> list[str]:
-    """What a reading has, and the inverse dynamics of its library has not."""
     missing = []
     for i, reading in enumerate(readings):
         has = {what for joint in reading.joints.values() for what in ("damping", "stiffness") if getattr(joint, what)}

@@ -56,7 +56,6 @@ def samples(scene: Scene, n: int) -> tuple[Array, ...]:
 
 
 def contestants(backends: Sequence[str]) -> Calls:
-    """Whole calls with buffers that are used again; names state what else had to run."""
     scene = load_scene("3ups-upu-s")
     calls: dict[str, tuple[Callable[[], object], int]] = {name: (call, BARE) for name, call in bare().items()}
     for backend in backends:

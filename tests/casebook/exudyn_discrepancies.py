@@ -30,7 +30,6 @@ def _settings(end: float, steps: int) -> Any:
 
 
 def _fall(**options: bool) -> float:
-    """Angular acceleration of the bar that falls from a level pose, of its inertia with some options [rad/s^2]."""
     with _system() as system:
         inertia = RigidBodyInertia(MASS, MOMENT * np.eye(3), com=[ARM, 0.0, 0.0], **options)
         ground, bar = system.CreateGround(), system.CreateRigidBody(inertia=inertia, gravity=[0.0, 0.0, -G])

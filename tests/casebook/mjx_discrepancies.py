@@ -12,7 +12,6 @@ from screwgauge.engines.mujoco.equality_constraints import DISABLED
 
 
 def port(model: mujoco.MjModel, v: Any = 0.0, a: Any = 0.0, *, q: Any = None, double: bool = True) -> Any:
-    """Data of MJX after its inverse dynamics, with its model, in float64 or as it comes."""
     n = model.nv
     with jax.enable_x64(double):
         state = [jax.numpy.zeros(n) + np.asarray(x) for x in (model.qpos0 if q is None else q, v, a)]

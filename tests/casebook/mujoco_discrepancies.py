@@ -240,7 +240,6 @@ def soft_floor() -> Evidence:
 
 
 def _errors(model: mujoco.MjModel, passes: int) -> tuple[float, float]:
-    """Largest error of a four-bar's accelerations under the right torque: as they come, and refined [rad/s^2]."""
     bar = FourBar()
     data = state(model, v=bar.v)
     data.qfrc_applied[0] = bar.torque

@@ -224,7 +224,6 @@ class _Closed:
         return np.array(made)
 
     def error(self, *settings: Any) -> float:
-        """Largest error of its accelerations [rad/s^2]; NaN where one is none."""
         return float(np.max(abs(self.accelerate(pin.ProximalSettings(*settings)) - self.bar.a)))
 
 
@@ -254,7 +253,6 @@ def frame_locks_hinge() -> Evidence:
 
 
 def _force(**how: Any) -> tuple[Array, Array]:
-    """Force on the coupler at the cut [N], as Pinocchio has it and as the equations of the open tree have it."""
     closed = _Closed(**how)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     return closed.force[:3], _on_coupler(closed.bar)

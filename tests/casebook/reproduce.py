@@ -65,7 +65,6 @@ class Result:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """Measured values as text with units, in as few digits as distinguish symptom and expected value."""
         seen = self.evidence
         if seen is None:
             return {}

@@ -157,7 +157,6 @@ class FourBar:
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """Ends of the cut loop, from the origins of coupler and rocker [m]. Shape (3,) each."""
         return np.array([*(self.tip - self.elbow), 0.0]), np.array([*(self.tip - self.base), 0.0])
 
     def mjcf(self, closure: str = '<connect site1="coupler" site2="rocker"/>') -> str:

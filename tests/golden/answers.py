@@ -90,7 +90,6 @@ def logarithms(numbers: Any, off: float = ESTIMATED) -> Fact:
 
 
 def verdicts_of(results: Any) -> Iterator[Row]:
-    """What comparison and judge make of it, and sentences."""
     yield "verdict", text(f"{results.exit_status}; {len(results.pairs)} pairs, {len(results.judge)} residuals")
     for kind, rows in (("pair", results.pairs), ("residual", results.judge)):
         for quantity, some in rows.groupby("quantity" if kind == "pair" else "residual"):
@@ -126,12 +125,10 @@ def facts_of(results: Any) -> Iterator[Row]:
 
 
 def noted(solution: Any) -> bool:
-    """Whether its notes are the same anywhere: steps and times of a simulation are not, nor radii."""
     return solution.cost is None and all(error.radius is None for error in solution.errors.values())
 
 
 def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[Row]:
-    """Rows of a table: what each is of, and its sizes and worst component where these are no rounding."""
     for row in table.to_dict("records"):
         key = " ".join(str(row[name]) for name in names)
         if row[scaled] <= ROUNDING:

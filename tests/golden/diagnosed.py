@@ -122,7 +122,6 @@ def _numbers(part: Any) -> list[float]:
 
 
 def _size(numbers: list[float]) -> Fact:
-    """Sizes as decades; what is rounding is none."""
     sizes = np.abs(numbers)
     return Fact(tuple(float(x) for x in np.log10(np.maximum(sizes, NOTHING))), SIZE)
 

@@ -27,7 +27,6 @@ class Fact:
     words: str = ""
 
     def within(self, kept: Fact, share: float = 1.0) -> bool:
-        """Whether it is the one that was kept, to a share of what that may be off by."""
         if self.words or kept.words:
             return same_words(self.words, kept.words)
         pairs = zip(self.numbers, kept.numbers, strict=False)
@@ -44,7 +43,6 @@ Facts = Mapping[str, Fact]
 
 
 def close(a: float, b: float, off: float) -> bool:
-    """Whether numbers are as close as they may be off; none is as none."""
     return (math.isnan(a) and math.isnan(b)) or a == b or abs(a - b) <= off
 
 
@@ -91,7 +89,6 @@ def differences(now: Facts, kept: Facts) -> list[str]:
 
 
 def condensed(facts: Facts) -> dict[str, Fact]:
-    """What is worth keeping: no rows of engines that those of others stand for."""
     kept = dict[str, Fact]()
     for key, fact in facts.items():
         if not any(fact.within(known, 0.5) for known in candidates(key, kept)):

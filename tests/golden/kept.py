@@ -47,7 +47,6 @@ LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05"
 
 
 def long_rung(case: str) -> bool:
-    """Whether a rung is one of those, or of full runs, or not every other one of quick runs."""
     name, severity, *quick = case.split()
     every_other = [f"{each:.17g}" for each in studied.CASES[name].quick[::2]]
     return not quick or case.startswith(("wrist-chart", *LONG)) or severity not in every_other

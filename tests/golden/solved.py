@@ -54,7 +54,6 @@ def given() -> list[str]:
 
 
 def unsprung() -> list[str]:
-    """Those of them that the engine `truth` takes."""
     return [name for name in given() if not scene_of(name).applied.springs]
 
 

@@ -27,7 +27,6 @@ EXTRA = INERTIA + 0.001 * (np.ones((3, 3)) - np.eye(3))
 
 
 def value(part: str, what: str, a: object, b: object, unit: str = "", **more: object) -> Fact:
-    """A fact whose values are numbers; None of a side that has none."""
     first, second = (None if x is None else np.asarray(x, float) for x in (a, b))
     return Fact(part, what, first, second, unit, 0.01, **more)  # type: ignore[arg-type]
 

@@ -30,7 +30,6 @@ def axial() -> dynamics.AxialRule:
 
 @pytest.fixture(scope="session")
 def runs(case: Case) -> scheme.Runs:
-    """The paper's scheme, which takes seconds for its 10 000 steps."""
     return scheme.runs(case)
 
 

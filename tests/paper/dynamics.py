@@ -267,5 +267,4 @@ def _by_bracket(case: Case, bracket: Bracket) -> tuple[Array, Array]:
 
 
 def errata(case: Case, forces: Forces) -> list[Erratum]:
-    """All but erratum 15, which has times of its own."""
     return [row for measured in (gravity, levers, platform, right_inverse) for row in measured(case, forces)]

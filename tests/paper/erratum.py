@@ -9,8 +9,6 @@ KINDS = {"E": "error", "A": "ambiguity", "N": "numbering"}
 
 
 class Form(NamedTuple):
-    """A form of an equation in words, and what it gives in the unit of its erratum."""
-
     words: str
     value: float
 
@@ -44,5 +42,4 @@ class Erratum:
 
 
 def about(size: float) -> object:
-    """A size known from elsewhere, with two or three figures."""
     return pytest.approx(size, rel=0.03, abs=0)

@@ -39,7 +39,6 @@ def errata_frame(paper: Paper) -> pd.DataFrame:
 
 
 def _value(value: float) -> str:
-    """Three figures; a residual of rounding as its power of ten."""
     if abs(value) < NOISE:
         return "0"
     if 1e3 <= abs(value) < 1e6:

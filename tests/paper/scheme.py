@@ -122,5 +122,4 @@ def order(steps: Array, errors: Array) -> float:
 
 
 def _last_by_first(gaps: Array) -> float:
-    """Of a ladder: the shortest step's by the longest's."""
     return float(gaps[-1] / gaps[0])

@@ -63,7 +63,6 @@ class Arm:
 
 
 def arm() -> Arm:
-    """Three hinges, a gripper whose fingers follow each other, and a strut that closes a loop."""
     turn = (0.8, 0.6, 0.0, 0.0)
     return Arm(
         {

@@ -95,7 +95,6 @@ def timer(progress) -> float:
 
 
 def says_where_nothing_can_be_written(progress) -> str:
-    """Its folder goes away, as it would with a disk that is full."""
     (file,) = progress.args
     shutil.rmtree(file.parent)
     progress(0.5)
@@ -107,7 +106,6 @@ def where(progress) -> str:
 
 
 def server(progress) -> int:
-    """The process that it was forked from."""
     return os.getppid()
 
 

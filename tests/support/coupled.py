@@ -15,7 +15,6 @@ Couplings = Mapping[str, tuple[str, Sequence[float]]]
 
 
 def homes(couplings: Couplings, start: Mapping[str, float]) -> dict[str, float]:
-    """Home values of all coordinates, those of the coupled ones from the others, which come first."""
     home = dict(start)
     for name, (of, polynomial) in couplings.items():
         home[name] = float(polyval(home.get(of, 0.0), polynomial))
@@ -71,7 +70,6 @@ _KINDS = (  # joint, kind, parent, child, axes
 
 
 def every_kind(couplings: Couplings = EVERY_KIND) -> str:
-    """A tree of joints of every kind, two of them declared towards ground, with two freedoms."""
     home = homes(couplings, {"a": 0.3, "b": -0.2})
     text = 'name = "every-kind"\nindependent = { a = "a", b = "b" }\n'
     text += "".join(body(name, i) for i, name in enumerate("ABCDEFGHI"))
@@ -86,7 +84,6 @@ def every_kind(couplings: Couplings = EVERY_KIND) -> str:
 
 
 def geared_five_bar(of: str, coordinate: str, polynomial: Sequence[float]) -> str:
-    """The built-in five-bar with one freedom less: a coordinate is a polynomial of another one."""
     return f"""name = "geared-five-bar"
 extends = "five-bar"
 independent = {{ left = "left" }}

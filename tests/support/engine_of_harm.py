@@ -23,8 +23,6 @@ ENGINE = Engine(NAME, "does harm", f"{__name__}:load", frozenset((GivenMotion,))
 
 
 class _Code:
-    """Leaves a file where it is unpickled."""
-
     def __reduce__(self):
         return os.mkdir, (os.path.abspath(MARK),)
 
@@ -131,8 +129,6 @@ def load(files: ModelFiles) -> Harm:
 
 @dataclass(frozen=True)
 class Harm:
-    """Answers as the solver does, and does something else before."""
-
     right: EngineModel
     mode: str
 

@@ -53,7 +53,6 @@ def unwatched(works: Any, limits: Any, report: Any, *, keep: Any = lambda name, 
 
 @contextmanager
 def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
-    """As if packages with these engines were installed: name -> ``module:object``, one entry point each."""
     entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
@@ -64,8 +63,6 @@ def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Simulated:
-    """A motion as an engine integrated it, the times that it reached only."""
-
     engine: str
     q: Array
     v: Array

@@ -166,7 +166,6 @@ def usd_name(name: str) -> str:
 
 
 def _axes(joint: Joint) -> Array:
-    """Rotation to a frame that has a joint's axes along x and y (U), or along z."""
     if joint.kind in ("S", "fixed"):
         return np.eye(3)
     if joint.kind == "U":
@@ -184,7 +183,6 @@ def _tuple(values: object) -> str:
 
 
 def link_name(body: str) -> str:
-    """Link of a body: no two parts of a model have one name, of which joints have that of the description."""
     return "world" if body == GROUND else f"{body}.link"
 
 

@@ -159,7 +159,6 @@ def _among(text: str, numbers: list[float]) -> bool:
 
 
 def other_wording(shown: str, printed: str) -> list[str]:
-    """Pieces between ``...`` that are not printed word by word."""
     squeezed = " ".join(printed.split())
     return [piece for piece in re.split(r"\.\.\.|\n", shown) if " ".join(piece.split()) not in squeezed]
 
@@ -193,7 +192,6 @@ def _told(one: dict[str, Any]) -> str:
 
 
 def _default(one: dict[str, Any]) -> str:
-    """A default as a file has it, numbers being kept as text."""
     value = one.get("default")
     if value in (None, "", {}, []):
         return ""

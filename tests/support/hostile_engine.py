@@ -26,8 +26,6 @@ def load(files: ModelFiles) -> Loud:
 
 @dataclass(frozen=True)
 class Loud:
-    """Prints in Python and beside it, and says more than anybody reads."""
-
     right: EngineModel
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:

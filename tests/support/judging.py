@@ -22,7 +22,6 @@ from support.freedoms import mobility_at_home
 
 
 def agreed(results: Results) -> Results:
-    """Results in which every engine answered, all pairs agree and the judge objects to nothing."""
     assert not results.failures, results.failures
     assert results.ok, results.pairs[~results.pairs["ok"]].to_string() + results.judge.to_string()
     return results

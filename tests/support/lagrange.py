@@ -24,8 +24,6 @@ class Equations(lagrange.Equations):
 
 
 class Unfolded(Trace):
-    """A trace in which every operation stands as it was asked for: nothing is folded, nothing is merged."""
-
     def _make(self, op: str, *args: Scalar) -> Node:
         self.nodes.append(node := Node(self, op, args))
         return node
@@ -47,7 +45,6 @@ class Unfolded(Trace):
 
 
 def over_arrays(some: Equations, what: str, given: dict[str, Array]) -> dict[str, Array]:
-    """Outputs of a program, each operation made by NumPy on arrays over n samples. Shape (n, m) each."""
     n, asked = len(given["q"]), dict[str, Any]()
     some.__dict__["_function"] = lambda *zero, **outputs: asked.update(outputs, zero=zero)
     getattr(some, what)

@@ -34,7 +34,6 @@ def forces(mechanism: Mechanism, home: Array, folder: Path) -> dict[str, np.ndar
 
 
 def worst(one: Mapping[str, np.ndarray], other: Mapping[str, np.ndarray]) -> float:
-    """The largest difference of forces by the largest force of their quantity; both have the same."""
     keys = {key for key in one if not key.startswith("joint_position")}
     assert keys == {key for key in other if not key.startswith("joint_position")}
     sizes = {q: max(np.abs(one[key]).max() for key in keys if key.startswith(q)) for q in {k.split()[0] for k in keys}}

@@ -44,7 +44,6 @@ STEPS: dict[Any, int] = {np.float32: 0, np.float64: 1, np.longdouble: 2, "arb": 
 
 
 def objects(sin: Any, cos: Any, sqrt: Any, atan2: Any, maximum: Any) -> Ops:
-    """The functions of numbers that stand in arrays of objects; systems are solved by elimination."""
     return Ops(each(sin), each(cos), each(sqrt), each(atan2, 2), each(maximum, 2), Sparse)
 
 
@@ -145,7 +144,6 @@ def state(scene: Scene, n: int = 3) -> State:
 
 
 def swinging(mechanism: Mechanism, applied: Applied, n: int = 3) -> State:
-    """A mechanism that swings about home, a twentieth of a radian or of a metre."""
     home = mechanism.home[mechanism.independent_columns]
     t, w = np.linspace(0.2, 1.0, n)[:, None], 3.0 - 0.5 * np.arange(len(home))
     y, yd, ydd = (0.05 * x for x in (np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)))
@@ -202,7 +200,6 @@ def conditions(at: State) -> list[float]:
 
 
 def closer(at: State, ops: Ops, q: Array, y: Array, steps: int) -> Array:
-    """A pose after steps of Newton's method: each squares what it is open by."""
     for _ in range(steps):
         q = q + Closed(at.loops, coordinates(q, ops), at.loops.folds(at.q[0]), ops).newton_step(y)
     return q
@@ -327,7 +324,6 @@ def difference(a: Array, b: Array) -> Array:
 
 
 def _split(x: Any) -> list[Any]:
-    """A longer float as doubles that sum up to it."""
     high = float(x)
     return [high, x - type(x)(high)] if isinstance(x, np.longdouble) else [high]
 

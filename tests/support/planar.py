@@ -80,7 +80,6 @@ def moving(write: Write, text: str, y: Sequence[float], rate: float, second: flo
 
 
 def at_random(write: Write, seed: int) -> Scene:
-    """Of many sizes of mass, one of them a millionth; heavy or not, in any direction; fast, slow or at rest."""
     rng = np.random.default_rng(seed)
     masses = 10.0 ** (rng.uniform(-3, 2) + rng.uniform(-1, 1, 3))
     if rng.random() < 0.3:

@@ -55,7 +55,6 @@ def moved(lay: Layout, y: Array, yd: Array, ydd: Array | None = None, **forces: 
 
 
 def under(at: ClosedMotion, applied: Applied | None = None, **forces: Any) -> ClosedMotion:
-    """The same poses and rates under other forces, which decide on the accelerations."""
     return motion_at(at.loops.lay, at.q, at.yd, None, applied, **forces)
 
 

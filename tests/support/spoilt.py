@@ -66,7 +66,6 @@ def late(scene: Scene, right: Callable[[Scene], pd.DataFrame], samples: float) -
 
 
 def _held(table: pd.DataFrame, samples: float) -> pd.DataFrame:
-    """The numbers of some samples before by linear interpolation, those at the ends being held."""
     t = table.index.to_numpy()
     return table.apply(lambda column: np.interp(t - samples * (t[1] - t[0]), t, column))
 

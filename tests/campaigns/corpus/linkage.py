@@ -160,7 +160,6 @@ def rod(name: str, mass: float, ends: Sequence[Array], across: Array, width: flo
 
 
 def plate(name: str, mass: float, centre: Array, R: Array, radius: float) -> Body:
-    """A disc of some thickness, not quite round, its centre of mass a little off."""
     moments = mass * radius**2 * np.array([0.26, 0.29, 0.5])
     return Body(name, mass, centre + R @ np.array([0.003, -0.002, 0.004]), R @ np.diag(moments) @ R.T)
 

@@ -22,7 +22,6 @@ def _circles(a: Array, r: float, b: Array, s: float, side: float) -> Array:
 
 
 def four_bar(crank: float = 1.2) -> Linkage:
-    """Crank, coupler, rocker; turns about y. The joints are hinges, so that its loop is closed by two points."""
     O, C = _xz(0.0, 0.0), _xz(0.5, 0.0)
     A = _xz(0.15 * cos(crank), 0.15 * sin(crank))
     B = _circles(A, 0.45, C, 0.35, -1.0)
@@ -179,7 +178,6 @@ def stewart(x: float = 0.02, y: float = -0.01, z: float = 0.5, turned: float = 0
 
 
 def arm(seed: int, count: int = 6, slide: int = 3) -> Linkage:
-    """A chain at random, of hinges and one slide, with damping and limits."""
     rng = np.random.default_rng([seed, 77])
     p, near = np.zeros(3), GROUND
     bodies, joints = list[Body](), list[Joint]()

@@ -76,7 +76,6 @@ def put_pose(element: ET.Element, T: Array) -> None:
 
 
 def move_frame(root: ET.Element, body: ET.Element, X: Array) -> None:
-    """Gives a body another frame, `X` in its old one; what is in it stays where it is."""
     put_pose(body, pose_of(body, root) @ X)
     back = inverse(X)
     for child in body:

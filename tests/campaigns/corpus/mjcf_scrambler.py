@@ -122,7 +122,6 @@ def _rename(tree: ET.Element, rng: Random, done: Scrambled) -> None:
 
 
 def _another_home(tree: ET.Element, rng: Random, done: Scrambled, start: Array | None) -> None:
-    """Writes the model in another of its poses, found by MuJoCo where loops have to close."""
     import mujoco
 
     if tree.find(".//freejoint") is not None or tree.find(".//joint[@type='free']") is not None:

@@ -23,7 +23,6 @@ def pair_rows(pairs: Sequence[Pair], progress: Callable[[str, float], None]) -> 
 
 
 def pair_row(pair: Pair) -> dict[str, Any]:
-    """Make the row of one pair. ``right``: yes, no, refused (no answer), or skipped."""
     cells = {"id": pair.name, "group": pair.group, "expected": pair.expected, "planted": pair.planted}
     with TemporaryDirectory(prefix="corpus-") as name:
         folder = Path(name)
@@ -46,7 +45,6 @@ def pair_row(pair: Pair) -> dict[str, Any]:
 
 
 def right(pair: Pair, said: Said, named: Sequence[str]) -> str:
-    """True if an answer is right and leads with the planted edit."""
     if said.answer in ("REFUSED", "CRASHED"):
         return said.answer.lower()
     if pair.expected == SAME:

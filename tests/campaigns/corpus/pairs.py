@@ -84,7 +84,6 @@ def scrambled() -> Iterator[Pair]:
 
 
 def disguised_models() -> Iterator[Pair]:
-    """Models that single edits are made of, renamed, reordered and with other frames, without any edit."""
     for package, files in PUBLIC.items():
         for i, file in enumerate(files):
 
@@ -200,7 +199,6 @@ def user() -> Iterator[Pair]:
 
 
 def common() -> Iterator[Pair]:
-    """Pairs with one cause of many numbers, or with a missing part."""
     arm, limbs = machines.arm(1), machines.tree(1)
     all_ = r"(?=.*(\ball\b|\bevery\b|\beach\b|\b6\b|masses|inertias))(?=.*"
 

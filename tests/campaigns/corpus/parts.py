@@ -47,7 +47,6 @@ class Parts:
         return {end(joint, "child"): joint for joint in self.root.iterfind("joint")}
 
     def bodies(self) -> list[ET.Element]:
-        """Links or bodies behind a moving joint, with an inertial that says a mass."""
         some = self.root.iterfind("link") if self.urdf else self.root.iterfind("worldbody//body")
         return [body for body in some if body.get("name") and self.mass(body) > 0.0 and self.carrier(body)]
 
@@ -125,8 +124,6 @@ class Parts:
         return next((other for other in self.joints() if near and self.owner(other) == near), None)
 
     def behind(self, joint: ET.Element) -> list[ET.Element]:
-        """Moving joints that a joint carries, itself included."""
-
         def carried(other: ET.Element) -> bool:
             name = self.owner(other)
             if not self.urdf:

@@ -83,6 +83,5 @@ class Site:
 
     @property
     def steps(self) -> list[Array]:
-        """The vector of the edit, in all axes that it may be given in."""
         step = np.asarray(self.planted.step, dtype=float)
         return [share * R @ step for share in dict.fromkeys((1.0, self.planted.share)) for R in self.axes]

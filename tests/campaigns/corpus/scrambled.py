@@ -38,13 +38,11 @@ class Scrambled:
 
 
 def numbered(names: Iterable[str | None], word: str, rng: Random) -> dict[str, str]:
-    """New names in no order: ``word7``."""
     some = [*dict.fromkeys(name for name in names if name)]
     return {name: f"{word}{i}" for name, i in zip(some, rng.permutation(len(some)), strict=True)}
 
 
 def shuffled(parent: ET.Element, rng: Random, tags: Iterable[str] = ()) -> None:
-    """Puts children, those of some tags if named, in another order; the others come first."""
     some = {*tags}
     moved = [child for child in parent if not some or child.tag in some]
     for child in moved:
@@ -53,7 +51,6 @@ def shuffled(parent: ET.Element, rng: Random, tags: Iterable[str] = ()) -> None:
 
 
 def coordinate(kind: str, rng: Random, length: float = 0.02) -> float:
-    """A small coordinate of a hinge [rad] or slide [m]."""
     return (
         float(rng.uniform(-0.4, 0.4))
         if kind in ("revolute", "continuous", "hinge")

@@ -102,7 +102,6 @@ def named(said: Said, site: Site) -> bool:
 
 
 def of_item(said: Said, site: Site) -> str:
-    """The first sentence, and the row of what was edited where that says more."""
     rows = [
         row.text for row in said.rows if row.items & site.names or (not site.names and mentions_property(row, site))
     ]
@@ -179,7 +178,6 @@ def _by_step(text: str, old: float, step: float) -> tuple[bool, bool]:
 
 
 def _by_vectors(text: str, planted: Planted) -> bool:
-    """True if a component of two vectors differs by the step, or an inertia by the factor."""
     if planted.what not in ("inertia", "limits", "coupling"):
         return False
     old, new = float(planted.old or 0.0), float(planted.new or 0.0)  # type: ignore[arg-type]

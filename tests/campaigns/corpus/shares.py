@@ -51,7 +51,6 @@ def _by_joint(root: ET.Element, model: object) -> tuple[Array, Array]:
 
 
 def bare_mjcf(root: ET.Element) -> ET.Element:
-    """A copy without meshes, pictures and contacts, for what states its inertia."""
     bare = copy.deepcopy(root)
     for tag in ("asset", "contact", "sensor", "keyframe"):
         for room in bare.findall(tag):

@@ -104,7 +104,6 @@ def _points(joint: Joint) -> list[Array]:
 
 
 def write_mjcf(machine: Linkage) -> str:
-    """Bodies nested as the tree has them, closures as points of two bodies, motors."""
     tree = machine.tree()
 
     def body(joint: Joint) -> str:

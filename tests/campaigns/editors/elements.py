@@ -75,7 +75,6 @@ def numbers(text: str) -> np.ndarray:
 
 
 def put(element: ET.Element, name: str, values: np.ndarray | list[float]) -> str:
-    """Sets an attribute to numbers. Returns from what to what, in words."""
     old = element.get(name, "none")
     element.set(name, " ".join(f"{value:.9g}" for value in np.atleast_1d(values)))
     return f"{name} {old} -> {element.get(name)}"
@@ -89,7 +88,6 @@ def moving_joints(root: ET.Element) -> list[ET.Element]:
 
 
 def bodies(root: ET.Element) -> list[ET.Element]:
-    """Links behind a moving joint, or bodies with joints, that have mass; in an MJCF those that state it."""
     if is_urdf(root):
         moved = {j.find("child").get("link") for j in root.iterfind("joint") if j.get("type") != "fixed"}
         links = [link for link in root.iterfind("link") if link.get("name") in moved]
