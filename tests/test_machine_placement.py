@@ -1,5 +1,6 @@
 import pytest
 
+from support.data import data
 from support.machines import (
     BELIEVED,
     align,
@@ -17,15 +18,8 @@ from support.models import write_models
 from support.tolerances import ROUNDING
 
 #: A planar four-bar of two chains: where it is cut, and which way its joints lead.
-BAR = '<inertial pos="{0} 0.02 0.1" mass="{1}" diaginertia="0.01 0.02 0.03"/>'
-FROM_CRANK = f"""<body name="crank"><joint name="a" axis="0 1 0"/>{BAR.format(0.05, 1)}
-<body name="coupler" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{BAR.format(0.2, 2)}
-<body name="rocker" pos="0.4 0 -0.2"><joint name="c" pos="0.1 0 0.3" axis="0 1 0"/>{BAR.format(0.1, 3)}</body>
-</body></body>"""
-FROM_ROCKER = f"""<body name="rocker" pos="0.4 0 0"><joint name="d" axis="0 1 0"/>{BAR.format(0.1, 3)}
-<body name="coupler" pos="-0.4 0 0.2"><joint name="c" pos="0.5 0 0.1" axis="0 1 0"/>{BAR.format(0.2, 2)}
-<body name="crank" pos="0 0 -0.2"><joint name="b" pos="0 0 0.2" axis="0 1 0"/>{BAR.format(0.05, 1)}</body>
-</body></body>"""
+FROM_CRANK = data("from-crank.xml")
+FROM_ROCKER = data("from-rocker.xml")
 PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0.1 0"/>'
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.data import data
 from support.mechanism import GROUND
 from support.readings import BodyReading, JointReading, Reading, collapse, libraries_for, read
 
@@ -29,40 +30,8 @@ def joint(name: str, kind: str, parent: str, child: str, further: str = "") -> s
     )
 
 
-URDF = "".join(
-    [
-        '<robot name="arm">',
-        *(link("base", 3), link("mount"), link("upper", 1), link("flange"), link("tool", 2), link("camera", 0.5)),
-        *(link("wheel", 4), link("rod", 0.7)),
-        joint("bolted", "fixed", "base", "mount"),
-        joint("turn", "revolute", "mount", "upper", '<axis xyz="0 0.6 0.8"/><dynamics damping="0.4" friction="0.2"/>'),
-        joint("push", "prismatic", "upper", "flange", '<axis xyz="1 0 0"/>'),
-        joint("welded", "fixed", "flange", "tool"),
-        joint("screwed", "fixed", "tool", "camera"),
-        joint("spin", "continuous", "base", "wheel", '<axis xyz="0 0 -1"/>'),
-        joint(
-            "follow",
-            "revolute",
-            "wheel",
-            "rod",
-            '<axis xyz="1 0 0"/><mimic joint="turn" multiplier="-2" offset="0.1"/>',
-        ),
-        "</robot>",
-    ]
-)
-MJCF = f"""<mujoco model="arm"><compiler angle="radian"/><option gravity="0 0 -9.81"/>
-<default><joint armature="0.01"/><default class="stiff"><joint damping="3" axis="0 1 0"/></default></default>
-<worldbody><body name="base" pos="0 0 0">{INERTIAL.format(3)}
-  <body name="ball" pos="0.1 0.2 0.3" quat="0.5 0.5 0.5 -0.5"><joint name="b" type="ball" pos="0 0 0.1"/>
-    {INERTIAL.format(1)}
-    <body name="cross" pos="1 0 0" euler="0.3 0.2 0.1" childclass="stiff">
-      <joint name="x" range="-1 2"/><joint name="y" axis="1 1 0" pos="0.1 0 0.2" frictionloss="0.3"/>
-      <joint name="z" type="slide"/>{INERTIAL.format(2)}
-      <body name="tip" pos="0 0 1" quat="0 1 0 0"><geom type="capsule" size="0.1 0.3" pos="0.1 0 0" euler="1 0 0"/>
-        <geom type="box" size="0.1 0.2 0.3" density="700"/></body>
-    </body>
-  </body>
-</body></worldbody></mujoco>"""
+URDF = data("arm-of-all-joints.urdf")
+MJCF = data("arm-of-all-joints.xml")
 
 
 @pytest.fixture

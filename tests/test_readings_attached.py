@@ -1,6 +1,7 @@
 """What XML alone does not show is resolved by MuJoCo: models that are attached, masses that come from meshes."""
 
 import os
+import shutil
 import struct
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
-from support.data import data
+from support.data import DATA, data
 from support.errors import ModelFileError
 from support.models import Options, import_model
 from support.readings import collect_warnings, prepare, read, read_source
@@ -20,27 +21,12 @@ from support.scene import sampled
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
 #: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.
-ARM = f"""<mujoco model="arm"><compiler angle="radian"/>
-<asset><model name="hand" file="parts/hand.xml"/></asset>
-<worldbody><body name="upper"><joint name="shoulder" axis="0 1 0"/>{INERTIAL.format(3)}
-  <body pos="0.3 0 0"><joint axis="0 0 1" damping="0.2"/>{INERTIAL.format(2)}
-    <attach model="hand" body="palm" prefix="left_"/>
-    <frame pos="0 0.1 0.2" euler="0.3 0.2 0"><attach model="hand" body="palm" prefix="right_"/></frame>
-  </body></body></worldbody></mujoco>"""
-HAND = f"""<mujoco model="hand"><compiler angle="degree"/><option wind="1 0 0"/>
-<asset><model file="finger.xml"/></asset><include file="more.xml"/>
-<worldbody><body name="palm" pos="0.2 0 0"><joint name="wrist" axis="1 0 0" range="-60 60"/>{INERTIAL.format(1)}
-  <attach model="finger" prefix="f_"/></body></worldbody></mujoco>"""
-MORE = '<mujoco><actuator><motor joint="wrist" gear="3"/></actuator></mujoco>'
-FINGER = f"""<mujoco model="finger">
-<worldbody><body pos="0.1 0 0.05"><joint axis="0 1 0"/>{INERTIAL.format(4)}</body></worldbody></mujoco>"""
+ATTACHED = DATA / "attached"
 
 
 @pytest.fixture
 def arm(tmp_path: Path) -> Path:
-    (tmp_path / "parts").mkdir()
-    for name, text in (("arm", ARM), ("parts/hand", HAND), ("parts/more", MORE), ("parts/finger", FINGER)):
-        (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
+    shutil.copytree(ATTACHED, tmp_path, dirs_exist_ok=True)
     return tmp_path / "arm.xml"
 
 
@@ -86,9 +72,9 @@ def test_what_is_attached_by_a_link_to_outside_is_refused(arm, tmp_path):
     outside = tmp_path / "hand.xml"
     folder = tmp_path / "robot"
     folder.mkdir()
-    outside.write_text(HAND, encoding="utf-8")
+    shutil.copy(ATTACHED / "parts/hand.xml", outside)
     os.symlink(outside, folder / "link.xml")
-    (folder / "arm.xml").write_text(ARM.replace("parts/hand.xml", "link.xml"), encoding="utf-8")
+    (folder / "arm.xml").write_text(data("attached/arm.xml").replace("parts/hand.xml", "link.xml"), encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"'link\.xml'.*outside"):
         import_model(folder / "arm.xml")
 

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from support.data import data
 from support.geometry import Array
 from support.mechanism import GROUND
 from support.readings import ClosureReading, Reading, read
@@ -14,16 +15,7 @@ from support.readings import ClosureReading, Reading, read
 READ = 1e-13
 MATTER = '<inertial pos="0.1 0 0.2" mass="1" diaginertia="1 2 2"/>'
 #: Two arms of two links with a bracket fixed to one, none of them straight; the joints' references are not zero.
-ARMS = f"""<mujoco><compiler angle="radian"/><worldbody><site name="w" pos="0.3 0.2 0.1" euler="1 0.2 0"/>
-<body name="a" pos="0.1 0 0" euler="0.3 0.1 0"><joint name="a1" axis="0 1 0.2" ref="0.4"/>{MATTER}
-  <body name="b" pos="0 0 0.5" euler="0 0.5 1"><joint name="b1" axis="1 0 0" ref="-0.3"/>{MATTER}
-    <site name="sb" pos="0.1 0.2 0.3" euler="0.1 0.9 0"/>
-    <body name="bracket" pos="0.2 0 0.1" euler="0 1 0.4"><site name="sk" pos="0 0.1 0" euler="2 0 0"/>
-    </body></body></body>
-<body name="c" pos="0.6 0 0" euler="0 0.2 0"><joint name="c1" axis="0 1 0"/>{MATTER}
-  <body name="d" pos="0 0.1 0.5"><joint name="d1" type="slide" axis="1 0 1" ref="0.2"/>{MATTER}
-    <site name="sd" pos="0.2 0 0" euler="0 0 1"/></body></body>
-</worldbody><equality>@</equality></mujoco>"""
+ARMS = data("two-arms.xml")
 JOINTS = {"a1": 0.7, "b1": 0.2, "c1": -0.5, "d1": 0.3}
 FORMS = {
     "anchor": '<connect name="e" body1="b" body2="d" anchor="0.1 0.2 0.3"/>',

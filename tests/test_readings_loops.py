@@ -10,8 +10,9 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
+from support.data import data
 from support.mechanism import PolynomialSum, load_mechanism
-from support.models import MATTER, write_models
+from support.models import write_models
 from support.readings import (
     CouplingReading,
     Reading,
@@ -25,28 +26,8 @@ from support.readings import (
     with_loops,
 )
 
-
-def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
-    limit = '<limit lower="-3" upper="3" effort="1" velocity="1"/>' if kind == "revolute" else ""
-    ends = f'<origin xyz="{xyz}"/><parent link="{parent}"/><child link="{child}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="0 1 0"/>{limit}</joint>'
-
-
 #: Two legs, the left one of two links; a massless frame at each end, and one in the ground.
-LEGS = "".join(
-    [
-        '<robot name="legs">',
-        *(f'<link name="{name}"/>' for name in ("base", "left_end", "right_end", "stand")),
-        *(f'<link name="{name}">{MATTER}</link>' for name in ("thigh", "shin", "rod")),
-        joint("hip_mot", "revolute", "base", "thigh", "0 0 0"),
-        joint("knee", "revolute", "thigh", "shin", "0 0 -0.4"),
-        joint("heel", "fixed", "shin", "left_end", "0.1 0 -0.3"),
-        joint("rod_mot", "revolute", "base", "rod", "0.5 0 0"),
-        joint("tip", "fixed", "rod", "right_end", "-0.2 0 -0.7"),
-        joint("floor", "fixed", "base", "stand", "0 0 -1"),
-        "</robot>",
-    ]
-)
+LEGS = data("two-legs.urdf")
 
 
 @pytest.fixture
@@ -55,19 +36,7 @@ def legs(write) -> Reading:
 
 
 #: A turned arm of three links, each of which is more than one.
-TURNED = "".join(
-    [
-        '<robot name="arm"><link name="base"/>',
-        *(f'<link name="{name}">{MATTER}</link>' for name in ("upper", "fore", "palm", "thumb")),
-        '<link name="wrist"/>',
-        joint("shoulder", "revolute", "base", "upper", '0 0 1" rpy="0.3 -0.7 0.2'),
-        joint("elbow", "revolute", "upper", "wrist", '0.2 0.1 -0.4" rpy="0.5 0.4 -1.1'),
-        joint("cuff", "fixed", "wrist", "fore", '0.1 0 0.2" rpy="0 0.2 0'),
-        joint("grip", "revolute", "fore", "palm", '0 0.3 0.1" rpy="-0.6 0.1 0.9'),
-        joint("nail", "fixed", "palm", "thumb", '0.05 0 0.1" rpy="0.2 0 1'),
-        "</robot>",
-    ]
-)
+TURNED = data("turned-arm.urdf")
 LOOP = "closed_loop: [[nail, base]]\ntype: [3d]\njoint_name: [{}]\njoint_type: [{}]\n"
 
 
@@ -155,9 +124,7 @@ def test_names_of_fixed_joints_are_frames(turned, write):
 
 @pytest.mark.parametrize("library", ["pinocchio", "yourdfpy", "mujoco"])
 def test_a_joint_stands_for_the_link_that_it_carries_whatever_the_body_is_called_after(library, write):
-    cross = joint("ankle", "fixed", "foot", "sole", "0.1 0 0.2") + joint("turn", "revolute", "base", "foot", "0 0 0")
-    links = f'<link name="base"/><link name="foot"/><link name="sole">{MATTER}</link>'
-    reading = read(write("robot.urdf", f'<robot name="r">{links}{cross}</robot>'), library)
+    reading = read(write("robot.urdf", data("foot-and-sole.urdf")), library)
     assert reading.bodies["sole"].first == "foot"
     (closure,) = with_loops(reading, write("l.yaml", "closed_loop: [[turn, base]]\ntype: [3d]")).closures.values()
     assert closure.first == "sole"

@@ -18,22 +18,7 @@ SCENE = """time = { duration = 0.5, step = 0.1 }
 motion.a.harmonics = [[5, 0, 0.6]]
 motion.b.harmonics = [[6, 0, 0.8]]
 """
-LINK = (
-    '<link name="{0}"><inertial><mass value="{1}"/><origin xyz="{2}"/><inertia ixx="{3}" iyy="{4}" izz="{5}" '
-    'ixy="{6}" ixz="0" iyz="0"/></inertial></link>'
-)
-JOINT = (
-    '<joint name="{}" type="continuous"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/>'
-    '<axis xyz="{}"/></joint>'
-)
-PARTS = (
-    '<link name="base"/>',
-    LINK.format("upper", 1, "0.2 0 0", 1e-3, 2e-2, 2e-2, 0),
-    LINK.format("hand", 0.7, "0.1 0.05 0.02", 1e-3, 2e-3, 3.4e-3, 2e-4),
-    JOINT.format("a", "base", "upper", 0, "0 0 1"),
-    JOINT.format("b", "upper", "hand", 0.4, "0 1 0"),
-)
-URDF = f'<robot name="arm">{"".join(PARTS)}</robot>'
+URDF = data("two-hinges.urdf")
 
 
 def torques(y: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
