@@ -1,7 +1,8 @@
 """Lint: one-sentence warnings about legal mechanisms that probably contain mistakes.
 
-Implausible values, such as moments of inertia in another unit or angles in degrees, are shown in the unit
-that was probably meant; implausible geometry and masses with the place to check. Nothing is rejected or changed here.
+Warnings show implausible values, such as moments of inertia in a wrong unit or angles in degrees, in the unit that was
+probably meant; for implausible geometry and masses, they name the place to check. They do not reject or change
+anything.
 """
 
 from __future__ import annotations
@@ -19,30 +20,31 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, widest
 
-#: A body is suspect if its radius of gyration is this multiple of its size and it is lighter than air [kg/m^3].
+#: Multiple of its size above which a body's radius of gyration is suspect, if the body is also lighter than air
+#: [kg/m^3].
 LARGER, AIR = 2.0, 1.2
-#: Semi-axes of its ellipsoid are at least this fraction of the longest: rods and plates have a volume.
+#: Smallest semi-axis of the equivalent ellipsoid relative to the longest semi-axis: rods and plates have a volume.
 SLENDER = 1.0 / 30.0
-#: Density of osmium [kg/m^3], and the fraction of the inertia of an osmium ball that a body has at least.
+#: Density of osmium [kg/m^3], and smallest inertia of a body relative to an osmium ball.
 OSMIUM, LEAST = 22600.0, 0.2
 #: Ratio of radius of gyration to size below which a point mass is meant; smallest mass of a substantial part [kg].
 POINT, HEAVY = 1e-3, 100.0
-#: A body longer than this [m] with less mass per metre than that [kg/m] is implausible.
+#: Length above which [m], and mass per length below which [kg/m], a body is implausible.
 LONG, THIN = 20.0, 0.05
-#: Units of moments of inertia in data sheets and CAD -> kg m^2.
+#: Unit of moments of inertia in data sheets and CAD -> kg m^2.
 UNITS = {"g m^2": 1e-3, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9}
-#: Largest plausible ratio of radius of gyration to size.
+#: Range of plausible ratios of radius of gyration to size.
 USUAL = (0.03, 1.0)
-#: Angles beyond those of a joint that does not rotate continuously: as a limit, or to and fro [rad].
+#: Angle beyond which a joint must rotate continuously, as a limit or as an amplitude [rad].
 TURNED = 4.0 * np.pi
-#: Angles in degrees are rarely larger.
+#: Largest usual angle in degrees.
 DEGREES = 720.0
-#: Number of bodies reported one by one, or named.
+#: Largest number of bodies that are reported one by one, and of bodies that a message names.
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
-#: Zero up to rounding; below the other values, an angle [rad] or a distance [mechanism lengths]
-#: is hardly intended. A right angle written as 1.5708 has an error of 4e-6.
+#: Rounding error of zero; angle [rad] and distance [mechanism lengths] below which nonzero values are hardly intended.
+#: A right angle written as 1.5708 has an error of 4e-6.
 ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 
 
@@ -52,8 +54,9 @@ class Solid:
 
     Attributes:
         inertia: Inertia tensor about the centre of mass [kg m^2]. Shape (3, 3).
-        size: Extent of its joints and its centre of mass; with one joint, extent of those of all bodies [m].
-        span: Extent of its own joints and its centre of mass [m].
+        size: Extent of the body's joints and centre of mass; for a body with one joint, extent of all joints and
+            centres of mass [m].
+        span: Extent of the body's own joints and centre of mass [m].
     """
 
     name: str
@@ -65,7 +68,7 @@ class Solid:
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """An angle that is in no coupling, with `home` and `limits` [rad]."""
+    """An uncoupled angle with `home` and `limits` [rad]."""
 
     name: str
     home: float
@@ -74,7 +77,7 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Suspicion:
-    """A suspicious entry.
+    """A suspicious entry of a description.
 
     Attributes:
         point: Position in the body frame [m]. Shape (3,).
@@ -86,7 +89,7 @@ class Suspicion:
 
 
 class _End(NamedTuple):
-    """An end of a joint: its frame on a body, which is the joint's parent (0) or child (1)."""
+    """An end of a joint: the frame of the joint on a body, which is its parent (side 0) or child (side 1)."""
 
     joint: Joint
     frame: Frame
@@ -94,12 +97,12 @@ class _End(NamedTuple):
 
     @property
     def axis(self) -> Array:
-        """The outer axis, fixed in the body. Shape (3,)."""
+        """Outer axis, which is fixed in the body. Shape (3,)."""
         return np.asarray(self.frame.R @ self.joint.axes[-self.side])
 
     @property
     def turns(self) -> bool:
-        """True if the body turns about the axis; a planar joint's normal is a line in the child only."""
+        """True if the body rotates about the axis; the normal of a planar joint is a fixed line only in the child."""
         return self.joint.angles > 0 and (self.side == 1 or self.joint.slides < 2)
 
 
@@ -114,7 +117,7 @@ def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
 
 
 def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
-    """Return the largest distance between body points in the home pose [m]."""
+    """Return the largest distance between body points at the home pose [m]."""
     at, index = pose(layout(mechanism), mechanism.home[None]), mechanism.body_index
     return widest([at.p[0, index[body]] + at.R[0, index[body]] @ point for body, point in places])
 
@@ -125,7 +128,7 @@ def implausible(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def of_bodies(bodies: Sequence[Solid]) -> tuple[str, ...]:
-    """Warn about bodies too wide, too dense, or too long for their mass."""
+    """Warn about bodies that are too wide, too dense, or too long for their mass."""
     return (*all_too_wide(bodies), *too_dense(bodies), *too_long(bodies))
 
 
@@ -139,7 +142,7 @@ def too_dense(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _too_dense(body: Solid) -> str:
-    """Warn about a body that is too dense; empty if it is possible."""
+    """Return a warning about a body that is too dense, or an empty string."""
     moments = np.linalg.eigvalsh(body.inertia)
     ball = float(np.cbrt(0.75 * body.mass / (np.pi * OSMIUM)))
     least = 0.6 * body.mass * ball**2  # 0 if there is almost no mass
@@ -148,7 +151,7 @@ def _too_dense(body: Solid) -> str:
     if not 0.0 < share < LEAST or radius < POINT * body.size:
         return ""
     denser = share**-1.5
-    heavy = body.mass > HEAVY and share * 1e5 > LEAST  # the ratio scales with mass to the power -5/3
+    heavy = body.mass > HEAVY and share * 1e5 > LEAST  # the ratio scales with mass^(-5/3)
     likely = (
         "likely g were meant: multiply the mass by 0.001" if heavy else "a placeholder: write the tensor of the body"
     )
@@ -171,7 +174,7 @@ def too_long(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Warn about the bodies that `too_wide` reports, in one message if there are many."""
+    """Warn about the bodies that `too_wide` reports; summarise them if there are many."""
     sentences = {one.name: text for one in bodies if (text := too_wide(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -180,7 +183,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def _turning_bodies(mechanism: Mechanism) -> set[str]:
-    """Return the bodies that turn; the inertia of a body that only slides on ground has no effect."""
+    """Return the bodies that rotate; the inertia of a body that only slides on the ground has no effect."""
     turning = {body.name for body in mechanism.bodies}
     for _ in mechanism.bodies:
         slides = (
@@ -191,7 +194,7 @@ def _turning_bodies(mechanism: Mechanism) -> set[str]:
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
-    """Yield the bodies of a mechanism that have mass and turn."""
+    """Yield the bodies of a mechanism that have mass and rotate."""
     ends, heavy, turning = (
         _ends(mechanism),
         [body for body in mechanism.bodies if body.mass],
@@ -207,12 +210,12 @@ def solids(mechanism: Mechanism) -> Iterator[Solid]:
 
 
 def size_of(points: list[Array], extent: float) -> float:
-    """Return the size [m] of a body given its joint points, last its centre of mass, and the machine's extent [m]."""
+    """Return the size of a body [m], given joint points and centre of mass (last), and the machine's extent [m]."""
     return (widest(points) if len(points) > 2 else 0.0) or extent
 
 
 def too_wide(body: Solid) -> str:
-    """Warn about more inertia than a body of this mass and size can have; empty if it is possible."""
+    """Return a warning about more inertia than a body of this mass and size can have, or an empty string."""
     moments = np.linalg.eigvalsh(body.inertia)
     radius = float(np.sqrt(max(moments[-1], 0.0) / body.mass))
     half = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / body.mass, 0.0))
@@ -230,7 +233,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Yield the angles of a mechanism except those of gears, screws and free bodies."""
+    """Yield the angles of a mechanism, except angles of gears, screws and free bodies."""
     tied = {name for one in mechanism.couplings for name in one.named}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(
@@ -241,7 +244,7 @@ def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
 
 
 def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
-    """Warn about hinges whose home or limits are several turns from zero, as if given in degrees."""
+    """Warn about hinges whose home or limits are several turns from zero, as if they were given in degrees."""
     for one in angles:
         far = [x for x in one.limits if TURNED < abs(x) <= DEGREES and not float(np.log10(abs(x))).is_integer()]
         if far:
@@ -251,7 +254,7 @@ def too_far(angles: Iterable[Hinge]) -> Iterator[str]:
 
 
 def in_degrees(what: str, angle: float) -> str:
-    """Format an angle [rad] along with its value if degrees were meant."""
+    """Format an angle [rad], and the value that it has if degrees were meant."""
     turns, less = abs(angle) / (2.0 * np.pi), np.radians(angle)
     return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees were meant, {less:.3g} rad"
 
@@ -289,7 +292,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
 
 
 def _warn_of_ball(body: Body) -> str:
-    """Warn about a body with the inertia of a ball; may be empty."""
+    """Return a warning about a body with the inertia of a ball, or an empty string."""
     moments = np.linalg.eigvalsh(body.inertia)
     if not (moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]):
         return ""
@@ -304,7 +307,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
 
 
 def _warn_of_axes(a: _End, b: _End, unit: float, *, few: bool) -> str:
-    """Warn about the axes of two joints of a body; `few` if it has no others; may be empty."""
+    """Return a warning about the axes of two joints of a body, which are its only ones if `few`, or an empty string."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):

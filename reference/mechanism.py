@@ -1,4 +1,4 @@
-"""The mechanism as immutable data, checked on construction: bodies, joints, actuated and independent coordinates."""
+"""Mechanisms as immutable data, checked on construction: bodies, joints, actuated and independent coordinates."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ COLUMNS, MOST = 100, 3  # screen width, and number of lines for bodies, joints a
 SLACK = 1e-12
 
 
-#: Freedoms of each kind in order: True turns about its axis, False slides along it. Composite joints are serial: each
-#: axis is carried by the freedoms before it, and all axes meet in the joint's origin. E slides in a plane and turns
-#: about its normal. F constrains nothing and gives a pose coordinates: x, y and z in the parent's frame, then three
-#: angles. A fixed joint has no freedom: it is a hinge about axis z of its frame held by a `couplings.Fixing`. The
-#: mechanics of each kind is in `equations.joint_types`.
+#: Degrees of freedom of each kind in order: True for a rotation about its axis, False for a translation along it.
+#: Composite joints are serial: the preceding degrees of freedom carry each axis, and all axes meet in the origin of the
+#: joint. E slides in a plane and turns about its normal. F is unconstrained and assigns coordinates to a pose: x, y and
+#: z in the parent's frame, then three angles. A fixed joint is a hinge about axis z of its frame that a
+#: `couplings.Fixing` locks. `equations.joint_types` has the mechanics of each kind.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),
@@ -40,13 +40,13 @@ KINDS: dict[str, tuple[bool, ...]] = {
     "F": (False, False, False, True, True, True),
     "fixed": (True,),
 }
-#: Kinds of joint whose loop is closed by coincident points of the two bodies, and the number of points.
+#: Kind of joint whose loop coincident points of the two bodies can close -> number of points.
 POINTS = {"R": 2, "S": 1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """A placement: `p` [m], shape (3,), and `R`, shape (3, 3), of a frame in its body."""
+    """A placement: position `p` [m], shape (3,), and orientation `R`, shape (3, 3), of a frame in a body."""
 
     p: Array = field(default_factory=lambda: np.zeros(3))
     R: Array = field(default_factory=lambda: np.eye(3))
@@ -61,11 +61,11 @@ class Body:
     """A rigid body.
 
     Attributes:
-        mass: Mass [kg], not negative. A massless body has neither inertia nor com.
+        mass: Mass [kg], non-negative. The inertia and com of a massless body are zero.
         com: Centre of mass in the body frame [m]. Shape (3,).
-        inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin
-            rods (zero principal moments) are legal.
-        allowed: Whether its principal moments may violate the triangle inequality, see `inertia`.
+        inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin rods
+            (zero principal moments) are legal.
+        allowed: True if the principal moments may violate the triangle inequality, see `inertia`.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Body:
 
 
 def triangle_excess(inertia: Array) -> float:
-    """Return the excess of the largest principal moment over the sum of the others [kg m^2], zero if there is none.
+    """Return by how much the largest principal moment exceeds the sum of the others [kg m^2], or zero.
 
     Args:
         inertia: Shape (3, 3).
@@ -110,21 +110,21 @@ def triangle_excess(inertia: Array) -> float:
 class Joint:
     """A joint between two bodies; `parent` is on its ground side.
 
-    ``T(parent, child) = parent_frame  X(q)  child_frame^-1`` with X the serial product of the freedoms.
+    ``T(parent, child) = parent_frame  X(q)  child_frame^-1``, where X is the serial product of the degrees of freedom.
 
     Attributes:
-        kind: An entry of `KINDS`.
-        axes: Unit axes of its angles in the joint frame, with preceding freedoms at zero; for P the axis of its slide.
-            Shape (n_axes, 3).
-        coordinates: Names of its coordinates, in the order of its freedoms.
-        home: Coordinates in the home pose [rad or m]. Shape (n,).
-        limits: Bounds of the coordinates [rad or m], infinite where free. Shape (n, 2).
-        rotor: Reflected inertia of each: motor inertia times gear ratio squared [kg m^2 or kg]. Shape (n,); like the
-            next two, zero by default.
-        damping: Viscous damping of each coordinate [N m s/rad or N s/m]. Shape (n,).
-        friction: Dry friction of each coordinate [N m or N]. Shape (n,).
+        kind: Key of `KINDS`.
+        axes: Unit axes of the angles in the joint frame, with preceding coordinates at zero; for P, the axis of the
+            slide. Shape (n_axes, 3).
+        coordinates: Names of the coordinates, in the order of the degrees of freedom.
+        home: Coordinates at the home pose [rad or m]. Shape (n,).
+        limits: Bounds of the coordinates [rad or m]; infinite if unbounded. Shape (n, 2).
+        rotor: Reflected inertia of each coordinate, i.e. motor inertia times gear ratio squared [kg m^2 or kg]; zero by
+            default. Shape (n,).
+        damping: Viscous damping of each coordinate [N m s/rad or N s/m]; zero by default. Shape (n,).
+        friction: Dry friction of each coordinate [N m or N]; zero by default. Shape (n,).
         held: Coordinates of an F joint along which only the ground can exert the force that their motion needs; results
-            list these forces after those of actuators.
+            list these forces after actuator forces.
     """
 
     name: str
@@ -146,30 +146,30 @@ class Joint:
 
     @property
     def freedoms(self) -> tuple[tuple[bool, Array], ...]:
-        """(turns, axis in the joint frame) of each freedom.
+        """Pairs (turns, axis in the joint frame) of all degrees of freedom.
 
-        One slide is along the first axis, two are orthogonal to it, see `across`, three along the joint frame's axes.
+        A single slide is along the first axis, two are orthogonal to it (see `across`), three are along the frame axes.
         """
         return _freedoms(self)
 
     @property
     def angles(self) -> int:
-        """Number of rotational freedoms."""
+        """Number of rotational degrees of freedom."""
         return sum(KINDS[self.kind])
 
     @property
     def slides(self) -> int:
-        """Number of translational freedoms."""
+        """Number of translational degrees of freedom."""
         return len(KINDS[self.kind]) - self.angles
 
     @property
     def fixed(self) -> bool:
-        """True if the joint has no freedom: a coupling holds its only coordinate at zero."""
+        """True if the joint cannot move: a coupling locks its only coordinate at zero."""
         return self.kind == "fixed"
 
     @property
     def constrains(self) -> bool:
-        """True if the joint transmits any force; F does not."""
+        """True if the joint transmits any force, as all joints except F do."""
         return len(KINDS[self.kind]) < 6
 
     @property
@@ -184,7 +184,7 @@ class Joint:
 
     @property
     def role(self) -> str:
-        """The last part of the dotted name: ``leg1.base`` and ``leg2.base`` share the role ``base``."""
+        """Last part of the dotted name: ``leg1.base`` and ``leg2.base`` share the role ``base``."""
         return self.name.rsplit(".", 1)[-1]
 
     def __post_init__(self) -> None:
@@ -211,9 +211,9 @@ def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Return the names of the actuators: ``leg1`` for ``leg1.slide`` if unique, else the joint's name.
+    """Return the names of the actuators: ``leg1`` for ``leg1.slide`` if this is unique, or else the name of the joint.
 
-    Held coordinates follow after all others.
+    The names of `Joint.held` coordinates follow.
     """
     driven = [joint.name for joint in joints if joint.actuated]
     groups = [name.rsplit(".", 1)[0] for name in driven]
@@ -238,12 +238,12 @@ class Mechanism:
     """A graph of bodies and joints.
 
     Attributes:
-        independent: Label of each independent coordinate -> name of the joint coordinate, ordered.
-        axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` requires its
-            force (eq. 56), if any.
-        group: Heading in lists.
-        couplings: Joint coordinates that are sums of polynomials of others, each at most once, without cycles.
-        left_out: Forces in the original model file that no engine includes; a run measures them.
+        independent: Label of each independent coordinate -> name of the joint coordinate, in order.
+        axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` requires the
+            joint's force (eq. 56); None without such a rule.
+        group: Heading under which lists show the mechanism.
+        couplings: Couplings of joint coordinates; a coordinate depends on others at most once, and without cycles.
+        left_out: Forces in the original model file that engines do not include; a run measures their effect.
         remarks: Messages about changes made while reading.
     """
 
@@ -302,7 +302,7 @@ class Mechanism:
         return np.concatenate([joint.home for joint in self.joints])
 
     def described(self, y: Array, figures: int = 6) -> str:
-        """Format independent coordinates by name for a message: ``a = 0.1, b = 0.2``. Shape (k,)."""
+        """Format independent coordinates, shape (k,), by name for a message: ``a = 0.1, b = 0.2``."""
         return ", ".join(f"{label} = {value:.{figures}g}" for label, value in zip(self.independent, y, strict=True))
 
     @cached_property
@@ -312,7 +312,7 @@ class Mechanism:
 
     @cached_property
     def actuators(self) -> tuple[Joint, ...]:
-        """Actuated joints; `actuator_names` also includes the held coordinates."""
+        """Actuated joints; `actuator_names` also includes `Joint.held` coordinates."""
         return tuple(joint for joint in self.joints if joint.actuated)
 
     @cached_property
@@ -347,12 +347,12 @@ class Mechanism:
 
     @cached_property
     def coupling_rows(self) -> CouplingRows:
-        """The couplings as equations in the vector of all joint coordinates."""
+        """Couplings as equations in the vector of all joint coordinates."""
         return bind(self.couplings, self.coordinates)
 
     @cached_property
     def body_index(self) -> dict[str, int]:
-        """Index of each body, ground being 0."""
+        """Index of each body; the ground has index 0."""
         return {name: i for i, name in enumerate([GROUND, *(body.name for body in self.bodies)])}
 
     @cached_property
@@ -362,12 +362,12 @@ class Mechanism:
 
     @cached_property
     def mass_centres(self) -> Array:
-        """Centre of mass of each body in its frame [m]. Shape (n_body, 3)."""
+        """Centre of mass of each body in the body frame [m]. Shape (n_body, 3)."""
         return np.array([body.com for body in self.bodies])
 
     @cached_property
     def inertias(self) -> Array:
-        """Inertia tensor of each body about its centre of mass, in its axes [kg m^2]. Shape (n_body, 3, 3)."""
+        """Inertia tensor of each body about its centre of mass, in body axes [kg m^2]. Shape (n_body, 3, 3)."""
         return np.array([body.inertia for body in self.bodies])
 
     @property
@@ -383,7 +383,7 @@ class Mechanism:
 
 
 def _wrap(lead: str, items: Sequence[str]) -> list[str]:
-    """Wrap unbroken items after a lead to at most `MOST` lines."""
+    """Wrap items after a lead without breaking an item; return at most `MOST` lines."""
     whole = wrap(", ".join(item.replace(" ", "\0") for item in items), COLUMNS - len(lead) - 2)
     shown = [*whole[:MOST], *["..."] * (len(whole) > MOST)] or [""]
     return [f"  {lead if not i else ' ' * len(lead)}{line}".replace("\0", " ").rstrip() for i, line in enumerate(shown)]

@@ -1,4 +1,4 @@
-"""Mobility: counts of freedoms and constraints (section 2.2), uniqueness of forces, nearness to singularities."""
+"""Mobility: counts of degrees of freedom and constraints (section 2.2), uniqueness of forces, near singularities."""
 
 from __future__ import annotations
 
@@ -18,27 +18,28 @@ from screwgauge.reference.errors import DescriptionError, first_few
 from screwgauge.reference.graph import Layout, output_body
 from screwgauge.reference.rotations import Array
 
-#: Components of a null vector below this fraction of the largest are omitted from the message.
+#: Fraction of the largest component of a null vector below which a message omits components.
 SHARE = 0.05
 _named = partial(first_few, most=4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mobility:
-    """Freedoms and constraints of a mechanism at a pose.
+    """Degrees of freedom and constraints of a mechanism at a pose.
 
     Attributes:
         bodies: Number of moving bodies.
-        joint_freedoms: Sum of the joints' freedoms.
-        kutzbach: ``6 bodies - constraints``.
-        mobility: Joint freedoms minus the rank of the loops and couplings.
-        constraints: Number of reaction components, including those of couplings.
-        constraint_rank: Rank of their columns in the Newton-Euler system.
+        joint_freedoms: Sum of the degrees of freedom of all joints.
+        kutzbach: Mobility by the Kutzbach formula, ``6 bodies - constraints``.
+        mobility: `joint_freedoms` minus the rank of the loops and couplings.
+        constraints: Number of reaction components, including couplings.
+        constraint_rank: Rank of the columns of the reaction components in the Newton-Euler system.
         overconstraints: Number of redundant constraints.
-        actuation_redundancy: Number of actuators in excess of the freedoms.
-        names: Reaction components, then actuators.
-        unique: Whether each is determined by the motion alone, whichever rule resolves the redundant actuation.
-        determined: Whether each is determined once such a rule is chosen; a redundant constraint leaves some open.
+        actuation_redundancy: Number of actuators in excess of the mobility.
+        names: Reaction components, followed by actuators.
+        unique: True for components that the motion alone determines, whichever rule resolves the redundant actuation.
+        determined: True for components that are determined once such a rule is chosen; redundant constraints leave
+            some components undetermined.
     """
 
     bodies: int
@@ -55,17 +56,17 @@ class Mobility:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Names of the components that are not unique even with such a rule."""
+        """Names of the components that are not unique even if a rule resolves the redundant actuation."""
         return tuple(name for name, fixed in zip(self.names, self.determined, strict=True) if not fixed)
 
 
 def mobility(lay: Layout, q: Array) -> Mobility:
-    """Count freedoms and constraints at a closed pose of joint coordinates `q`, shape (1, n_q)."""
+    """Count degrees of freedom and constraints at a closed pose with joint coordinates `q`, shape (1, n_q)."""
     mechanism, G = lay.mechanism, loop_equations(lay).constraints(q)[0]
     c, names = _forces(lay, q), reaction_names(mechanism.joints, mechanism.couplings)[0]
     constraints = len(names)
-    hidden = linear.null_space(c)  # forces that balance among themselves
-    internal = linear.null_space(c[:, :constraints])  # those without actuator forces
+    hidden = linear.null_space(c)  # forces that balance each other
+    internal = linear.null_space(c[:, :constraints])  # balanced forces without actuator forces
     rank = constraints - internal.shape[1]
     freedoms = G.shape[1] - linear.rank(G)
     return Mobility(
@@ -84,7 +85,7 @@ def mobility(lay: Layout, q: Array) -> Mobility:
 
 
 def _forces(lay: Layout, q: Array) -> Array:
-    """Return the matrix c of eq. (57) at one pose, scaled so that ranks do not depend on the mechanism's size."""
+    """Return the matrix c of eq. (57) at one pose, scaled so that ranks do not depend on the size of the mechanism."""
     mechanism, at, unit = lay.mechanism, pose(lay, q), length(lay)
     units = *reaction_names(mechanism.joints, mechanism.couplings)[1], *mechanism.actuator_units
     c = force_matrix(at, q, at.S)[0] * np.where(np.array(units) == "N m", unit, 1.0)
@@ -92,7 +93,7 @@ def _forces(lay: Layout, q: Array) -> Array:
 
 
 def _flag_untouched(hidden: Array) -> tuple[bool, ...]:
-    """Flag the components that no combination of hidden forces changes. Shape (m, k) -> m flags."""
+    """Flag the components that are zero in all hidden forces. Shape (m, k) -> m flags."""
     return tuple(bool(flag) for flag in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9)
 
 
@@ -103,7 +104,7 @@ def check_independent(lay: Layout, q: Array) -> None:
         q: Joint coordinates. Shape (1, n_q).
 
     Raises:
-        DescriptionError: There are too few, too many, or they depend on each other.
+        DescriptionError: The number of coordinates is not the number of degrees of freedom, or they are dependent.
     """
     mechanism, A = lay.mechanism, loop_equations(lay).matrix(q)[0]
     k = len(mechanism.independent)
@@ -118,10 +119,11 @@ def check_independent(lay: Layout, q: Array) -> None:
 
 
 def near_singularity(lay: Layout, q: Array) -> str:
-    """Describe the singularity nearest to a pose of joint coordinates `q`, shape (1, n_q).
+    """Describe the singularity that is nearest to a pose with joint coordinates `q`, shape (1, n_q).
 
-    The right vector of the smallest singular value is the motion that loops no longer prevent while the independent
-    coordinates rest; the left vector is the wrenches of cut joints that no longer prevent it.
+    The right singular vector of the smallest singular value is the motion that loops no longer prevent while the
+    independent coordinates are at rest; the left singular vector gives the cut-joint wrenches that no longer prevent
+    it.
     """
     system = loop_equations(lay)
     U, _, Vt = np.linalg.svd(system.matrix(q)[0], full_matrices=False)
@@ -151,7 +153,7 @@ def gimbal_lock(lay: Layout, cut: int) -> str:
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
-    """Return indices of values above a fraction of the largest, in descending order."""
+    """Return the indices of values above a fraction of the largest value, in descending order of magnitude."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]

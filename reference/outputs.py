@@ -1,7 +1,8 @@
-"""Output files, written atomically, which never replace a user's own file.
+"""Writes output files atomically; never replaces a user's own file.
 
-A command overwrites neither its inputs nor a file that was edited or not written by this program. A file written for
-users to keep contains the digest of its other content, so edits are recognised; a CSV has its digest in a second file.
+A command overwrites neither its inputs nor a file that was edited or was not written by this program. A file that users
+keep contains the digest of its remaining content, by which edits are recognised; the digest of a CSV is in a second
+file.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from pathlib import Path
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import digest, read_bytes, read_file, why
 
-#: How the caller permits overwriting: from Python, unless a command line names its option.
+#: How the caller permits overwriting: the Python argument by default; a command line sets the name of its option.
 OVERWRITING = ContextVar("OVERWRITING", default="force=True")
 _SAID = "As screwgauge wrote it, lines above: sha256 "
 _PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # PNG signature, and length of the last chunk
@@ -28,30 +29,30 @@ _PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # PNG signature, and length of the la
 def save_file(
     path: str | Path, content: str | bytes, inputs: Iterable[str | Path] = (), *, force: bool = False
 ) -> Path:
-    """Write a file for a user to keep, with its digest; see `replace_file`.
+    """Write a file with its digest for a user to keep; see `replace_file`.
 
     Args:
-        content: Text is encoded in UTF-8, with escapes where a path in it is not valid text.
-        inputs, force: As in `check_free`.
+        content: Content; a string is encoded in UTF-8, with escapes for paths that are not valid text.
+        inputs, force: See `check_free`.
 
     Raises:
-        OutputError: See `check_free`, or the file cannot be written; it is then unchanged.
+        OutputError: See `check_free`; or the file cannot be written, in which case it is unchanged.
     """
     check_free(path := Path(path), inputs, force=force)
     content = content.encode(errors="backslashreplace") if isinstance(content, str) else content
-    if path.suffix == ".csv":  # the format has no room for a digest
+    if path.suffix == ".csv":  # a CSV cannot contain a digest
         replace_file(_digest_file(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n")
     replace_file(path, content if path.suffix == ".csv" else with_digest(content))
     return path
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Write a file atomically: a temporary file in the same folder, synced, then renamed.
+    """Write a file atomically: write a temporary file in the same folder, sync it, and rename it.
 
-    The directory is created if necessary. A symbolic link is kept, and its target is replaced.
+    The folder is created if necessary. A symbolic link is kept, and its target is replaced.
 
     Raises:
-        OutputError: The file cannot be written; it is then unchanged.
+        OutputError: The file cannot be written, in which case it is unchanged.
     """
     named, path = path, Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
@@ -75,7 +76,7 @@ def stamped(text: str) -> str:
 
 
 def with_digest(content: bytes) -> bytes:
-    """Append the digest of the content to a text, PDF or PNG: as a comment, or in a PNG's last chunk but one."""
+    """Append the digest of the content to a text or PDF as a comment, or to a PNG as the penultimate chunk."""
     if content.startswith(_PNG):
         return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
     content = content if content.endswith(b"\n") else content + b"\n"
@@ -99,7 +100,7 @@ def _digest_file(file: Path) -> Path:
 
 
 def is_as_written(path: Path) -> bool:
-    """True if a file is unchanged since this program wrote it: its digest is in it, or in the file beside it."""
+    """True if a file is unchanged since this program wrote it, according to the digest in the file or next to it."""
     try:
         if os.path.lexists(_digest_file(path)):
             return read_file(_digest_file(path)).partition(" ")[0] == digest(path)
@@ -111,14 +112,14 @@ def is_as_written(path: Path) -> bool:
 
 
 def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
-    """Reject an existing file and an unwritable place before any work.
+    """Reject an existing file or an unwritable path before any work is done.
 
     Args:
         inputs: Files that the command reads.
         force: Allow replacing any existing file.
 
     Raises:
-        OutputError: The file is an input, was edited or not written by this program, or see `check_place`.
+        OutputError: The file is an input, was edited, or was not written by this program; or see `check_place`.
     """
     check_place(path)
     if force or not os.path.lexists(path):
@@ -131,10 +132,10 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
 
 
 def check_place(path: Path) -> None:
-    """Reject a path at which no file can be written, before any work.
+    """Reject a path at which a file cannot be written, before any work is done.
 
     Raises:
-        OutputError: The path is not a file, or its directory cannot be written or created.
+        OutputError: The path is not a file, or its folder cannot be written or created.
     """
     try:
         if path.exists() and not path.is_file():
@@ -157,10 +158,10 @@ def _other_file() -> str:
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
-    """Reject an output that is an input, and two outputs at one path, before any work.
+    """Reject an output that is an input, and two outputs at one path, before any work is done.
 
     Args:
-        outputs: Option or name of each output -> its path.
+        outputs: Option or name of each output -> path.
         inputs: Files that the command reads; iterated only if an output exists.
 
     Raises:
@@ -177,7 +178,7 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
 
 
 def _node(path: Path) -> tuple[int, int] | None:
-    """Return device and inode number of a file; None if there is none."""
+    """Return device and inode number of a file, or None if the file does not exist."""
     try:
         status = path.stat()
     except OSError:

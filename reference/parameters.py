@@ -1,7 +1,7 @@
-"""Parameters of a mechanism and its applied forces by name: read, changed, or replaced by nodes of a trace.
+"""Reads or changes parameters of a mechanism and its applied forces by name, or replaces them by nodes of a trace.
 
-Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. A placement turns by two
-tilts of the frame [rad], about two directions orthogonal to the first axis of its joint, so axes keep their meaning.
+Names are the paths of a description: ``bodies.coupler.mass``, ``joints.left.parent.x``. Two tilts [rad] rotate a
+joint frame about two directions orthogonal to the first axis of the joint, so that axes keep their meaning.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ XYZ = "xyz"
 TENSOR = {f"{XYZ[i]}{XYZ[k]}": (i, k) for i in range(3) for k in range(i, 3)}
 TILTS = ("tilt1", "tilt2")
 SIDES = ("parent", "child")
-#: Number of names listed for an ambiguous name.
+#: Number of matches that a message lists for an ambiguous name.
 NAMED = 3
 
 Item = TypeVar("Item", Body, Joint, Frame)
@@ -82,7 +82,7 @@ def _list(name: str, values: Array) -> Iterator[tuple[str, float]]:
     yield from ((f"{name}.{i}" if many else name, float(x)) for i, x in enumerate(values, 1))
 
 
-#: Last part of a name, or the one before it, -> unit.
+#: Last or second-to-last part of a name -> unit.
 _UNITS = {
     "mass": "kg",
     "com": "m",
@@ -98,35 +98,35 @@ _UNITS = {
 
 
 def unit(name: str) -> str:
-    """Return the unit of a parameter by its full name; empty if it depends on the object."""
+    """Return the unit of a parameter, given its full name; empty if the unit depends on the object."""
     *_, before, last = name.split(".")
     return _UNITS.get(last, _UNITS.get(before, ""))
 
 
 def inertial(name: str) -> bool:
-    """True for a parameter of mass or resistance: forces are linear in it or in moments, motions independent of it."""
+    """True for a mass or resistance parameter: forces are linear in it or in moments; motions do not depend on it."""
     return name.startswith("bodies.") or bool(resisting_joint(name))
 
 
 def resisting_joint(name: str) -> str:
-    """Return the joint whose rotor, damping or friction a parameter is; empty for any other."""
+    """Return the joint whose rotor, damping or friction is the given parameter; empty for all other parameters."""
     found = re.fullmatch(rf"joints\.(.+)\.(?:{'|'.join(RESISTS)})(?:\.\d+)?", name)
     return found[1] if found else ""
 
 
 def geometric(name: str) -> bool:
-    """True for a parameter that places a joint: changing it changes how loops close."""
+    """True for a parameter that places a joint, and thus changes how loops close."""
     return name.startswith("joints.") and name.split(".")[-2] in SIDES
 
 
 def chosen(known: Mapping[str, float], patterns: Sequence[str], where: str) -> list[str]:
     """Resolve names and patterns to full names in the order of `known`.
 
-    A name may omit its first part, ``coupler.mass``, if it stays unique. Patterns may contain ``*``, ``?`` and
+    A name may omit its first part, e.g. ``coupler.mass``, if it remains unique. Patterns may contain ``*``, ``?`` and
     ``[xyz]``, and match full or short names.
 
     Raises:
-        UnknownNameError: A name or pattern matches nothing.
+        UnknownNameError: A name or pattern does not match any parameter.
         DescriptionError: A name matches several parameters.
     """
     found = dict.fromkeys(name for pattern in patterns for name in _matching(known, pattern, where))
@@ -151,16 +151,16 @@ def _short(name: str) -> str:
 
 
 def _as_written(pattern: str) -> str:
-    """Convert a pattern to the naming of `numbers`: without quotes, ``parent_frame.position[0]`` to ``parent.x``."""
+    """Convert a pattern to the names of `numbers`: drop quotes, turn ``parent_frame.position[0]`` into ``parent.x``."""
     text = pattern.replace('"', "").replace("_frame.position", "")
     return re.sub(r"\b(parent|child|com|force|torque|gravity)\[([012])\]", lambda x: f"{x[1]}.{XYZ[int(x[2])]}", text)
 
 
 def changed_to(rule: Any, value: float, where: str) -> float:
-    """Apply a rule: a new value, or text in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
+    """Apply a rule: a new value, or a string in which x is the present value: ``"1.01 x"``, ``"x + 0.002"``.
 
     Raises:
-        DescriptionError: The rule is neither.
+        DescriptionError: The rule is neither a value nor such a string.
     """
     text = rule.strip() if isinstance(rule, str) else ""
     if not re.search(r"(?<![a-z0-9_])x(?![a-z0-9_])|\dx\b", text):
@@ -171,7 +171,7 @@ def changed_to(rule: Any, value: float, where: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """The mechanism and applied forces that hold the numbers."""
+    """A mechanism and applied forces, whose parameters can be read and changed."""
 
     mechanism: Mechanism
     applied: Applied
@@ -181,13 +181,13 @@ class Subject:
         return numbers(self.mechanism, self.applied)
 
     def with_numbers(self, values: Numbers, *, symbolic: bool = False) -> Subject:
-        """Replace numbers.
+        """Replace parameters.
 
         Args:
-            symbolic: Whether values are nodes of a trace or arrays, which no check can read. Shape (...).
+            symbolic: True if values are nodes of a trace or arrays, shape (...), which cannot be checked.
 
         Raises:
-            DescriptionError: A body, joint or spring cannot have them.
+            DescriptionError: A body, joint or spring cannot have these values.
         """
         make = unchecked if symbolic else replace
         get = partial(_value, values, symbolic)
@@ -211,7 +211,7 @@ def unchecked(item: Any, **changes: Any) -> Any:
 
 
 def _forget(mechanism: Mechanism, *, home: Array, bodies: Sequence[Body]) -> None:
-    """Clear values cached for the old parameters; home remains a pose of floats."""
+    """Clear values that were cached for the old parameters; the home pose remains an array of floats."""
     kept = {"coordinates", "moving", "units", "limits", "body_index", "independent_columns", "actuated_columns"}
     fields = {*type(mechanism).__dataclass_fields__}
     for name in [*vars(mechanism)]:
@@ -227,7 +227,7 @@ Get = Callable[[str, Any], Any]
 
 
 def _value(values: Numbers, symbolic: bool, name: str, present: Any) -> Any:
-    """Look up a value by name, or several values by their owner's name. Shape (3,), (n,)."""
+    """Look up a value by name, or several values by the name of their owner. Shapes (3,), (n,)."""
     if not isinstance(present, np.ndarray):
         return values.get(name, present)
     keys = {3: [f"{name}.{axis}" for axis in XYZ]}.get(len(present), [])
@@ -301,6 +301,6 @@ def _applied(applied: Applied, get: Get, make: Callable[..., Any]) -> Applied:
 
 
 def _with(item: Any, changes: Mapping[str, Any], make: Callable[..., Any]) -> Any:
-    """Replace an item's changed fields; return the item itself if none differs."""
+    """Replace the changed fields of an item; return the item itself if no field differs."""
     new = {name: value for name, value in changes.items() if value is not getattr(item, name)}
     return make(item, **new) if new else item

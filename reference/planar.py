@@ -1,4 +1,4 @@
-"""Bodies that can only turn about one direction, as in a planar machine."""
+"""Finds bodies that can rotate about only one direction, as in a planar machine."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array, cross, rotation
 
-#: Sine up to which axes count as parallel: their components have twelve digits.
+#: Sine of the angle up to which axes count as parallel: their components have twelve digits.
 PARALLEL = 1e-11
-#: Maps a direction in one body to its neighbour; None if the joint between them may turn it.
+#: Function that maps a direction in one body to its neighbour; None if the joint between them may rotate it.
 Step = Callable[[Array], Array | None]
 
 
 def normals_of_planes(
     joints: Sequence[Joint], couplings: Sequence[Coupling], parallel: float = PARALLEL
 ) -> dict[str, Array]:
-    """Find the directions about which each body can turn; all axes for a body that never turns.
+    """Find the directions about which each body can rotate; all axes for a body that never rotates.
 
-    A body turns only about a ground direction if it is connected to ground by joints that turn about this direction
-    only; all other joints can only restrain it further. Coordinates held by a coupling do not turn anything.
+    A body can only rotate about a ground direction if a chain of joints that only rotate about this direction connects
+    it to the ground; all further joints can only restrain it more. Coordinates that a coupling locks do not rotate.
 
     Args:
-        parallel: Sine up to which axes count as parallel.
+        parallel: Sine of the angle up to which axes count as parallel.
 
     Returns:
-        Body -> unit vectors in its axes, shape (n, 3). Bodies that turn about several directions are omitted.
+        Body -> unit vectors in body axes, shape (n, 3). Bodies that rotate about several directions are omitted.
     """
     constants = {one.coordinate: one.function.constant for one in couplings if not one.function.terms}
     steps: dict[str, list[tuple[str, Step]]] = {}
@@ -45,7 +45,7 @@ def normals_of_planes(
 
 
 def _carry(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
-    """Express ground directions in the axes of bodies that no joint on some path can turn. One or three columns."""
+    """Express directions (one or three columns) in the axes of bodies on paths whose joints cannot rotate them."""
     reached, rim = dict(known), [*known]
     for name in rim:
         for far, step in steps.get(name, ()):
@@ -56,7 +56,7 @@ def _carry(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, S
 
 
 def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel: float) -> Step:
-    """Find the directions that a joint carries from its parent to its child, or back."""
+    """Build the function that carries directions across a joint, from parent to child or back."""
     near, far = (joint.parent_frame, joint.child_frame)[:: 1 if outward else -1]
     turns = _turns(joint, constants, outward)
 
@@ -73,7 +73,7 @@ def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel:
 
 
 def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[tuple[Array, float | None]]:
-    """List the axes of a joint in order outward or back, each with its angle if held."""
+    """List the axes of a joint from parent to child or back, each with its angle if a coupling locks it."""
     sign, turns = 1.0 if outward else -1.0, list[tuple[Array, float | None]]()
     for name, (turning, axis) in zip(joint.coordinates, joint.freedoms, strict=True):
         if turning:
@@ -84,7 +84,7 @@ def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[
 def _directions(
     still: Mapping[str, Array], joints: Iterable[Joint], constants: Mapping[str, float], parallel: float
 ) -> list[Array]:
-    """List ground directions about which joints on non-turning bodies may turn other bodies."""
+    """List ground directions about which joints on non-rotating bodies may rotate other bodies."""
     found = list[Array]()
     for joint in joints:
         for (body, frame), outward in zip(joint.sides, (True, False), strict=True):

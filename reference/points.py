@@ -1,4 +1,4 @@
-"""Data of named body points whose velocities are requested."""
+"""Named body points whose velocities are requested, as data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Point:
     """A point of a body.
 
     Attributes:
-        name: Prefix of its components; differs from all body names.
+        name: Prefix of the point's components; it differs from all body names.
         body: Name of the body.
         place: Position in the body frame [m]. Shape (3,).
     """

@@ -1,4 +1,4 @@
-"""Mechanisms in other floating-point precisions."""
+"""Converts mechanisms to different floating-point precisions."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ T = TypeVar("T", bound="DataclassInstance")
 
 
 def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
-    """Round every array of a mechanism to `dtype`, so that the solver computes in it.
+    """Round every array of a mechanism to `dtype`, so that the solver computes in this precision.
 
-    The checks of the description are not repeated: rounding may tilt two axes by more than the checks allow.
+    The checks of the description are not repeated, because rounding may tilt axes by more than the checks allow.
     """
     bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
     joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)
@@ -29,7 +29,7 @@ def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
 
 
 def rounded(item: T, dtype: DTypeLike) -> T:
-    """Round the arrays of a dataclass and its frames to `dtype`, without the checks of its class."""
+    """Round the arrays of a dataclass and its frames to `dtype`, without the checks of the class."""
     changed = copy(item)
     for one in fields(item):
         value = getattr(item, one.name)

@@ -1,4 +1,4 @@
-"""Reciprocal screws: leg wrenches on a body, its remaining twists, and screw systems expressed as lines."""
+"""Reciprocal screws: leg wrenches on a body, remaining twists of the body, and screw systems expressed as lines."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layo
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, skew
 
-#: Pitches and distances below this, in mechanism lengths, count as zero; components of a unit screw likewise.
+#: Pitch or distance [mechanism lengths], and component of a unit screw, below which a value counts as zero.
 NONE = 1e-6
 
 
 def reciprocal_screws(S: Array) -> Array:
-    """Return wrenches ``[force; moment about O]`` that do no work on twists S, eq. (8); twists, if S has wrenches.
+    """Return wrenches ``[force; moment about O]`` that are reciprocal to twists S, eq. (8), or twists for wrenches S.
 
     Args:
         S: Twists or wrenches. Shape (6, m).
 
     Returns:
-        Orthonormal basis. Shape (6, 6 - rank S).
+        Orthonormal basis of the reciprocal screws. Shape (6, 6 - rank S).
     """
     return linear.null_space(np.roll(S, 3, axis=0).T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Leg:
-    """Joints that connect a body with ground, disjoint from all other paths between the two.
+    """A leg: joints that connect a body to the ground and are disjoint from all other paths between these two.
 
     Attributes:
-        kinds: Kinds of its joints from ground on, such as ``UPS``, and whether they are coupled; empty if the leg is
-            not a simple chain.
+        kinds: Kinds of the joints from the ground on, such as ``UPS``, and whether they are coupled; empty if the leg
+            is not a simple chain.
     """
 
     name: str
@@ -49,11 +49,11 @@ class Leg:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScrewElement:
-    """A screw; a force or rotation has zero pitch, a couple or translation infinite pitch.
+    """A screw; the pitch of a force or rotation is zero, and the pitch of a couple or translation is infinite.
 
     Attributes:
         direction: Unit vector. Shape (3,).
-        point: Point on its axis [m]; arbitrary if the pitch is infinite. Shape (3,).
+        point: Point on the axis [m]; arbitrary if the pitch is infinite. Shape (3,).
         pitch: Pitch [m/rad].
     """
 
@@ -64,7 +64,7 @@ class ScrewElement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """Legs, wrenches and remaining twists of a body at a pose.
+    """Support of a body at a pose: legs, wrenches and remaining twists.
 
     Attributes:
         wrenches: Constraint wrenches of each leg.
@@ -80,7 +80,7 @@ class Held:
 
 
 def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
-    """Return the body with the most legs, among equals the farthest from ground (platform, coupler), and its legs."""
+    """Return the body with the most legs (among several, the one farthest from the ground), and its legs."""
     away, rim = {GROUND: 0}, [GROUND]
     for body in rim:
         for joint in mechanism.joints:
@@ -93,9 +93,9 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
-    """Return the legs of a body; coupled legs count once, and joints without constraints do not count."""
+    """Return the legs of a body; coupled legs count as one leg, and joints without constraints do not count."""
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
-    names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # body names contain no spaces
+    names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # body names do not contain spaces
     group = {name: name for name in (*(one.name for one in mechanism.bodies), *names.values())}
     ties = [[names[joint], *(side for side in joint.bodies if side not in ends)] for joint in mechanism.joints]
     ties += [[names[owner[name]] for name in one.named] for one in mechanism.couplings]
@@ -114,7 +114,7 @@ def _sides(joints: Sequence[Joint]) -> list[str]:
 
 
 def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
-    """Prune dangling parts of a leg, coupled joints (`kept`) excepted."""
+    """Build a leg; prune dangling joints, except coupled joints (`kept`)."""
 
     def dangles(joint: Joint) -> bool:
         tips = {side for side in joint.bodies if _sides(joints).count(side) == 1}
@@ -135,7 +135,7 @@ def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array, unit: float = 1.0) -> list[Array]:
-    """Return the twists of a body allowed by some joints between ground and the body. Shape (6, freedoms), orthonormal.
+    """Return the twists of a body that given joints between ground and body allow. Shape (6, n_freedom), orthonormal.
 
     Args:
         q: All joint coordinates of closed poses. Shape (n, n_q).
@@ -159,9 +159,9 @@ def _span(A: Array) -> Array:
 
 
 def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
-    """Analyse the support of a body, by default the body with the most legs, at each of n closed poses.
+    """Analyse the support of a body (by default, the body with the most legs) at each of n closed poses.
 
-    Leg wrenches follow eqs. (9)-(12); the body's remaining twists do no work with them, eqs. (13)-(14).
+    Leg wrenches follow eqs. (9)-(12); the remaining twists of the body are reciprocal to them, eqs. (13)-(14).
 
     Args:
         q: Joint coordinates. Shape (n, n_q).
@@ -185,10 +185,10 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
 
 @lru_cache(maxsize=8)
 def pose_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Return the ground joints that merely give a body's pose coordinates.
+    """Return the ground joints that only assign coordinates to the pose of a body.
 
-    They constrain nothing (F), or at home only what the body's other legs constrain (E), and no actuator, coupling
-    or other leg depends on them.
+    Such joints are unconstrained (F) or, at home, redundant to the remaining legs of the body (E), and no actuator,
+    coupling or other leg depends on them.
     """
     found = {joint.name for joint in mechanism.joints if not joint.constrains}
     planar = [
@@ -213,10 +213,10 @@ def pose_joints(mechanism: Mechanism) -> frozenset[str]:
 
 
 def normal_of_plane(screws: Array) -> Array | None:
-    """Return the normal of the plane in which all joints move; None if they move in space.
+    """Return the normal of the plane in which all joints move; None if the motion is spatial.
 
     Args:
-        screws: Screws of all freedoms at a pose: directions of rotation and translation. Shape (n, 6).
+        screws: Screws of all joints at a pose: directions of rotation and translation. Shape (n, 6).
     """
     turns = np.linalg.norm(screws[:, :3], axis=1) > 0.5
     if not turns.any():
@@ -227,9 +227,9 @@ def normal_of_plane(screws: Array) -> Array | None:
 
 
 def idle_forces(lay: Layout, q: Array) -> Array:
-    """Return combinations of actuator forces that do no work, at one closed pose. Shape (n_actuator, k), orthonormal.
+    """Return combinations of actuator forces with zero power at one closed pose. Shape (n_actuator, k), orthonormal.
 
-    There are none at a singular pose, where rates are NaN.
+    At a singular pose, where rates are NaN, k is 0.
 
     Args:
         q: Joint coordinates. Shape (1, n_q).
@@ -241,14 +241,14 @@ def idle_forces(lay: Layout, q: Array) -> Array:
 
 
 def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElement, ...]:
-    """Express a screw system as lines and directions that span it: axes, then directions.
+    """Express a screw system as lines and directions that span it; lines come first.
 
-    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
-    of zero pitch replace them if the system contains enough.
+    Uses the principal screws (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines of zero
+    pitch replace them if the system contains enough such lines.
 
     Args:
-        system: Independent screws ``[direction; moment about O]``, dimensionless. Shape (6, k).
-        near: Point nearest to which each axis is given. Shape (3,).
+        system: Independent dimensionless screws ``[direction; moment about O]``. Shape (6, k).
+        near: Point to which the point on each axis is nearest. Shape (3,).
         unit: Length unit of the system, used for points and pitches [m].
     """
     if not system.shape[1]:
@@ -270,9 +270,9 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[ScrewElemen
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
-    """Span a screw system with lines of zero pitch, if its principal pitches have both signs.
+    """Span a screw system by lines of zero pitch if its principal pitches have both signs.
 
-    Two screws of pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
+    Two screws with pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
     """
     if not (h.size and h.min() < 0.0 < h.max()):
         return E, points, h
@@ -292,7 +292,7 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
     h, V = np.linalg.eigh((E.T @ M + M.T @ E) / 2.0)
     h = np.where(np.abs(h) < NONE, 0.0, h)
     E = E @ V
-    for pitch in dict.fromkeys(np.round(h, 6)):  # for equal pitches any directions are principal
+    for pitch in dict.fromkeys(np.round(h, 6)):  # for equal pitches, all directions are principal
         same = np.abs(h - pitch) < 2 * NONE
         E[:, same] = _upright(E[:, same])
     order = np.argsort(np.abs(h), kind="stable")
@@ -307,7 +307,7 @@ def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
 
 
 def _upright(E: Array) -> Array:
-    """Return an orthonormal basis of the same space, along world axes where it contains them. Shape (3, k)."""
+    """Return an orthonormal basis of the same space, along world axes where the space contains them. Shape (3, k)."""
     k = E.shape[1]
     if k == 3:
         return np.eye(3)

@@ -1,7 +1,7 @@
 """Resistance of joint coordinates: rotor inertia, damping and dry friction.
 
-Rotors follow the armature model: inertia along the coordinate only. The model omits other effects of a geared rotor:
-gyroscopic moments and its part in the acceleration of the body that carries it.
+Rotors follow the armature model, which only has inertia along the coordinate. The model omits the remaining effects of
+a geared rotor: gyroscopic moments, and its part in the acceleration of the body that carries it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 #: Names of the resistance parameters.
 RESISTS = ("rotor", "damping", "friction")
-#: Inertia; dissipative resistances; and the dissipative resistance without direction at rest.
+#: Inertia; dissipative resistances; and the dissipative resistance whose direction is undefined at rest.
 ROTORS, LOSSES, DRY = RESISTS[:1], RESISTS[1:], RESISTS[2:]
-#: A rate below this, far above rounding, counts as rest, where dry friction has no direction [rad/s or m/s].
+#: Rate, far above rounding, below which a coordinate is at rest and the direction of dry friction undefined [rad/s or
+#: m/s].
 REST = 1e-9
 
 
@@ -31,8 +32,9 @@ class Resistance(NamedTuple):
 
     Attributes:
         column: Column among the coordinates of all joints.
-        what: One of `RESISTS`: it absorbs ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` of the force along the
-            coordinate. At rest dry friction counts as zero, although it may have any value up to its size.
+        what: Kind of resistance (`RESISTS`): ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` is subtracted from
+            the force along the coordinate. At rest, dry friction is taken as zero (physically, any value up to its
+            maximum).
         unit: Unit of the resisting force.
     """
 
@@ -50,7 +52,7 @@ class Resistance(NamedTuple):
 
 @lru_cache(maxsize=256)
 def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> tuple[Resistance, ...]:
-    """List the nonzero resistances of some kinds, coordinate by coordinate."""
+    """List the nonzero resistances of the given kinds, coordinate by coordinate."""
     each = ((joint, i) for joint in joints for i in range(len(joint.coordinates)))
     return tuple(
         Resistance(column, joint.coordinates[i], what, amount, "N m" if joint.freedoms[i][0] else "N")
@@ -71,7 +73,7 @@ def rotors_of(joints: tuple[Joint, ...]) -> dict[str, float]:
 
 
 def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
-    """Remove rotors, damping or dry friction from a mechanism; return it unchanged if it has none."""
+    """Remove rotors, damping or dry friction from a mechanism; return it unchanged if it lacks them."""
     if not resistances(mechanism.joints, (what,)):
         return mechanism
     joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
@@ -79,10 +81,10 @@ def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
 
 
 def amounts(what: str, given: Array, n: int, where: str) -> Array:
-    """Return the amounts of n coordinates, zeros by default. Shape (n,).
+    """Return the amounts for n coordinates; zeros by default. Shape (n,).
 
     Raises:
-        DescriptionError: An amount is negative or NaN.
+        DescriptionError: An amount is negative or not finite, or the number of amounts is not n.
     """
     each = given if len(given) else np.zeros(n)
     if len(each) != n or not (np.isfinite(each) & (each >= 0.0)).all():

@@ -1,4 +1,4 @@
-"""Merging of bodies connected by fixed joints."""
+"""Merges bodies that are connected by fixed joints."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 
-#: Body -> the merged body that contains it, and its frame in that body.
+#: Body -> merged body that contains it, and frame of the body in the merged body.
 Places = dict[str, tuple[str, Frame]]
 
 
 def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
-    """Merge bodies connected by fixed joints, under the name of the body nearest to ground.
+    """Merge bodies that are connected by fixed joints, under the name of the body nearest to the ground.
 
-    The result has the coordinates `Mechanism.moving`, and none of the forces omitted at import.
+    The result has the coordinates `Mechanism.moving`; it lacks the forces that the import left out.
     """
     if len(mechanism.moving) == len(mechanism.coordinates):
         return mechanism
@@ -47,7 +47,7 @@ def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
 
 
 def compose(first: Frame, second: Frame) -> Frame:
-    """Compose two placements, the second given in the first."""
+    """Compose two placements; the second is given relative to the first."""
     return Frame(first.p + first.R @ second.p, first.R @ second.R)
 
 
@@ -63,13 +63,13 @@ def _hung(joint: Joint, places: Places) -> Joint:
 
 
 def _place(body: Body, frame: Frame) -> Body:
-    """Express a body in another frame."""
+    """Express a body in a different frame."""
     com = frame.p + frame.R @ body.com if body.mass else body.com
     return replace(body, com=com, inertia=frame.R @ body.inertia @ frame.R.T)
 
 
 def _join(name: str, parts: list[Body]) -> Body:
-    """Merge bodies expressed in a common frame."""
+    """Merge bodies that are expressed in a common frame."""
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)
     inertia = np.zeros((3, 3))

@@ -1,6 +1,6 @@
-"""Readers of TOML tables and checks of their entries: keys, texts, names, lists, ranges.
+"""Reads TOML tables and checks their entries: keys, strings, names, lists, ranges.
 
-`description` defines the meaning of entries for mechanisms, the package `scene` for scenes.
+`description` defines the meaning of entries for mechanisms; the package `scene` defines it for scenes.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from screwgauge.reference.rotations import Array
 
 T = TypeVar("T")
 
-#: Tables that are replaced as a unit: an extending description replaces all of their entries.
+#: Tables that an extending description replaces as a whole.
 WHOLE = ("inertia", "independent")
 #: Tokens of a line: strings, words, dots and other characters.
 _WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S""")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; decimals remain text so that they can be read exactly.
+    """Read a TOML file; decimals remain strings so that they can be read exactly.
 
     Raises:
         DescriptionError: The file cannot be read or is not TOML.
@@ -38,14 +38,14 @@ def read_toml(path: Path) -> dict[str, Any]:
         data = tomllib.loads(text, parse_float=str)
     except tomllib.TOMLDecodeError as error:
         raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
-    except (ValueError, RecursionError):  # integers of thousands of digits, deeply nested lists
+    except (ValueError, RecursionError):  # integers with thousands of digits, deeply nested lists
         raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
     check_plain(data, str(path))
     return data
 
 
 def _check_dots(text: str, where: str) -> None:
-    """Reject keys with very many parts, for which `tomllib` takes quadratic time."""
+    """Reject keys with too many parts, for which `tomllib` takes quadratic time."""
     for line in text.splitlines():
         parts, joined = 0, False
         for word in _WORDS.finditer(line) if line.count(".") >= LIMITS["parts of a dotted key"] else ():
@@ -75,7 +75,7 @@ def required(table: dict[str, Any], key: str, where: str) -> Any:
 
 
 def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
-    """Read a text entry, required if it has no default."""
+    """Read a string entry, which is required if a default is not given."""
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, str):
         raise DescriptionError(f"{shown(value)} is not text", f"{where}, {key}", "write it in quotes")
@@ -83,7 +83,7 @@ def read_text(table: dict[str, Any], key: str, where: str, default: str | None =
 
 
 def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    """Merge `change` into `base` table by table; `WHOLE` entries are replaced."""
+    """Merge `change` into `base` table by table; replace `WHOLE` entries."""
     result = dict(base)
     for key, value in change.items():
         deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key not in WHOLE
@@ -92,14 +92,14 @@ def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 
 
 def read_name(value: Any, where: str) -> str:
-    """Read a name that is valid in file names, URDF and MJCF ('@' marks elements that model files add)."""
+    """Read a name that is valid in file names, URDF and MJCF ('@' is reserved for elements that model files add)."""
     if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
         raise DescriptionError(f"{shown(value)} is not a name", where, "use letters, digits and . _ - + : only")
     return str(value)
 
 
 def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
-    """Read a required, nonempty table of named entries."""
+    """Read a required, non-empty table of named entries."""
     table = required(data, key, where)
     if not isinstance(table, dict) or not table:
         raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
@@ -124,12 +124,12 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
 
 
 def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    """Read the entries of a list with `read`, which also receives each entry's place in the file."""
+    """Read the entries of a list with `read`, which also receives the location of the entry in the file."""
     return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 
 def read_flag(table: dict[str, Any], key: str, where: str) -> bool:
-    """Read a truth value, false by default."""
+    """Read a Boolean value; the default is false."""
     value = table.get(key, False)
     if not isinstance(value, bool):
         raise DescriptionError(f"'{value}' is not true or false", f"{where}.{key}", "write true or false")
@@ -137,7 +137,7 @@ def read_flag(table: dict[str, Any], key: str, where: str) -> bool:
 
 
 def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
-    """Return a name; reject unknown ones.
+    """Return a name; reject unknown names.
 
     Raises:
         UnknownNameError: The name is unknown.
@@ -148,7 +148,7 @@ def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
 
 
 def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
-    """Read three numbers, zeros by default. Shape (3,)."""
+    """Read three numbers; the default is zeros. Shape (3,)."""
     return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
 
 
@@ -161,21 +161,21 @@ def positive(value: Any, where: str, remedy: str = "give a positive number") -> 
 
 
 def read_names(value: Any, where: str) -> tuple[str, ...]:
-    """Read a list of distinct names, which may be empty or unknown."""
+    """Read a list of names without duplicates; the list may be empty, and names may be unknown."""
     if not isinstance(value, list):
         raise DescriptionError(f"{shown(value)} is not a list of names", where, "write a list")
     return tuple(dict.fromkeys(str(name) for name in value))
 
 
 def check_text(value: Any, where: str) -> str:
-    """Read a nonempty text."""
+    """Read a non-empty string; only ``source`` may be empty."""
     if not isinstance(value, str) or (value == "" and not where.endswith("source")):
         raise DescriptionError(f"{shown(value)} is not text", where, "write a name in quotes")
     return value
 
 
 def read_coefficients(value: Any, where: str) -> Array:
-    """Read the coefficients of a polynomial, lowest first, at least one. Shape (m,)."""
+    """Read the coefficients of a polynomial, at least one, lowest first. Shape (m,)."""
     if not isinstance(value, list) or not value:
         what = f"{shown(value)} is not a list of coefficients"
         raise DescriptionError(what, where, "write them lowest first: [c0, c1]")
@@ -184,7 +184,7 @@ def read_coefficients(value: Any, where: str) -> Array:
 
 
 def check_times(t: Array, where: str) -> None:
-    """Reject sample times that do not increase, and an empty list. Shape (n,)."""
+    """Reject sample times that do not increase, and an empty list of times. Shape (n,)."""
     if not len(t):
         raise DescriptionError("has no samples", where, "write at least one row below the header")
     if (np.diff(t) <= 0.0).any():

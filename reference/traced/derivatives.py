@@ -1,4 +1,4 @@
-"""Derivatives of traced values, recorded in the same trace, which folds constants and shares expressions."""
+"""Computes derivatives of traced values in the same trace, which folds constants and shares expressions."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
     """Compute the rates of change of values in forward mode.
 
     Args:
-        rates: Rate of each independently changing node, an input or not; all others follow or are constant.
+        rates: Rate of each independently changing node, which may be an input; all other nodes depend on these or are
+            constant.
 
-    Raises:
-        NotTraceableError: A number is made by an operation without derivative.
+        Raises:
+            NotTraceableError: A value results from an operation without derivative.
     """
     known: dict[int, Scalar] = {node.index: rate for node, rate in rates.items()}
     for node in _nodes_below(outputs, known):
@@ -25,14 +26,14 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
 
 
 def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> list[Scalar]:
-    """Differentiate a weighted sum by some of its operands, in one reverse sweep.
+    """Differentiate a weighted sum with respect to given nodes, in one reverse sweep.
 
     Args:
-        weighted: (number, weight) pairs; weights count as constants.
-        by: Nodes, none of which depends on another.
+        weighted: (value, weight) pairs; weights count as constants.
+        by: Nodes that do not depend on each other.
 
     Raises:
-        NotTraceableError: A number is made by an operation without derivative.
+        NotTraceableError: A value results from an operation without derivative.
     """
     pairs = [(x, weight) for x, weight in weighted if isinstance(x, Node)]
     ends, found = {node.index for node in by}, dict[int, Scalar]()
@@ -53,7 +54,7 @@ def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> l
 
 
 def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> list[Scalar]:
-    """Substitute floats, sample arrays or nodes for some operands of traced values."""
+    """Substitute floats, sample arrays or nodes for given nodes in traced values."""
     known: dict[int, Scalar] = {node.index: number for node, number in numbers.items()}
     for node in _nodes_below(outputs, known):
         args = [known.get(x.index, x) if isinstance(x, Node) else x for x in node.args]
@@ -71,7 +72,7 @@ def _compute(op: str, args: Sequence[Scalar]) -> Scalar:
 
 
 def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
-    """Return the nodes that some outputs depend on, in creation order, without those below `known`."""
+    """Return the nodes on which outputs depend, in creation order, without nodes below `known`."""
     found, ends = dict[int, Node](), set(known)
     stack = [x for x in outputs if isinstance(x, Node)]
     while stack:
@@ -83,10 +84,10 @@ def _nodes_below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[N
 
 
 def _slopes(node: Node) -> list[tuple[Scalar, Scalar]]:
-    """Return the operands of a node with its derivative with respect to each.
+    """Return the operands of a node, and the derivative of the node with respect to each.
 
     Raises:
-        NotTraceableError: The node has no derivative.
+        NotTraceableError: The operation of the node lacks a derivative.
     """
     a, b = (*node.args, 0.0)[:2]
     match node.op:

@@ -1,4 +1,4 @@
-"""Functions of samples: programs with named inputs and outputs."""
+"""Programs with named inputs and outputs, as functions of samples."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ LANES = 1024
 
 
 class Function:
-    """A traced function, evaluated over samples with NumPy, one call at a time.
+    """A traced function that evaluates samples with NumPy; calls must not overlap.
 
     Attributes:
         operations: Number of operations per sample.
     """
 
     def __init__(self, inputs: Mapping[str, Sequence[Node]], outputs: Mapping[str, Sequence[Scalar]]) -> None:
-        """Compile some outputs.
+        """Compile the given outputs.
 
         Args:
-            inputs: All inputs that outputs depend on, by name.
+            inputs: All inputs on which outputs depend, by name.
         """
         self._rows = {name: [node.args[0] for node in nodes] for name, nodes in inputs.items()}
         self._ends = dict(zip(outputs, accumulate(map(len, outputs.values())), strict=True))
@@ -42,7 +42,7 @@ class Function:
         """Evaluate n samples.
 
         Args:
-            given: Inputs by name, zero if omitted. Shape (n, m), or (m,) for all samples.
+            given: Inputs by name; zero if omitted. Shape (n, m), or (m,) for all samples.
 
         Returns:
             Outputs by name. Shape (n, m) each.

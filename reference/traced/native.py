@@ -1,4 +1,4 @@
-"""Machine code of programs, generated with llvmlite, for a vector of samples at a time."""
+"""Generates machine code of programs with llvmlite; the code processes a vector of samples at a time."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.vector_math import FLOAT, VectorMath, number_of
 
 ENTRY = "samples"
-#: Programs of fewer operations inline sines and arctangents; a call spills all registers.
+#: Number of operations below which programs inline sines and arctangents; a call spills all registers.
 SMALL = 6000
-#: Cache lines prefetched before they are written: a missing line delays all others.
+#: Number of cache lines that are prefetched before they are written: a missing line delays all others.
 AHEAD = 40
 
 
 @cache
 def _host() -> tuple[Any, str, int]:
-    """Return llvmlite's binding, the CPU with its features, and the number of values in a vector register.
+    """Return llvmlite's binding, a string with CPU and CPU features, and the number of values in a vector register.
 
     Raises:
         ImportError: llvmlite is not installed.
@@ -48,8 +48,8 @@ def cpu() -> str:
 def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
     """Build the program in LLVM: ``doubt = samples(inputs, outputs, weights, count)``, see `Native.bind`.
 
-    A function without loop processes one block of samples, so constants stay in memory and leave registers free, and
-    its stack is aligned to cache lines.
+    A separate function without loop processes one block of samples: constants stay in memory, which leaves registers
+    free, and the stack is aligned to cache lines.
     """
     import llvmlite.ir as ir
 
@@ -72,7 +72,7 @@ def _ir(program: Program, width: int, dtype: np.dtype[Any]) -> str:
 
 
 def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
-    """Emit the program, storing outputs once computed. Return the checks, and 0 or, if one is not finite, NaN."""
+    """Emit the program; store outputs once computed. Return the checks, and 0, or NaN if an output is not finite."""
     b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
     lost, values_end = zero, len(program.outputs) - program.checks
 
@@ -111,7 +111,7 @@ def _statements(maths: VectorMath, program: Program, source: Any, target: Any, o
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
-    """Loop over all blocks; the last ends with the last sample and may repeat earlier ones."""
+    """Emit a loop over all blocks; the last block ends with the last sample and may repeat earlier samples."""
     i64 = block.ftype.return_type
     function = ir.Function(module, block.ftype, ENTRY)
     *tables, count = function.args
@@ -133,9 +133,9 @@ def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
 
 
 def machine_code(program: Program, dtype: np.dtype[Any] = FLOAT) -> bytes:
-    """Compile a program for this CPU in a number type.
+    """Compile a program for this CPU and a number type.
 
-    The program is already simplified: LLVM's passes would double the compile time without gain.
+    LLVM's passes would double the compile time without gain, because the program is already simplified.
     """
     llvm, _, width = _host()
     return bytes(machine().emit_object(llvm.parse_assembly(_ir(program, width * 8 // dtype.itemsize, dtype))))
@@ -150,10 +150,10 @@ def machine() -> Any:
 
 
 class Native:
-    """Machine code with its entry point; any number of threads may run it at once."""
+    """Machine code and its entry point; any number of threads may run it concurrently."""
 
     def __init__(self, program: Program, code: bytes, dtype: np.dtype[Any] = FLOAT) -> None:
-        """Load object code of a number type.
+        """Load object code for a number type.
 
         Raises:
             RuntimeError: The code is damaged.
@@ -173,12 +173,12 @@ class Native:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Return a function that runs all samples of some arrays, and returns False if any is in doubt.
+        """Return a function that runs all samples of given arrays, and returns False if any sample is in doubt.
 
         Args:
-            inputs, outputs: Shapes (m, n) each, in the order of the program, with contiguous rows.
-            weights: A sample is in doubt if the sum of its checks times these weights exceeds 1, or if an output is
-                not finite; by default no sample is.
+            inputs, outputs: Arrays in the order of the program, with contiguous rows. Shape (m, n) each.
+            weights: A sample is in doubt if the sum of its checks times these weights exceeds 1, or if an output is not
+                finite; by default, checks are ignored.
         """
         n = inputs[0].shape[1]
         if n < self.width:
@@ -194,7 +194,7 @@ class Native:
         return run
 
     def _pad(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
-        """Pad samples to a full register by repeating the last one."""
+        """Pad samples to a full register by repeating the last sample."""
         given, results = (
             [np.empty((len(block), self.width), self.dtype) for block in blocks] for blocks in (inputs, outputs)
         )
@@ -211,7 +211,7 @@ class Native:
         return run
 
     def again(self) -> Native:
-        """Return a runner that may run concurrently: itself."""
+        """Return a runner that may run concurrently, which is this object itself."""
         return self
 
 

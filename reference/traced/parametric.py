@@ -1,8 +1,8 @@
 """Inverse dynamics programs whose inputs include parameters of the mechanism and its applied forces.
 
-Loops are closed with Newton's method from a prediction, even if the mechanism has a closed form, and no coordinate
-is assumed at rest if placements change. Derivatives are taken through the nodes of a trace at a closed pose;
-the loops follow by the implicit function theorem, ``dq/dp = -M^-1 dr/dp``.
+Loops are closed with Newton's method from a prediction, even if the mechanism has a closed form, and no coordinate is
+assumed to be at rest if placements change. Derivatives are computed through the nodes of a trace at a closed pose; the
+implicit function theorem yields the derivatives of the loops, ``dq/dp = -M^-1 dr/dp``.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, Scalar, Trace
 from screwgauge.reference.traced.tracing import dependent
 
-#: Emitted with every sample as dimensionless squares: the first two steps of Newton's method, the last step, the
-#: step that would follow, and the residual of all rows.
+#: Checks of every sample, as dimensionless squares: the first two steps of Newton's method, the last step, the step
+#: that would follow, and the residual of all rows.
 CHECKS = ("first", "second", "step", "next", "open")
-#: Newton steps with a new matrix; further steps reuse the last matrix, which is accurate enough by then.
+#: Number of Newton steps with a new matrix; further steps reuse the last matrix, which is then accurate enough.
 NEWTON = 2
-#: Largest number of nodes of a trace: derivatives need several times as many as quantities.
+#: Largest number of nodes of a trace: derivatives need several times as many nodes as quantities.
 MOST = 1_000_000
 
 
@@ -56,15 +56,15 @@ class ClosedSamples:
 
 
 class Symbols:
-    """A trace of the equations at poses near the nominal ones, with parameters of the machine as inputs.
+    """A trace of the equations at poses near the nominal poses, with parameters of the machine as inputs.
 
-    Inputs are y, yd, ydd, time, the dependent coordinates that Newton's method starts from, angles of joints that close
-    loops, which select among equivalent angles, and the parameters.
+    Inputs are y, yd, ydd, time, the dependent coordinates from which Newton's method starts, angles of cut joints,
+    which select among equivalent angles, and the parameters.
 
     Attributes:
         loops: Loops of the symbolic machine; no coordinate is at rest if placements are among the parameters.
-        predicted, near: Columns of the dependent coordinates and of those angles.
-        at: The machine in motion after all Newton steps.
+        predicted, near: Columns of the dependent coordinates, and of the angles of cut joints.
+        at: Machine in motion after all Newton steps.
     """
 
     def __init__(
@@ -81,9 +81,9 @@ class Symbols:
 
         Args:
             loops: Loops of the nominal machine.
-            nominal: Parameters that become inputs, with nominal values.
+            nominal: Parameters that become inputs, and their nominal values.
             anchors: Samples at which pivots are chosen.
-            steps: Number of Newton steps; 0 takes the pose as closed.
+            steps: Number of Newton steps; 0 if the pose is already closed.
         """
         n, self.trace = len(anchors), Trace(MOST)
         self.trace.kept = np.ones(n, dtype=bool)
@@ -138,7 +138,7 @@ class Symbols:
 
 
 def _of_symbols(loops: Loops, mechanism: Mechanism) -> Loops:
-    """Build the loops of a mechanism with other parameters, in the lengths and units of the nominal mechanism."""
+    """Build the loops of a mechanism with different parameters, in the lengths and units of the nominal mechanism."""
     joints, lay = {joint.name: joint for joint in mechanism.joints}, loops.lay
     edges = tuple(Edge(joints[edge.joint.name], edge.near) for edge in lay.edges)
     other = Layout(mechanism, edges, tuple(joints[joint.name] for joint in lay.cuts))
@@ -170,7 +170,7 @@ class SparseMatrix:
 
 
 def residual_slopes(symbols: Symbols) -> SparseMatrix:
-    """Differentiate the loops' residuals by the parameters, at a closed pose (`Symbols` without steps)."""
+    """Differentiate loop residuals with respect to the parameters, at a closed pose (`Symbols` without steps)."""
     residual, numbers = symbols.at.residual(symbols.y), [*symbols.numbers]
     places, entries = list[tuple[int, int]](), list[Scalar]()
     for i, row in enumerate(residual):
@@ -182,10 +182,10 @@ def residual_slopes(symbols: Symbols) -> SparseMatrix:
 
 
 def gradient(symbols: Symbols, values: Sequence[Scalar], weights: Sequence[Scalar]) -> list[Scalar]:
-    """Differentiate a weighted sum of quantities by the parameters, with loops kept closed.
+    """Differentiate a weighted sum of quantities with respect to the parameters, with loops kept closed.
 
-    By the implicit function theorem, ``dr/dq dq/dp = -dr/dp``, so the derivative of the sum by q is pulled back once
-    through the transposed loop equations, using the factors at hand.
+    By the implicit function theorem, ``dr/dq dq/dp = -dr/dp``; therefore, one solution of the transposed loop
+    equations, with the known factors, converts the derivative with respect to q.
 
     Args:
         symbols: Trace at a closed pose, without Newton steps.

@@ -1,6 +1,6 @@
-"""Straight-line programs: the ordered instructions that some outputs of a trace need, run with NumPy.
+"""Straight-line programs: the ordered instructions that outputs of a trace need, run with NumPy.
 
-Samples are evaluated in batches, in reused buffers. `native` generates machine code of the same programs.
+Samples are evaluated in batches with reused buffers. `native` generates machine code of the same programs.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Program:
 
     Attributes:
         inputs: Number of inputs per sample.
-        code: (operation, operands); instruction number i makes value ``inputs + i``.
-        outputs: Values returned.
+        code: Pairs (operation, operands); instruction number i computes value ``inputs + i``.
+        outputs: Values to return.
         checks: Number of trailing outputs that decide whether the sample is in doubt.
     """
 
@@ -40,7 +40,7 @@ class Program:
     checks: int = 0
 
     def formulas(self, shown: Callable[[Operand], str]) -> Iterator[tuple[int, str]]:
-        """Yield each value and its formula, valid in C and Python; `shown` writes an operand."""
+        """Yield each value and its formula, which is valid in C and Python; `shown` formats an operand."""
         signs = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
         for i, (op, args) in enumerate(self.code, self.inputs):
             first, *rest = map(shown, args)
@@ -50,7 +50,7 @@ class Program:
                 yield i, f"-{first}" if op == "neg" else f"{op}({', '.join([first, *rest])})"
 
     def as_c(self, name: str = "sample") -> str:
-        """Write the program as C for reading."""
+        """Write the program as readable C."""
 
         def shown(x: Operand) -> str:
             if isinstance(x, float):
@@ -64,10 +64,10 @@ class Program:
 
 
 def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
-    """Collect the instructions that outputs need, with operands shortly before their use.
+    """Collect the instructions that outputs need; operands are computed shortly before their use.
 
     Args:
-        first: Nodes computed before all others, in this order.
+        first: Nodes to compute before all others, in this order.
     """
     number, code = dict[int, int](), list[tuple[str, tuple[Operand, ...]]]()
 
@@ -91,7 +91,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
 
 
 def only(program: Program, outputs: Sequence[int]) -> Program:
-    """Reduce a program to some outputs; its checks come last."""
+    """Reduce a program to the given outputs, of which the checks come last."""
     kept = [program.outputs[i] for i in outputs]
     needed = {x for x in kept if isinstance(x, int)}
     for value in range(program.inputs + len(program.code) - 1, program.inputs - 1, -1):
@@ -109,14 +109,14 @@ def only(program: Program, outputs: Sequence[int]) -> Program:
 
 #: Number of values in a cache line.
 LINE = 8
-#: Bytes that a `Pool` keeps for later answers; larger answers are allocated from the operating system each time.
+#: Largest answer whose memory a `Pool` keeps [bytes]; memory for larger answers is newly allocated each time.
 KEPT = 1 << 26
 
 
 def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
     """Allocate an array of shape (n, m) with contiguous columns.
 
-    Columns start at cache lines, but not a multiple of pages apart: they would then share the same few lines.
+    Columns start at cache lines, but are never a multiple of pages apart, because they would share the same few lines.
     """
     wide = n + LINE - n % LINE
     room = np.empty(m * wide + LINE, dtype)
@@ -125,10 +125,10 @@ def columns(n: int, m: int, dtype: DTypeLike = float) -> Array:
 
 
 class Block:
-    """Memory of one result.
+    """A memory block for one result.
 
     Attributes:
-        array: The owner's array, see `columns`.
+        array: Array of the owner, see `columns`.
         known: Data of the owner.
     """
 
@@ -139,11 +139,11 @@ class Block:
         self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
-        """Lend the block's memory to a caller. Shape (n, m).
+        """Lend the memory of the block to a caller. Shape (n, m).
 
         Args:
-            back: Called when no array on the memory is left. All views refer to one base array, because NumPy cannot
-                look through the memory below it; if it could, the block would never return.
+            back: Function to call when the last array on the memory is released. All views refer to one base array,
+                because NumPy does not see the owner of the memory below it.
         """
         n, m = self.array.shape
         lent, wide = np.frombuffer(self._room), self.array.strides[1] // self.array.itemsize
@@ -154,16 +154,16 @@ class Block:
 
 
 class Pool:
-    """Memory blocks of one shape; each block returns when its last array is released.
+    """A pool of memory blocks with equal shapes; a block goes back to the pool when its last array is released.
 
-    Memory new to the process costs more than writing the values, as the operating system has to clear
-    every page. No block is lent twice at a time: arrays and their exports refer to the lent array, and
-    the block returns when that array is released.
+    Touching fresh memory takes longer than writing the values, because the operating system zeroes every page. A block
+    is never lent to two callers at once: arrays and their exports refer to the lent array, and the block goes back to
+    the pool only when that array is released.
     """
 
     def __init__(self, kept: int = KEPT) -> None:
         self.kept, self.shape, self.free = kept, (0, 0), list[Block]()
-        self._lock = RLock()  # a block may return while another is taken
+        self._lock = RLock()  # a block may be released while a second one is taken
 
     def take(self, n: int, m: int) -> Block:
         """Take a free block of n rows and m columns."""
@@ -173,7 +173,7 @@ class Pool:
             return self.free.pop() if self.free else Block(n, m)
 
     def lend(self, block: Block) -> Array:
-        """Lend a block's memory to a caller; the block returns when the array is released. Shape (n, m)."""
+        """Lend the memory of a block to a caller until the array is released. Shape (n, m)."""
         return block.lend(self._take_back)
 
     def _take_back(self, block: Block) -> None:
@@ -182,7 +182,7 @@ class Pool:
                 self.free.append(block)
 
 
-#: Number of samples processed at a time: a NumPy call costs as much as some thousand operations in the cache.
+#: Number of samples processed at a time: a NumPy call takes as long as a few thousand operations in the cache.
 CHUNK = 6144
 
 
@@ -190,7 +190,7 @@ def _maximum(a: Array, b: Array, out: Array) -> None:
     np.maximum(a, b, out=out)  # the only function without a third argument
 
 
-#: A square reads its operand once.
+#: Operation -> function; ``square`` reads its operand only once.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
@@ -198,18 +198,18 @@ def is_clear(outputs: Sequence[Array], weights: Array) -> bool:
     """True if no sample is in doubt, see `screwgauge.reference.traced.native.Native.bind`.
 
     Args:
-        outputs: Shapes (m, n) each; the last block holds the checks.
+        outputs: Blocks of outputs; the last block has the checks. Shapes (m, n) each.
     """
     checked = (weights @ outputs[-1]).max(initial=0.0) <= 1.0
     return bool(checked) and all(isfinite(block.sum()) for block in outputs[:-1])
 
 
 class Lanes:
-    """A program with its buffers; concurrent threads wait for each other.
+    """A program and its buffers; concurrent threads wait for each other.
 
     Attributes:
-        code: Functions, and indices of their operands, the result last, among all rows: inputs, outputs, buffers and
-            constants.
+        code: Functions with the indices of their operands, followed by the result, among all rows: inputs, outputs,
+            buffers and constants.
     """
 
     def __init__(self, program: Program, chunk: int = CHUNK, dtype: DTypeLike = float) -> None:
@@ -221,7 +221,7 @@ class Lanes:
         self.buffers = columns(chunk, self._plan(program), self.dtype).T
 
     def _plan(self, program: Program) -> int:
-        """Assign each value a free row, most recently used first because it is still cached. Returns the buffers."""
+        """Assign a free row to each value, most recently used rows first because they are cached; count buffers."""
         last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
         first = count = program.inputs + len(program.outputs)
         at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
@@ -253,7 +253,7 @@ class Lanes:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """Bind as `screwgauge.reference.traced.native.Native.bind`; rows need not be contiguous."""
+        """Bind arrays like `screwgauge.reference.traced.native.Native.bind`; rows need not be contiguous."""
         codes, constants = [], [np.array(x, self.dtype) for x in self.constants]
         for start in range(0, inputs[0].shape[1], self.chunk):
             given, results = (
@@ -277,7 +277,7 @@ class Lanes:
 
 
 class Narrow:
-    """A float32 runner for float64 arrays: it rounds inputs and widens outputs."""
+    """A float32 runner for float64 arrays, which rounds inputs and widens outputs."""
 
     def __init__(self, inner: Any) -> None:
         self.program, self.inner = inner.program, inner

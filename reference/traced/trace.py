@@ -1,9 +1,9 @@
-"""Traces of scalar computations: expressions recorded by operator overloading, and sparse elimination of small systems.
+"""Traces of scalar computations: expressions recorded by operator overloading, and sparse elimination of systems.
 
-Folding uses structure only: zeros, ones, signs and constants. Expressions that merely agree in value are never
-merged: they may agree on one assembly mode and differ on another. Likewise a pivot must keep its size at every sample
-used to choose the elimination order, including home; where no pivot does, a trace may be one of several, each for
-the samples at which its pivots are large, see `Trace.kept`. Programs made from traces are in `program`.
+Folding only uses structure: zeros, ones, signs and constants. Expressions that merely agree in value are never merged,
+because they may agree on one assembly mode and differ on a second. Likewise, a pivot must be large at every sample that
+is used to choose the elimination order, including home. If no pivot is, several traces may be made, each for the
+samples at which its pivots are large, see `Trace.kept`. `program` makes programs from traces.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from screwgauge.reference.rotations import Array
 Scalar = Any
 """A float, an array over samples, or a `Node`."""
 
-#: Function -> its NumPy implementation.
+#: Function -> NumPy implementation.
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": np.sqrt,
     "sin": np.sin,
@@ -29,7 +29,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "atan2": np.arctan2,
     "max": np.maximum,
 }
-#: Operation -> its NumPy implementation.
+#: Operation -> NumPy implementation.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
     "sub": np.subtract,
@@ -39,20 +39,20 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     **FUNCTIONS,
 }
 
-#: Default limit of operations: each thousand takes some 20 ms to trace, and a larger program is no faster than
+#: Default limit of operations: tracing takes about 20 ms per thousand, and a larger program is not faster than
 #: arrays.
 MOST = 100_000
 
 
 class NotTraceableError(ScrewgaugeError):
-    """Raised for a mechanism or request that no straight-line program covers; the array solver handles it."""
+    """Raised for a mechanism or request that straight-line programs do not cover; the array solver handles it."""
 
 
 class Node:
     """A value of a trace.
 
     Attributes:
-        args: Operands, nodes and floats.
+        args: Operands: nodes and floats.
         index: Position in the order of creation.
     """
 
@@ -63,10 +63,10 @@ class Node:
 
     @property
     def value(self) -> Array:
-        """Value of the node at the trace's samples, used only to choose pivots. Shape (n,)."""
+        """Value of the node at the samples of the trace, used only to choose pivots. Shape (n,)."""
         return self.trace.value(self.index)
 
-    # an array as the other operand is handled element by element, and calls back with one element
+    # if the second operand is an array, NumPy calls back for each element
 
     def __add__(self, other: Scalar) -> Scalar:
         return NotImplemented if isinstance(other, np.ndarray) else self.trace.add(self, other)
@@ -95,7 +95,7 @@ class Node:
 
 
 def apply(name: str, *x: Scalar) -> Scalar:
-    """Apply a function by its name, see `FUNCTIONS`."""
+    """Apply a function, given by its name, see `FUNCTIONS`."""
     for value in x:
         if isinstance(value, Node):
             return value.trace.function(name, *x)
@@ -104,7 +104,7 @@ def apply(name: str, *x: Scalar) -> Scalar:
 
 
 def _order(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-    """Order two operands: a number first, nodes by creation; at least one is a node."""
+    """Order two operands, at least one of which is a node: numbers come first, nodes are in order of creation."""
     return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
 
 
@@ -113,11 +113,12 @@ def _negate(x: Scalar) -> bool:
 
 
 class Trace:
-    """The graph of all values computed from its inputs.
+    """The graph of all values computed from inputs.
 
     Attributes:
-        most: Largest number of recorded operations, including those that no output needs.
-        kept: Samples at which the pivots chosen so far are large, if further traces may cover the others. Shape (n,).
+        most: Largest number of recorded operations, including operations that no output needs.
+        kept: Flags of samples at which the pivots chosen so far are large, shape (n,); None if the trace must cover all
+            samples.
     """
 
     def __init__(self, most: int = MOST) -> None:
@@ -129,7 +130,7 @@ class Trace:
         self._known: dict[tuple[Any, ...], Node] = {}
 
     def input(self, value: Array) -> Node:
-        """Add an input; `value` holds its values at the trace's samples, shape (n,)."""
+        """Add an input; `value` has its values at the samples of the trace, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
 
@@ -157,7 +158,7 @@ class Trace:
         return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
-        """Return a function that applies an entry of `FUNCTIONS` to a node."""
+        """Return the node that results from applying an entry of `FUNCTIONS`."""
         return self._make(name, *x)
 
     def neg(self, a: Scalar) -> Scalar:
@@ -215,9 +216,9 @@ class Trace:
         return self._make("div", a, b)
 
 
-#: Fraction of its column's largest entry that a pivot must have at every sample; sparsity decides among candidates.
+#: Smallest ratio of a pivot to the largest entry of its column at every sample; sparsity decides among candidates.
 LARGE = 0.05
-#: Dimensionless size below which an entry cannot be a pivot.
+#: Dimensionless magnitude below which an entry cannot be a pivot.
 SMALLEST = 1e-6
 
 
@@ -225,8 +226,8 @@ class Factors:
     """Factorisation ``A = L U`` in pivot order of rows and columns; rows without pivot remain.
 
     Attributes:
-        pivots: (row, column) in the order of elimination.
-        spare: Rows without pivot: dependent on the others wherever the system is consistent.
+        pivots: Pairs (row, column) in the order of elimination.
+        spare: Rows without pivot, which depend on the other rows wherever the system is consistent.
         inverse: Reciprocals of the pivots.
     """
 
@@ -241,10 +242,11 @@ class Factors:
         """Eliminate the columns stage by stage.
 
         Args:
-            unit, size: Unit of each row and size of each unknown, which make entries dimensionless.
+            unit, size: Unit of each row and scale of each unknown, which make entries dimensionless.
+            stages: Columns to eliminate in each stage.
 
-        Raises:
-            NotTraceableError: No pivot keeps its size.
+            Raises:
+                NotTraceableError: No entry is large enough for a pivot at the samples.
         """
         self.trace = next((x.trace for x in A.values() if isinstance(x, Node)), None)
         self.left = {key: value for key, value in A.items() if not (isinstance(value, float) and value == 0.0)}
@@ -253,7 +255,7 @@ class Factors:
         self.pivots: list[tuple[int, int]] = []
         self.inverse: list[Scalar] = []
         self.spare, self.unit, self.size, self.smallest = dict.fromkeys(range(len(unit))), unit, size, smallest
-        self.shares: dict[int, dict[int, float]] = {}  # of unchanged columns
+        self.shares: dict[int, dict[int, float]] = {}  # ratios of unchanged columns
         for stage in stages:
             open_columns = set(stage)
             while open_columns:
@@ -280,10 +282,10 @@ class Factors:
         return pivot or self._where_most(active)
 
     def _where_most(self, active: Sequence[tuple[int, int]]) -> tuple[int, int]:
-        """Choose the entry that is large in its column at the most samples; the trace is invalid at the others.
+        """Choose the entry that is large in its column at the most samples; the trace is invalid at all other samples.
 
         Raises:
-            NotTraceableError: There is none, or the trace must be valid at all samples.
+            NotTraceableError: No such entry exists, or the trace must be valid at all samples.
         """
         trace, best, pivot = self.trace, 0, None
         if trace is not None and trace.kept is not None:
@@ -299,14 +301,14 @@ class Factors:
         return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
-        """Return, by row, the smallest ratio to the column's largest entry, for entries large at every sample."""
+        """Return row -> smallest ratio of the entry to the largest in its column, for entries large at every sample."""
         shares, large = self._shares(rows, column)
         if self.trace is not None and self.trace.kept is not None:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
         return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
 
     def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
-        """Return ratios of entries to their column's largest, and flags for large entries. Shape (len(rows), n)."""
+        """Return ratios of entries to the largest in their column, and flags of large entries. Shape (len(rows), n)."""
         values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
         lead = np.ones(self.trace.count if self.trace else 1)
         scales = [self.size[column] / self.unit[row] for row in rows]
@@ -335,7 +337,7 @@ class Factors:
         self.inverse.append(inverse)
 
     def solve(self, b: Sequence[Scalar], count: int | None = None) -> dict[int, Scalar]:
-        """Solve ``A x = b`` for the columns of the first `count` pivots, by column; other unknowns are zero."""
+        """Solve ``A x = b`` for the columns of the first `count` pivots, by column; all other unknowns are zero."""
         b, x = list(b), dict[int, Scalar]()
         pivots = self.pivots[:count]
         for k, (row, _) in enumerate(pivots):
@@ -347,7 +349,7 @@ class Factors:
         return x
 
     def solve_transposed(self, tau: Mapping[int, Scalar], free: Mapping[int, Scalar] | None = None) -> list[Scalar]:
-        """Solve ``A^T x = tau`` for the unknown of each row; those of spare rows are given, zero by default."""
+        """Solve ``A^T x = tau`` for the unknown of each row; unknowns of spare rows are given, or zero by default."""
         open_tau, z = dict(tau), list[Scalar]()
         for k, (_, column) in enumerate(self.pivots):
             z.append(open_tau[column] * self.inverse[k])

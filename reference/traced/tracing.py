@@ -1,4 +1,4 @@
-"""Traced equations of motion as programs: inverse dynamics for chosen quantities, forward dynamics for simulations.
+"""Traces equations of motion as programs: inverse dynamics for chosen quantities, forward dynamics for simulations.
 
 The equations themselves are in the package `equations`; `program` and `native` run the programs.
 """
@@ -26,14 +26,14 @@ from screwgauge.reference.points import Point
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, NotTraceableError, Trace
 
-#: Emitted with every sample, as squares: gain of the closing system, without and with resting coordinates, and of the
-#: actuators; distance covered by Newton's method; residual of the loops and of the balance of all bodies; charts of cut
-#: joints; rates; accelerations.
+#: Checks of every sample, as squares: gains of the closing system, without and with resting coordinates, and of the
+#: actuators; distance covered by Newton's method; residuals of the loops and of the balance of all bodies; charts of
+#: cut joints; rates; accelerations.
 CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
-#: Largest number of programs of one motion, each with its pivots.
+#: Largest number of programs for one motion; each has different pivots.
 MOST_ARCS = 6
-#: Square of the ratio of pivot-based to exact gain up to which a pivot order is good for a sample.
+#: Squared ratio of pivot-based to exact gain up to which a pivot order is good for a sample.
 GROWTH = 9.0
 #: Quantities that depend on the charts of joints that close loops.
 CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
@@ -47,14 +47,15 @@ Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 class Traced:
     """A program and the meaning of its inputs and outputs.
 
+    Inputs are y, yd, ydd, `predicted` coordinates, `near` angles and, if `timed`, time.
+
     Attributes:
-        arcs: One program, or several with different pivots if none are large over the whole motion; with
-            each, the largest value of the check ``gain`` where its pivots are large.
-        places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: the corrected prediction
-            and its rates.
-        predicted: Tree coordinates from which it starts, inputs after y, yd and ydd; none in closed form.
-        near: Angles of cut joints that must be known to less than half a turn, the next inputs.
-        timed: Whether time is the next input.
+        arcs: One program, or several programs with different pivots if no pivots are large along the whole motion; each
+            with the largest value of the check ``gain`` where its pivots are large.
+        places: Quantity, entry of `CHECKS`, or ``reached`` (corrected prediction and its rates) -> outputs.
+        predicted: Tree coordinates from which Newton's method starts; empty in closed form.
+        near: Angles of cut joints that must be known to less than half a turn.
+        timed: True if time is an input.
     """
 
     arcs: tuple[tuple[Program, float], ...]
@@ -65,7 +66,7 @@ class Traced:
 
     @property
     def program(self) -> Program:
-        """First program of the chain."""
+        """First of the programs in `arcs`."""
         return self.arcs[0][0]
 
 
@@ -75,10 +76,10 @@ class TracedQuantities:
 
     Attributes:
         quantities: Names of quantities.
-        axial: Whether redundant actuators obey the rule of eq. (56).
-        shares: Share of each body carried by each coordinate of the open tree. Shape (b, n_q).
+        axial: True if redundant actuators follow the rule of eq. (56).
+        shares: Share of each body that each coordinate of the open tree carries. Shape (b, n_q).
         tree: Coordinates of the open tree.
-        loaded: Whether the loads are the last inputs: force and torque of each.
+        loaded: True if force and torque of each load are inputs, after all others.
         points: Named points.
         idle, resting: Indices of the coordinates that no actuator drives, see `Dynamics`.
     """
@@ -100,12 +101,12 @@ def traced(
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
-    """Trace inverse dynamics, and trace again for samples at which no chosen pivots are large.
+    """Trace inverse dynamics; trace again for samples at which the chosen pivots are not large.
 
     Args:
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), used to choose pivots.
-        further: Returns further outputs, placed before the checks; ``first`` is only computed,
-            in this order, before all others.
+        further: Function that returns further outputs, which precede the checks; values under ``first`` are not
+            outputs, but are computed before all others, in this order.
 
     Raises:
         NotTraceableError: Programs do not cover the mechanism or request.
@@ -161,11 +162,11 @@ def _trace(
 
 
 def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], float]:
-    """Flag samples whose pivots amplify rounding little more than the best order, and return their largest gain.
+    """Flag samples at which the pivots amplify rounding little more than the best order; return their largest gain.
 
     Args:
         q: All joint coordinates. Shape (n, n_q).
-        by_pivots: Square of the gain.
+        by_pivots: Squared gain, estimated from the pivots.
         kept: Flags of samples with large pivots. Shape (n,).
     """
     if not isinstance(by_pivots, Node):
@@ -184,7 +185,7 @@ def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
 
 
 def dependent(loops: Loops) -> list[int]:
-    """Return the tree coordinates that depend on the given ones."""
+    """Return the tree coordinates that depend on the given coordinates."""
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
 
 
@@ -208,7 +209,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 
 def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
-    """Return the components of each quantity, in order."""
+    """Return the components of each quantity in order."""
     outputs = {}
     for name in wanted.quantities:
         if name in QUANTITIES:
@@ -243,13 +244,14 @@ def _checks(
     return {name: [numbers[name]] for name in CHECKS}
 
 
-#: Dimensionless per-sample diagnostics: squares of the last step of Newton's method, of the mean closure residual
-#: after it, and of an estimate of the condition number of the closed loops, the divisor of the inertia matrix,
-#: the squared mean distance to the prediction, and the square of the correction divided by its limit.
+#: Dimensionless diagnostics of each sample: squares of the last step of Newton's method, of the mean closure residual
+#: after that step, and of an estimate of the condition number of the closed loops; the divisor of the inertia matrix;
+#: the squared mean distance to the prediction; and the square of the correction divided by its limit.
 FORWARD_CHECKS = ("moved", "residual", "condition", "inertia", "far", "strayed")
 #: Number of steps of Newton's method.
 FORWARD_STEPS = 2
-#: Fraction of the predicted step by which a pose may miss its prediction (other branches lie farther), and rounding.
+#: Largest distance of a pose from its prediction, relative to the predicted step (other branches are farther away),
+#: and rounding error.
 BEND, SLACK = 0.3, 1e-9
 
 
@@ -261,9 +263,9 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
         q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
 
     Returns:
-        The program, and the columns of the dependent coordinates. Inputs are a closed pose, that is d dependent
-        coordinates, their velocity map row by row and y, then y, yd and time of a state nearby. Outputs: ydd, power of
-        all that stores no energy, the closed pose of the state, and `FORWARD_CHECKS`.
+        The program, and the columns of the dependent coordinates. Inputs are a closed pose (d dependent coordinates,
+        their velocity map row by row, and y), followed by y, yd and time of a nearby state. Outputs are ydd, the power
+        of all elements that do not store energy, the closed pose of the state, and `FORWARD_CHECKS`.
 
     Raises:
         NotTraceableError: Programs do not cover the mechanism or its applied forces.
@@ -293,7 +295,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, 
     return program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), columns
 
 
-#: Factor and shift that yield the prediction's y, and y and yd, from the coordinates at a trace's samples.
+#: Factors and shifts that yield y of the prediction, and y and yd, from the coordinates at the samples of a trace.
 PLACES = ((1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 
 
@@ -303,9 +305,9 @@ def _mean(at: Closed, y: Array) -> Any:
 
 
 def _correct(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
-    """Return the coordinates after steps of Newton's method, and the square of the last step.
+    """Return the coordinates after the steps of Newton's method, and the square of the last step.
 
-    Where only rounding is left, a step would move the pose by amplified rounding, so the step fades out.
+    If only rounding errors remain, a step would move the pose by amplified rounding; therefore, the step fades out.
     """
     step: Any = 0.0 * x
     for _ in range(FORWARD_STEPS):

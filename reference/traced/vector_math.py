@@ -1,7 +1,7 @@
-"""LLVM operations on vectors of floats, with vectorised sine, cosine and arctangent.
+"""LLVM operations on vectors of floats, including vectorised sine, cosine and arctangent.
 
-Sine and cosine reduce their angle by multiples of pi/2, known to 159 bits, so that no digit is lost up to `FARTHEST`;
-beyond they are NaN, which the per-sample checks detect.
+Sine and cosine reduce their argument by multiples of pi/2, known to 159 bits, so that no digit is lost up to
+`FARTHEST`; beyond that they are NaN, which the checks of each sample detect.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FARTHEST = 1e6  # [rad]
 #: pi/2 as a sum of doubles.
 HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 FLOAT = np.dtype(float)
-#: The arctangent series is used up to pi/8; larger angles are reduced by pi/4.
+#: Largest argument of the arctangent series, for an angle of pi/8; larger angles are reduced by pi/4.
 EIGHTH = math.tan(math.pi / 8.0)
 _SINE = [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9)]
 _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
@@ -42,7 +42,7 @@ def number_of(ir: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def _half_pi(dtype: np.dtype[Any]) -> tuple[float, float, float]:
-    """Return pi/2 as a sum of floats of a type, from large to small."""
+    """Return pi/2 as a sum of floats of a given type, from large to small."""
     if dtype == FLOAT:
         return HALF_PI
     first = float(np.float32(HALF_PI[0]))
@@ -56,7 +56,7 @@ class VectorMath:
     Args:
         module, builder: llvmlite module and builder.
         width: Number of elements of a vector.
-        inline: Whether sines and arctangents are inlined; a call spills all registers.
+        inline: Inline sines and arctangents, because a call spills all registers.
         dtype: float64 or float32.
     """
 
@@ -88,14 +88,14 @@ class VectorMath:
         return self.b.call(known, x)
 
     def fetch(self, place: Any) -> None:
-        """Prefetch the cache line of an address for writing."""
+        """Emit a prefetch of the cache line of an address for writing."""
         byte, i32 = self.ir.IntType(8).as_pointer(), self.ir.IntType(32)
         kind = self.ir.FunctionType(self.ir.VoidType(), [byte, i32, i32, i32])
         prefetch = self.module.declare_intrinsic("llvm.prefetch", [byte], kind)
         self.b.call(prefetch, [self.b.bitcast(place, byte), i32(1), i32(3), i32(1)])
 
     def operation(self, op: str, x: list[Any]) -> Any:
-        """Emit one instruction of a program; products may fuse with sums, without reordering."""
+        """Emit one instruction of a program; products may be fused with sums, without reordering."""
         flags = ["contract"]
         if op in ("add", "sub", "mul", "div"):
             return getattr(self.b, f"f{op}")(*x, flags=flags)
@@ -116,7 +116,7 @@ class VectorMath:
         return self.pairs[x[0]][op == "cos"]
 
     def called(self, name: str, x: list[Any], emit: Any) -> Any:
-        """Call a function of this module, emitted on first use."""
+        """Emit a call to a function of this module; emit the function on first use."""
         if name not in self.functions:
             ir, outer = self.ir, self.b
             result = ir.LiteralStructType([self.vector] * 2) if name == "sincos" else self.vector
@@ -153,7 +153,7 @@ class VectorMath:
         r = self.fma(back, middle, first)
         low = self.fma(back, rest, self.fma(back, middle, b.fsub(first, r)))
         u = b.fmul(r, r)
-        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits its correction needs
+        flat = self.fma(u, self.constant(-0.5), one)  # slope of the sine, to the few digits that its correction needs
         sine = b.fadd(r, self.fma(b.fmul(u, r), self.polynomial(_SINE, u), b.fmul(low, flat)))
         half = b.fmul(u, self.constant(0.5))
         top = b.fsub(one, half)
