@@ -52,6 +52,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files of campaigns unread unless ``-m`` names them; each worker would compile them."""
+    return collection_path.name == "campaigns" and "campaign" not in config.getoption("markexpr") or None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     _thin_out(items)
     expression = config.getoption("markexpr")
