@@ -39,14 +39,6 @@ def swap_inertia(root) -> None:
     inertial.set("fullinertia", " ".join([zz, yy, xx, *rest]))
 
 
-@pytest.mark.slow
-def test_two_swapped_inertia_entries_in_the_mjcf(scene, tmp_path):
-    path = edited(scene, tmp_path, ".xml", swap_inertia)
-    status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
-    assert (status, quantity) == (1, "tree_force")
-    assert "mujoco" in engines
-
-
 def flip_axis(root) -> None:
     axis = root.find("./joint[@name='leg3.q2']/axis")
     axis.set("xyz", " ".join(str(-float(value)) for value in axis.get("xyz").split()))
@@ -68,8 +60,9 @@ def no_gravity(root) -> None:
 
 
 @pytest.mark.slow
-def test_gravity_off_in_one_engine(scene, tmp_path):
-    path = edited(scene, tmp_path, ".xml", no_gravity)
+@pytest.mark.parametrize("change", [swap_inertia, no_gravity])
+def test_other_dynamics_in_the_mjcf_of_one_engine(change, scene, tmp_path):
+    path = edited(scene, tmp_path, ".xml", change)
     status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
     assert (status, quantity) == (1, "tree_force")
     assert "mujoco" in engines

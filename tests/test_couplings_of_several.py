@@ -10,10 +10,9 @@ from screwgauge import Results, Scene, ScrewgaugeError
 from support.coupled import moving, started
 from support.engines import IN_DOUBLES
 from support.geometry import Array
-from support.judging import agreed, judge
+from support.judging import agreed, faults
 from support.mechanism import load_mechanism
 from support.models import check_models, write_models
-from support.scene import GIVEN
 from support.tolerances import LINEAR
 
 pytestmark = pytest.mark.slow
@@ -215,20 +214,11 @@ def test_what_follows_and_what_leads_are_one_equation(write):
 def test_the_judge_sees_a_wrong_pull_of_each_of_several(write):
     scene = unloaded(write, CASES["belt"])
     solution = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
-
-    def faults(quantity: str, name: str) -> set[str]:
-        values = solution.values[quantity]
-        array = values.array.copy()
-        array[:, values.components.index(name)] += 1e-6
-        wrong = replace(solution, values={**solution.values, quantity: replace(values, array=array)})
-        rows = judge(scene.mechanism, scene.problem(GIVEN), wrong)
-        return {*rows["residual"][~rows["ok"]]}
-
-    assert faults("reaction", "belt.coupling") == {"newton_euler"}
+    assert faults(scene, solution, "reaction", "belt.coupling") == {"newton_euler"}
     for name in ("hip", "motor", "knee"):
-        assert "loop_closure" in faults("joint_position", name)
-        assert "loop_rate" in faults("joint_velocity", name)
-        assert "loop_acceleration" in faults("joint_acceleration", name)
+        assert "loop_closure" in faults(scene, solution, "joint_position", name)
+        assert "loop_rate" in faults(scene, solution, "joint_velocity", name)
+        assert "loop_acceleration" in faults(scene, solution, "joint_acceleration", name)
 
 
 GIVEN_TERMS = "terms = { motor = [0.06, 1], hip = [0.04, -1] }"

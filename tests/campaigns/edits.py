@@ -10,8 +10,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+from campaigns.corpus.parts import NoPlaceError
 from campaigns.editors.content import CONTENT
-from campaigns.editors.elements import Edit, NoPlaceError
+from campaigns.editors.elements import Edit
 from campaigns.editors.forms import FORMS
 from campaigns.editors.rigid import RIGID
 from campaigns.page import study

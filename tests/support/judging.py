@@ -1,6 +1,7 @@
 """How answers are compared, judged and flagged."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import pandas as pd
@@ -14,6 +15,7 @@ from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import admitted_by, judge
 from screwgauge.judging.left_out import MeasuredForces
 from screwgauge.judging.trust import flagged
+from screwgauge.quantities import GIVEN
 from screwgauge.solution import Solution
 from screwgauge.study import left_out as measure
 from screwgauge.study.reference_values import Reference, deviation, reference_values, score
@@ -32,3 +34,13 @@ def compared(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     counts, allowance = mobility_at_home(scene.mechanism), Allowance(scene.tolerance, integration=integration)
     return compare(scene.mechanism, scene.problem(()), solutions, {}, counts, allowance)
+
+
+def faults(scene: Scene, solution: Solution, quantity: str, name: str) -> set[str]:
+    """Residuals by which the judge objects to an answer of which one component is off by 1e-6."""
+    values = solution.values[quantity]
+    array = values.array.copy()
+    array[:, values.components.index(name)] += 1e-6
+    wrong = replace(solution, values={**solution.values, quantity: replace(values, array=array)})
+    rows = judge(scene.mechanism, scene.problem(GIVEN), wrong)
+    return {*rows["residual"][~rows["ok"]]}

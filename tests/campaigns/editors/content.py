@@ -3,7 +3,8 @@
 import xml.etree.ElementTree as ET
 
 import numpy as np
-from campaigns.editors.elements import Edit, Editor, bodies, child, moving_joints, of_mjcf, of_urdf, pick, put, two_of
+from campaigns.corpus.parts import child, pick
+from campaigns.editors.elements import Edit, Editor, bodies, moving_joints, of_mjcf, of_urdf, put, two_of
 
 
 @of_mjcf

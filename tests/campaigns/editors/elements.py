@@ -1,17 +1,14 @@
 """Elements of a URDF or MJCF that an edit may take, and what an edit is."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from campaigns.corpus.parts import NoPlaceError
 
 T = TypeVar("T")
-
-
-class NoPlaceError(Exception):
-    """The model has no place for that edit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +50,6 @@ def of_mjcf(edit: Editor) -> Editor:
     return checked
 
 
-def pick(elements: Iterable[ET.Element], rng: np.random.Generator) -> ET.Element:
-    """One of them."""
-    some = [*elements]
-    check_place(bool(some))
-    return some[int(rng.integers(len(some)))]
-
-
 def two_of(some: Sequence[T], rng: np.random.Generator) -> list[T]:
     """Two of them."""
     check_place(len(some) > 1)
@@ -94,8 +84,3 @@ def bodies(root: ET.Element) -> list[ET.Element]:
         return [k for k in links if k.find("inertial/mass") is not None and float(k.find("inertial/mass").get("value"))]
     own = [body for body in root.iterfind("worldbody//body") if body.find("joint") is not None]
     return [body for body in own if body.find("inertial") is not None]
-
-
-def child(element: ET.Element, tag: str) -> ET.Element:
-    first = element.find(tag)
-    return first if first is not None else ET.SubElement(element, tag)

@@ -4,18 +4,17 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
 import numpy as np
+from campaigns.corpus.parts import child, pick
 from campaigns.editors.elements import (
     Edit,
     Editor,
     bodies,
     check_place,
-    child,
     is_urdf,
     moving_joints,
     numbers,
     of_mjcf,
     of_urdf,
-    pick,
     put,
     two_of,
 )
