@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, models
-from support import robots
+from support import robots, urdf
 from support.claims import table
 from support.command import main
 from support.diagnosis import STATES, summary
@@ -109,13 +109,10 @@ def test_a_fix_has_what_the_library_of_b_does_not_read(write, tmp_path):
 
 @pytest.mark.parametrize("library", ["pinocchio", "yourdfpy"])
 def test_a_joint_that_follows_a_fixed_one_is_held(library, write):
-    inertia = '<inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/>'
-    links = "".join(f'<link name="{x}"><inertial><mass value="2"/>{inertia}</inertial></link>' for x in "pqr")
-    joint = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 1 0"/>{}</joint>'
+    links = (urdf.link("w"), *(urdf.link(name, 2, (0.01, 0.02, 0.02)) for name in "pqr"))
     mimic = '<mimic joint="b" offset="0.1" multiplier="2"/>'
-    joints = (("a", "continuous", "w", "p", ""), ("b", "fixed", "p", "q", ""), ("c", "continuous", "q", "r", mimic))
-    joints = "".join(joint.format(*each) for each in joints)
-    path = write("chain.urdf", f'<robot name="chain"><link name="w"/>{links}{joints}</robot>')
+    joints = (("a", "continuous", "w", "p"), ("b", "fixed", "p", "q"), ("c", "continuous", "q", "r", mimic))
+    path = write("chain.urdf", urdf.robot(*links, *(urdf.joint(*each, axis="0 1 0") for each in joints)))
     (coupling,) = read(path, library).couplings.values()
     assert (coupling.joint, coupling.function.lead, coupling.function.polynomial.tolist()) == ("c", "", [0.1])
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from screwgauge import diagnose
+from support.urdf import joint, link, robot
 
 pytestmark = pytest.mark.slow
 
@@ -12,39 +13,34 @@ ONE, OTHER = ("0 0 1", "1 0 0", "0 1 0"), ("0 0 1", "0 1 0", "1 0 0")
 
 class Robot:
     def __init__(self, seed: int) -> None:
-        self.random, self.parts = np.random.default_rng(seed), ['<link name="pelvis"/>']
+        self.random, self.parts = np.random.default_rng(seed), [link("pelvis")]
 
     def limb(self, root: str, names: list[str], at: tuple[float, ...], axes=ONE, kind: str = "revolute") -> str:
         for i, name in enumerate(names):
             xyz = np.array(at) if i == 0 else self.random.uniform(-0.05, 0.05, 3) + np.array([0, 0, -0.2])
             mass, com = self.random.uniform(1, 8), self.random.uniform(-0.05, 0.05, 3)
             x, c = (" ".join(f"{v:.3f}" for v in vector) for vector in (xyz, com))
-            moments = " ".join(f'i{k}{k}="{mass * v:.4f}"' for k, v in zip("xyz", (0.01, 0.012, 0.008), strict=True))
-            self.parts.append(
-                f'<link name="{name}.link"><inertial><origin xyz="{c}"/><mass value="{mass:.3f}"/>'
-                f'<inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial></link>'
-                f'<joint name="{name}" type="{kind}"><origin xyz="{x}"/><parent link="{root}"/>'
-                f'<child link="{name}.link"/><axis xyz="{axes[i % 3]}"/>'
-                '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
-            )
+            moments = [round(mass * share, 4) for share in (0.01, 0.012, 0.008)]
+            self.parts.append(link(f"{name}.link", round(mass, 3), moments, c))
+            self.parts.append(joint(name, kind, root, f"{name}.link", xyz=x, axis=axes[i % 3], limits=(-2, 2)))
             root = f"{name}.link"
         return root
 
     @property
     def text(self) -> str:
-        return f'<robot name="r">{"".join(self.parts)}</robot>'
+        return robot(*self.parts)
 
 
 def humanoid(seed: int, arm: str, joints: int, axes=ONE, hang: str = "") -> str:
-    robot = Robot(seed)
-    torso = robot.limb("pelvis", EQUAL[:3], (0, 0, 0.1), axes)
+    machine = Robot(seed)
+    torso = machine.limb("pelvis", EQUAL[:3], (0, 0, 0.1), axes)
     for side, y in (("l", 0.2), ("r", -0.2)):
-        hand = robot.limb(hang or torso, [f"{arm}_{side}{i}" for i in range(joints)], (0, y, 0.4))
+        hand = machine.limb(hang or torso, [f"{arm}_{side}{i}" for i in range(joints)], (0, y, 0.4))
         for k in range(2):
-            robot.limb(hand, [f"{arm}_{side}_finger{k}{i}" for i in range(2)], (0.03 * k, 0, -0.1))
+            machine.limb(hand, [f"{arm}_{side}_finger{k}{i}" for i in range(2)], (0.03 * k, 0, -0.1))
     for names, y in zip(LEGS, (0.1, -0.1), strict=True):
-        robot.limb("pelvis", names, (0, y, -0.1), axes)
-    return robot.text
+        machine.limb("pelvis", names, (0, y, -0.1), axes)
+    return machine.text
 
 
 @pytest.fixture
@@ -77,10 +73,10 @@ def test_what_fits_is_compared_and_what_does_not_is_named(found):
 def test_a_joint_of_the_same_name_and_another_kind_is_said_to_be_so(write):
     texts = []
     for kind in ("revolute", "prismatic"):
-        robot = Robot(3)
-        torso = robot.limb("pelvis", EQUAL, (0, 0, 0))
-        robot.limb(torso, ["neck"], (0, 0, 0.3), kind=kind)
-        texts.append(robot.text)
+        machine = Robot(3)
+        torso = machine.limb("pelvis", EQUAL, (0, 0, 0))
+        machine.limb(torso, ["neck"], (0, 0, 0.3), kind=kind)
+        texts.append(machine.text)
     found = diagnose(*(write(f"{i}.urdf", text) for i, text in enumerate(texts)))
     (fact,) = (fact for fact in found.found.facts if fact.what == "kind")
     assert (fact.part, fact.a, fact.b) == ("neck", "R", "P")

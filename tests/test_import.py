@@ -1,6 +1,7 @@
 """Models in the forms that public ones use become descriptions that move as the library that read them says."""
 
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from screwgauge.models.importing import homes
+from support import urdf
 from support.command import main
 from support.data import data
 from support.errors import ClosureError, DescriptionError
@@ -18,39 +20,30 @@ from support.mechanism import Mechanism, load_mechanism
 from support.models import Options, description, import_model
 from support.scene import GivenMotion, check_home, sampled
 
-INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
-    '<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'
-)
+SKEW = "0 0.6 0.8"
+placed = partial(urdf.joint, xyz="0.3 0 0.1", rpy="0.4 0.1 -0.7")
 
 
 def link(name: str, mass: float = 0.0, com: str = "0.1 0.02 -0.03") -> str:
-    return f'<link name="{name}">{INERTIAL.format(c=com, m=mass) if mass else ""}</link>'
-
-
-def joint(name: str, kind: str, parent: str, child: str, more: str = "", origin: str = "0.3 0 0.1") -> str:
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{origin}" rpy="0.4 0.1 -0.7"/>{more}</joint>'
-    )
+    return urdf.link(name, mass, (0.02, 0.03, 0.025, 0.001, -0.002, 0.003), com, "0.3 -0.2 0.1")
 
 
 def robot(folder: Path, *parts: str, name: str = "robot.urdf") -> Path:
     path = folder / name
-    path.write_text(f'<robot name="my robot">{"".join(parts)}</robot>', encoding="utf-8")
+    path.write_text(urdf.robot(*parts, name="my robot"), encoding="utf-8")
     return path
 
 
-AXIS = '<axis xyz="0 0.6 0.8"/><limit lower="{}" upper="{}" effort="1" velocity="1"/>'
 #: As public arms are: a base that is fixed to the world, a tool without a joint, a continuous joint, damping, a name
 #: with a slash, home beyond a limit.
 ARM = (
     *(link("world"), link("base", 3.0), link("upper/arm", 2.0), link("fore arm", 1.0), link("wrist", 0.5)),
     link("tool", 0.2),
-    joint("mount", "fixed", "world", "base"),
-    joint("shoulder", "revolute", "base", "upper/arm", AXIS.format(-2.0, 2.0) + '<dynamics damping="0.4"/>'),
-    joint("elbow joint", "revolute", "upper/arm", "fore arm", AXIS.format(0.5, 2.5)),
-    joint("roll", "continuous", "fore arm", "wrist", '<axis xyz="1 0 0"/>'),
-    joint("flange", "fixed", "wrist", "tool"),
+    placed("mount", "fixed", "world", "base"),
+    placed("shoulder", "revolute", "base", "upper/arm", '<dynamics damping="0.4"/>', axis=SKEW, limits=(-2.0, 2.0)),
+    placed("elbow joint", "revolute", "upper/arm", "fore arm", axis=SKEW, limits=(0.5, 2.5)),
+    placed("roll", "continuous", "fore arm", "wrist"),
+    placed("flange", "fixed", "wrist", "tool"),
 )
 
 
@@ -140,22 +133,14 @@ LOOP = (
         link("tip"),
         link("eye"),
     ),
-    joint("motor", "revolute", "base", "crank", AXIS.format(-3, 3), "0 0 0"),
-    joint("passive", "revolute", "base", "rocker", AXIS.format(-3, 3), "0.4 0.1 0"),
+    placed("motor", "revolute", "base", "crank", axis=SKEW, xyz="0 0 0"),
+    placed("passive", "revolute", "base", "rocker", axis=SKEW, xyz="0.4 0.1 0"),
     *(link(f"cross{i}") for i in (1, 2)),
-    joint(
-        "rod1",
-        "revolute",
-        "crank",
-        "cross1",
-        '<axis xyz="1 0 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/>',
-    ),
-    '<joint name="rod2" type="revolute"><parent link="cross1"/><child link="cross2"/><axis xyz="0 1 0"/>'
-    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>',
-    '<joint name="rod3" type="revolute"><parent link="cross2"/><child link="rod"/><axis xyz="0 0 1"/>'
-    '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>',
-    joint("fixed1", "fixed", "rod", "tip", origin="0.45 0 0"),
-    joint("fixed2", "fixed", "rocker", "eye", origin="0.2 0.1 0.1"),
+    placed("rod1", "revolute", "crank", "cross1"),
+    urdf.joint("rod2", "revolute", "cross1", "cross2", axis="0 1 0"),
+    urdf.joint("rod3", "revolute", "cross2", "rod", axis="0 0 1"),
+    placed("fixed1", "fixed", "rod", "tip", xyz="0.45 0 0"),
+    placed("fixed2", "fixed", "rocker", "eye", xyz="0.2 0.1 0.1"),
 )
 YAML = "closed_loop: [['tip', 'eye']]\ntype: ['3d']\nname_mot: ['motor']\n"
 
@@ -233,9 +218,8 @@ def test_keyframes_of_any_name_lead_to_a_home(tmp_path):
 def test_a_composite_joint_that_a_description_cannot_hold_is_named(axis, origin, kinds, why, tmp_path):
     parts = (
         *(link("base", 3.0), link("cross"), link("arm", 2.0)),
-        '<joint name="pitch" type="continuous"><parent link="base"/><child link="cross"/><axis xyz="1 0 0"/></joint>',
-        f'<joint name="yaw" type="continuous"><parent link="cross"/><child link="arm"/><origin xyz="{origin}"/>'
-        f'<axis xyz="{axis}"/></joint>',
+        urdf.joint("pitch", "continuous", "base", "cross"),
+        urdf.joint("yaw", "continuous", "cross", "arm", xyz=origin, axis=axis),
     )
     imported = import_model(robot(tmp_path, *parts), Options(floating=True, actuated=[]))
     assert [joint.kind for joint in imported.mechanism.joints] == ["F", *kinds]
@@ -312,18 +296,15 @@ def planar(folder: Path, right_angle: str) -> Path:
         link("base"),
         *(link(name, 1.0, com) for name, com in (("a", "0 0.1 0"), ("b", "0.1 0 0"), ("c", "0 0 0.1"))),
     ]
-    wide = '<limit lower="-3" upper="3" effort="1" velocity="1"/>'
     hinges = (
         ("ja", "base", "a", "0 0 0", f"{right_angle} 0 0", "0 0 1"),
         ("jb", "a", "b", "0 0.2 0", f"-{right_angle} 0 0", "0 1 0"),
         ("jc", "base", "c", "0.3 0 0", "0 0 0", "0 1 0"),
     )
     for name, near, far, xyz, rpy, axis in hinges:
-        ends = f'<parent link="{near}"/><child link="{far}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
-        parts.append(f'<joint name="{name}" type="revolute">{ends}<axis xyz="{axis}"/>{wide}</joint>')
+        parts.append(urdf.joint(name, "revolute", near, far, xyz=xyz, rpy=rpy, axis=axis))
     for name, near, xyz in (("eye1", "b", "0.35 0 0"), ("eye2", "c", "0 0 0.25")):
-        ends = f'<parent link="{near}"/><child link="{name}"/><origin xyz="{xyz}"/>'
-        parts += [link(name), f'<joint name="{name}" type="fixed">{ends}</joint>']
+        parts += [link(name), urdf.joint(name, "fixed", near, name, xyz=xyz)]
     (folder / "planar.yaml").write_text("closed_loop: [[eye1, eye2]]\ntype: [3d]\nname_mot: [ja]\n", encoding="utf-8")
     return robot(folder, *parts, name="planar.urdf")
 

@@ -5,30 +5,27 @@ from screwgauge import diagnose
 from support.diagnosis import STATES, summary
 from support.mechanics import inverse_dynamics, with_gravity
 from support.readings import by_name, draw, in_file, prepare, read, tree_of
+from support.urdf import joint as hinge
+from support.urdf import link, robot
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))
-#: Each leg hangs on a fixed link, as in public models.
-FIXED = '<link name="{0}.mount"/><joint name="{1}" type="fixed"><parent link="trunk"/><child link="{0}.mount"/></joint>'
 
 
 def quadruped(legs=LEGS, mount: str = "") -> tuple[str, str]:
-    urdf, mjcf = ['<link name="trunk"/>'], []
+    """As URDF and MJCF. `mount` names fixed joints on which legs hang, as in public models."""
+    urdf, mjcf = [link("trunk")], []
     for k, leg in enumerate(legs):
         near, body = "trunk", ""
         if mount:
-            urdf.append(FIXED.format(leg, mount.format(leg=leg, k=k)))
             near = f"{leg}.mount"
+            urdf += [link(near), hinge(mount.format(leg=leg, k=k), "fixed", "trunk", near)]
         for i, (joint, axis, at) in enumerate(JOINTS):
             signs = (1 if leg[0] == "F" else -1, 1 if leg[1] == "L" else -1, 1)
             xyz = " ".join(str(sign * x) for sign, x in zip(signs, at, strict=True))
             name, mass, com = f"{leg}_{joint}", 1.5 - 0.4 * i, f"0.01 0.0{i} -0.1"
-            urdf.append(
-                f'<link name="{name}.link"><inertial><origin xyz="{com}"/><mass value="{mass}"/><inertia ixx="0.01" '
-                f'iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="{name}" '
-                f'type="revolute"><origin xyz="{xyz}"/><parent link="{near}"/><child link="{name}.link"/>'
-                f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-            )
+            urdf.append(link(f"{name}.link", mass, (0.01, 0.01, 0.002), com))
+            urdf.append(hinge(name, "revolute", near, f"{name}.link", xyz=xyz, axis=axis, limits=(-1, 1)))
             body += (
                 f'<body name="{name}.link" pos="{xyz}"><joint name="{name}" axis="{axis}" range="-1 1"/>'
                 f'<inertial pos="{com}" mass="{mass}" diaginertia="0.01 0.01 0.002"/>'
@@ -36,7 +33,7 @@ def quadruped(legs=LEGS, mount: str = "") -> tuple[str, str]:
             near = f"{name}.link"
         mjcf.append(body + "</body>" * len(JOINTS))
     return (
-        f'<robot name="quad">{"".join(urdf)}</robot>',
+        robot(*urdf, name="quad"),
         '<mujoco model="quad"><compiler angle="radian" autolimits="true"/><worldbody><body name="trunk">'
         f"{''.join(mjcf)}</body></worldbody></mujoco>",
     )
@@ -59,10 +56,9 @@ def test_the_two_orders_are_those_of_the_libraries(mount, write):
 
 
 def test_chains_are_followed_to_their_end(write):
-    links = "".join(f'<link name="l{i}"/>' for i in range(1501))
-    joint = '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/></joint>'
-    joints = "".join(joint.format(i, i + 1) for i in range(1500))
-    source = prepare(write("long.urdf", f'<robot name="long">{links}{joints}</robot>'))
+    links = [link(f"l{i}") for i in range(1501)]
+    joints = [hinge(f"j{i}", "revolute", f"l{i}", f"l{i + 1}") for i in range(1500)]
+    source = prepare(write("long.urdf", robot(*links, *joints)))
     assert by_name(source) == in_file(source) == tuple(f"j{i}" for i in range(1500))
 
 

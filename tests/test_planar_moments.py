@@ -5,6 +5,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.planar import normals_of_planes
+from support import urdf
 from support.data import DATA
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
@@ -180,11 +181,9 @@ def test_a_moment_that_is_not_enough_is_refused_with_what_to_do(text, reason, wr
 
 
 def test_links_of_a_file_with_one_moment_are_completed(write):
-    link = '<link name="{0}"><inertial><mass value="1"/><origin xyz=".1 0 0"/>'
-    link += '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.1"/></inertial></link>'
-    joint = '<joint name="{0}" type="continuous"><parent link="{1}"/><child link="{2}"/><axis xyz="0 0 1"/></joint>'
-    parts = '<link name="base"/>', link.format("a"), link.format("b"), joint.format("j", "base", "a")
-    path = write("planar.urdf", f'<robot name="x">{"".join(parts)}{joint.format("k", "a", "b")}</robot>')
+    bars = [urdf.link(name, 1, (0, 0, 0.1), com=".1 0 0") for name in "ab"]
+    hinges = [urdf.joint(name, "continuous", *ends, axis="0 0 1") for name, ends in (("j", ("base", "a")), ("k", "ab"))]
+    path = write("planar.urdf", urdf.robot(urdf.link("base"), *bars, *hinges))
     imported = import_model(path)
     assert np.diag(imported.mechanism.body("b").inertia).tolist() == [0.05, 0.05, 0.1]
     assert any("a, b, which turn about one direction" in each for each in imported.remarks)

@@ -1,6 +1,7 @@
 """Every library gives the same reading of a file that they read alike; every kind of joint is read."""
 
 import pickle
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,27 +10,24 @@ import pytest
 from support.data import data
 from support.mechanism import GROUND
 from support.readings import BodyReading, JointReading, Reading, collapse, libraries_for, read
+from support.urdf import joint as urdf_joint
+from support.urdf import link as urdf_link
+from support.urdf import robot
 
 #: Numbers of a file pass through roll-pitch-yaw or quaternions, and through the principal axes that MuJoCo keeps.
 READ = 1e-13
 URDF_LIBRARIES = ["pinocchio", "mujoco", "yourdfpy"]
-MATTER = """<inertial><origin xyz="0.1 0.2 -0.3" rpy="0.3 -0.4 0.5"/><mass value="{}"/>
-<inertia ixx="1" iyy="1.2" izz="1.3" ixy="0.1" ixz="-0.05" iyz="0.02"/></inertial>"""
 INERTIAL = '<inertial pos="0.1 0.2 -0.3" mass="{}" fullinertia="1 1.2 1.3 0.1 -0.05 0.02"/>'
 
 
+TENSOR = (1, 1.2, 1.3, 0.1, -0.05, 0.02)
+
+
 def link(name: str, mass: float = 0.0) -> str:
-    return f'<link name="{name}">{MATTER.format(mass) if mass else ""}</link>'
+    return urdf_link(name, mass, TENSOR, "0.1 0.2 -0.3", "0.3 -0.4 0.5")
 
 
-def joint(name: str, kind: str, parent: str, child: str, further: str = "") -> str:
-    limit = '<limit lower="-1.5" upper="0.5" effort="10" velocity="3"/>' if kind in ("revolute", "prismatic") else ""
-    return (
-        f'<joint name="{name}" type="{kind}"><origin xyz="0.3 -0.1 0.2" rpy="0.2 0.3 -0.7"/>'
-        f'<parent link="{parent}"/><child link="{child}"/>{limit}{further}</joint>'
-    )
-
-
+joint = partial(urdf_joint, xyz="0.3 -0.1 0.2", rpy="0.2 0.3 -0.7", limits=(-1.5, 0.5))
 URDF = data("arm-of-all-joints.urdf")
 MJCF = data("arm-of-all-joints.xml")
 
@@ -115,25 +113,14 @@ def test_links_that_nothing_moves_are_one_body(urdf, library):
 
 @pytest.mark.parametrize("library", URDF_LIBRARIES)
 def test_a_link_may_have_inertia_alone(library, write):
-    rotor = (
-        MATTER.format(1)
-        .replace('value="1"', 'value="0"')
-        .replace("0.1 0.2 -0.3", "0 0 0")
-        .replace("0.3 -0.4 0.5", "0 0 0")
-    )
-    parts = [
-        link("base"),
-        link("arm", 1),
-        f'<link name="rotor">{rotor}</link>',
-        joint("turn", "revolute", "base", "arm"),
-    ]
-    reading = read(
-        write("rotor.urdf", f'<robot name="r">{"".join(parts)}{joint("on", "fixed", "arm", "rotor")}</robot>'), library
-    )
-    (arm,) = reading.bodies.values()
-    alone = read(write("arm.urdf", f'<robot name="r">{parts[0]}{parts[1]}{parts[3]}</robot>'), library).bodies["arm"]
-    assert (arm.mass, set(arm.fixed)) == (1.0, {"rotor"})
-    assert np.trace(arm.inertia - alone.inertia) == pytest.approx(1 + 1.2 + 1.3, rel=1e-14, abs=0)
+    base, arm, turn = link("base"), link("arm", 1), joint("turn", "revolute", "base", "arm")
+    rotor = urdf_link("rotor", 1, TENSOR).replace('mass value="1"', 'mass value="0"')
+    fixed = joint("on", "fixed", "arm", "rotor")
+    reading = read(write("rotor.urdf", robot(base, arm, rotor, turn, fixed)), library)
+    (whole,) = reading.bodies.values()
+    alone = read(write("arm.urdf", robot(base, arm, turn)), library).bodies["arm"]
+    assert (whole.mass, set(whole.fixed)) == (1.0, {"rotor"})
+    assert np.trace(whole.inertia - alone.inertia) == pytest.approx(1 + 1.2 + 1.3, rel=1e-14, abs=0)
 
 
 @pytest.mark.parametrize("library", URDF_LIBRARIES)
@@ -155,8 +142,7 @@ def test_the_base_of_a_urdf_floats_if_asked(urdf):
 
 
 def test_a_planar_joint_is_two_slides_and_a_hinge(write):
-    text = f'<robot name="r">{link("a")}{link("b", 1)}{joint("p", "planar", "a", "b", "<axis xyz=@0 0 1@/>")}</robot>'
-    path = write("planar.urdf", text.replace("@", '"'))
+    path = write("planar.urdf", robot(link("a"), link("b", 1), joint("p", "planar", "a", "b", axis="0 0 1")))
     one, other = (read(path, library) for library in ("pinocchio", "mujoco"))
     assert one.bodies["b"].joints == other.bodies["b"].joints == ("p_TX", "p_TY", "p_RZ")
     assert [one.joints[name].kind for name in one.joints] == ["slide", "slide", "hinge"]
@@ -186,8 +172,8 @@ def test_what_has_no_name_gets_one(write):
 
 def test_a_massless_cross_stays_until_it_is_collapsed(write):
     parts = [link("base"), link("cross"), link("end", 1), joint("u", "revolute", "base", "cross")]
-    parts.append(joint("v", "revolute", "cross", "end", '<axis xyz="0 1 0"/>'))
-    reading = read(write("cross.urdf", f'<robot name="r">{"".join(parts)}</robot>'), "pinocchio")
+    parts.append(joint("v", "revolute", "cross", "end", axis="0 1 0"))
+    reading = read(write("cross.urdf", robot(*parts)), "pinocchio")
     assert (reading.bodies["cross"].mass, reading.bodies["end"].near) == (0.0, "cross")
     whole = collapse(reading)
     assert {name: (body.near, body.joints) for name, body in whole.bodies.items()} == {"end": (GROUND, ("u", "v"))}
