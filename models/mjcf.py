@@ -206,8 +206,7 @@ def site_names(closure: Closure) -> list[tuple[str, str]]:
 
 
 def _settings(root: ET.Element, gravity: Sequence[float] | Array, include: Set[str]) -> None:
-    # The compiler must not infer or repair anything: it must use the inertias in the file, regardless of geoms or
-    # bounds.
+    # The compiler must not infer or repair anything: it must use the file's inertias, regardless of geoms or bounds.
     exact = {"angle": "radian", "inertiafromgeom": "false", "balanceinertia": "false"}
     exact |= {"boundmass": "0", "boundinertia": "0", "fusestatic": "false"}
     ET.SubElement(root, "compiler", exact)

@@ -253,8 +253,7 @@ class _Integration:
             back: Inverse of the derivative of the residual.
 
         Returns:
-            Poses; accelerations, shape (n, m); their last change and the largest acceleration, both in rad or mechanism
-            lengths.
+            Poses; accelerations, shape (n, m); their last change and their maximum, both in rad or mechanism lengths.
 
         Raises:
             _Rejected: Newton's method does not converge.

@@ -1,7 +1,6 @@
 """Forces in a model file that descriptions and scenes cannot express: rotors, resistance, gravcomp, drag.
 
-They are kept as data so that a run can measure their effect; engines do not apply them. Forces follow MuJoCo's
-formulas.
+They are kept as data so that a run can measure their effect; engines do not apply them. MuJoCo's formulas define them.
 """
 
 from __future__ import annotations

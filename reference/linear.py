@@ -13,8 +13,7 @@ from screwgauge.reference.rotations import Array
 EPS = float(np.finfo(float).eps)
 #: Condition number above which a matrix counts as singular: fewer than four digits would remain.
 SINGULAR = 1e12
-#: Rounding error of one closing equation or joint axis in units of eps; a few hundred operations accumulate such
-#: errors.
+#: Rounding error of one closing equation or joint axis in units of eps, accumulated over a few hundred operations.
 ROUNDED = 2.0
 #: Interval of the matrices along a motion that are inverted directly; number of matrices processed at a time.
 EVERY, BLOCK = 16, 128

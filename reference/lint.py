@@ -1,8 +1,7 @@
 """Lint: one-sentence warnings about legal mechanisms that probably contain mistakes.
 
 Warnings show implausible values, such as moments of inertia in a wrong unit or angles in degrees, in the unit that was
-probably meant; for implausible geometry and masses, they name the place to check. They do not reject or change
-anything.
+probably meant; for implausible geometry and masses, they name the place to check. The input stays unchanged.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, widest
 
-#: Multiple of its size above which a body's radius of gyration is suspect, if the body is also lighter than air
-#: [kg/m^3].
+#: Multiple of a body's size above which its radius of gyration is suspect, if its density is below air's [kg/m^3].
 LARGER, AIR = 2.0, 1.2
 #: Smallest semi-axis of the equivalent ellipsoid relative to the longest semi-axis: rods and plates have a volume.
 SLENDER = 1.0 / 30.0

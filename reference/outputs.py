@@ -1,8 +1,7 @@
 """Writes output files atomically; never replaces a user's own file.
 
 A command overwrites neither its inputs nor a file that was edited or was not written by this program. A file that users
-keep contains the digest of its remaining content, by which edits are recognised; the digest of a CSV is in a second
-file.
+keep contains the digest of its remaining content, which reveals edits; the digest of a CSV is in a second file.
 """
 
 from __future__ import annotations

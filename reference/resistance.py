@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 RESISTS = ("rotor", "damping", "friction")
 #: Inertia; dissipative resistances; and the dissipative resistance whose direction is undefined at rest.
 ROTORS, LOSSES, DRY = RESISTS[:1], RESISTS[1:], RESISTS[2:]
-#: Rate, far above rounding, below which a coordinate is at rest and the direction of dry friction undefined [rad/s or
-#: m/s].
+#: Rate, far above rounding, below which a coordinate is at rest and dry friction lacks a direction [rad/s or m/s].
 REST = 1e-9
 
 

@@ -45,7 +45,7 @@ def noun(what: str) -> str:
 
 
 def other_side(side: str) -> str:
-    """Return the opposite side: ``B`` for ``A``, ``A`` for ``B``."""
+    """Return the letter of the other model: ``B`` for ``A``, ``A`` for ``B``."""
     return "B" if side == "A" else "A"
 
 

@@ -218,8 +218,7 @@ def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, for
 def make_speller(text: str) -> Callable[[str], str]:
     """Build a function that replaces computed numbers with nearly equal numbers from a file, or short decimals.
 
-    Multiplying frames leaves rounding errors in the last digits, and turns zeros next to larger entries into tiny
-    numbers.
+    Multiplying frames leaves rounding errors in the last digits, including tiny numbers in place of zeros.
 
     Args:
         text: Text of the file.

@@ -29,7 +29,7 @@ from screwgauge.scene.default import gravity_of
 
 #: Function that reads a file with a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
-#: Loops files of URDFs: one file for both sides, or a separate file for each side.
+#: Loops files of URDFs: one file for both models, or a separate file for each model.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
 #: Largest gap of loops that count as closed at the home pose, as for a description [rad or lengths of the model].
@@ -118,7 +118,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """One side of a diagnosis, with a copy of its file that has mass and inertia from meshes.
+    """One model of a diagnosis, with a copy of its file that has mass and inertia from meshes.
 
     Attributes:
         given: Name as given by the user.
@@ -133,7 +133,7 @@ class Weighed:
 
 
 def weigh_side(given: str | Path, folder: Path) -> Weighed:
-    """Copy a side of a diagnosis with mass and inertia from meshes, if its file uses them.
+    """Copy a model of a diagnosis with mass and inertia from meshes, if its file uses them.
 
     Args:
         folder: Folder for the copy.
@@ -152,13 +152,13 @@ def read_here(file: Path, library: str, floating: bool) -> Reading:
 
 
 def load_side(given: str | Path | Weighed, load: Read = read_here, loops: Path | None = None) -> Model:
-    """Load one side: a file and the loops file in its folder, ``FILE@library``, or a description.
+    """Load one model: a file and the loops file in its folder, ``FILE@library``, or a description.
 
     Args:
         loops: Loops file of a URDF, used instead of the loops file in its folder.
 
     Raises:
-        ScrewgaugeError: The side cannot be read.
+        ScrewgaugeError: The model cannot be read.
     """
     text, library = _split_library(given)
     own = Path(text)
@@ -187,10 +187,10 @@ def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
 def loops_of_sides(
     loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
 ) -> tuple[Path | None, Path | None]:
-    """Return the loops file of each side, given a pair of files, or one file for every URDF.
+    """Return the loops file of each model, given a pair of files, or one file for every URDF.
 
     Raises:
-        ScrewgaugeError: The value is neither a file nor a pair, or no side is a URDF.
+        ScrewgaugeError: The value is neither a file nor a pair, or no model is a URDF.
     """
     if loops is None:
         return None, None
@@ -208,7 +208,7 @@ def loops_of_sides(
 
 
 def _split_library(given: str | Path | Weighed) -> tuple[str, str]:
-    """Split the argument of a side into the file or name and the requested library, which may be empty."""
+    """Split the argument for a model into the file or name and the requested library, which may be empty."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")

@@ -38,7 +38,7 @@ _NAMED = 3
 _THERE: Axes = ("the world", WORLD[1])
 #: Kind of part that owns a property -> plural noun.
 OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
-#: Event of several joints -> predicate, followed by the side.
+#: Event of several joints -> predicate, followed by the model.
 _SUBTREES = {
     "branch": "joints are missing, with all that they carry, from",
     "fixed": "joints do not move in",
@@ -211,7 +211,7 @@ def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
 
 
 def _has_value(fact: Fact, side: str) -> bool:
-    """True if a side has a nonzero or non-numeric value."""
+    """True if a model has a nonzero or non-numeric value."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
 

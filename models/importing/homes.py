@@ -22,8 +22,7 @@ STARTS, FARTHEST, EVERY = 40, np.pi, 2
 ENOUGH = 8  # number of closed poses within limits to find, if none is well conditioned
 #: Largest residual of loops that count as closed in a file with few digits [rad or lengths]; it is due to rounding.
 ROUNDING = 1e-5
-#: Smallest singular value of the loop equations that counts as regular; below the second value, an equation counts as
-#: redundant.
+#: Singular values of the loop equations: smallest regular value; value below which an equation counts as redundant.
 REGULAR, REDUNDANT = 2e-3, 1e-8
 #: Smallest singular value that counts as well conditioned: accelerations contain rounding errors of these equations,
 #: multiplied by the cube of its inverse; they stay below 1e-11, the tolerance to which engines are compared.

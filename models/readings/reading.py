@@ -127,8 +127,7 @@ class CouplingReading:
 
     Attributes:
         joint: Name of the dependent hinge or slide.
-        function: Function of coordinates of hinges and slides, as measured in the file; constant if the joint is
-            locked.
+        function: Function of coordinates of hinges and slides, as measured in the file; constant for a locked joint.
         softness: See `ClosureReading`.
     """
 

@@ -146,8 +146,7 @@ class AssemblyMode:
 
 
 STEP, SMALLEST = 0.1, 1e-5  # steps of independent coordinates [rad or mechanism lengths]
-#: Largest distance of a closed pose from its prediction, relative to the predicted step. Other branches are farther
-#: away.
+#: Largest distance of a closed pose from its prediction, relative to the predicted step; other branches are farther.
 BEND = 0.3
 #: Largest number of steps for a short path; a path that needs more steps ends at a pose that it cannot pass.
 MOST = 40

@@ -287,8 +287,7 @@ def preload_space(B: Array) -> Array:
 class NewtonEuler:
     """System of eq. (57) at n samples, with additional rows that determine redundant actuators.
 
-    Moments are divided by the length of the mechanism, as equations and as unknowns; therefore, its size does not
-    matter.
+    Moments are divided by the mechanism's length, as equations and as unknowns; therefore, its size does not matter.
 
     Attributes:
         c: System matrix, see `force_matrix`.

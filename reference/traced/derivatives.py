@@ -11,8 +11,7 @@ def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Sc
     """Compute the rates of change of values in forward mode.
 
     Args:
-        rates: Rate of each independently changing node, which may be an input; all other nodes depend on these or are
-            constant.
+        rates: Rate of each independently changing node, e.g. an input; other nodes depend on these or are constant.
 
         Raises:
             NotTraceableError: A value results from an operation without derivative.

@@ -39,8 +39,7 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     **FUNCTIONS,
 }
 
-#: Default limit of operations: tracing takes about 20 ms per thousand, and a larger program is not faster than
-#: arrays.
+#: Default limit of operations: tracing takes about 20 ms per thousand; larger programs are not faster than arrays.
 MOST = 100_000
 
 

@@ -90,14 +90,14 @@ def _factor(fact: Fact) -> Hashable:
 
 
 def _value(fact: Fact) -> Hashable:
-    """Return a key for a property that one side lacks: the property, the side, and the value on the other side."""
+    """Return a key for a property that one model lacks: the property, the model, and the value in the other model."""
     lacks = _lack(fact)
     value = fact.b if fact.a is None or not np.any(fact.a) else fact.a
     return lacks and (*lacks, str(value))
 
 
 def _lack(fact: Fact) -> tuple[str, ...] | None:
-    """Return a key for a property that one side lacks: the property and the side."""
+    """Return a key for a property that one model lacks: the property and the model."""
     if fact.what == "limits":
         return (fact.what, fact.side, fact.unit) if fact.side else None
     if fact.what not in PROPERTIES or PROPERTIES[fact.what].shape != () or fact.a is None or fact.b is None:
@@ -109,7 +109,7 @@ def _lack(fact: Fact) -> tuple[str, ...] | None:
 
 
 def _absence(fact: Fact) -> Hashable:
-    """Return a key for a part that one side lacks or fixes."""
+    """Return a key for a part that one model lacks or fixes."""
     return (fact.what, fact.side) if fact.what in ("branch", "fixed", "link") else None
 
 
@@ -136,8 +136,7 @@ _KEYS: Sequence[tuple[Callable[[Fact], Hashable], int]] = (
 )
 
 
-#: Bounds of a share, and of an effect relative to the total; causes that exceed them cancel each other and are shown
-#: together.
+#: Bounds of a share, and of an effect relative to the total; causes beyond them cancel and are shown together.
 CANCELS = -0.5, 1.5
 #: All causes cancel if the total is below this share of the largest effect.
 NOTHING = 1e-6

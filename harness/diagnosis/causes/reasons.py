@@ -101,7 +101,7 @@ def _whole(case: Unexplained) -> Iterator[Reason]:
 
 
 def _geoms(case: Unexplained) -> Iterator[Reason]:
-    """Find bodies whose mass properties are computed from geoms on only one side."""
+    """Find bodies whose mass properties are computed from geoms in only one model."""
     for fact in case.of(*INERTIAL):
         names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
         sides = zip(case.files, names, machines, strict=True)
@@ -171,7 +171,7 @@ def _exchanges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """True if both sides have a value, and it is a number, vector or tensor that a file specifies."""
+    """True if both models have a value, and it is a number, vector or tensor that a file specifies."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -181,7 +181,7 @@ def _trial(case: Unexplained, a: object, b: object, unit: str = "") -> Trial:
 
 
 def _gears(case: Unexplained) -> Iterator[Reason]:
-    """Find armature, damping or friction that one side specifies on the motor side of the gear."""
+    """Find armature, damping or friction that one model specifies on the motor side of the gear."""
     sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
     for fact in case.of("armature", "damping", "friction"):
         gears = {abs(side[name]) for side, name in zip(sides, (fact.part, fact.partner), strict=True) if name in side}
@@ -214,7 +214,7 @@ def _to_a(pair: Pair, name: str) -> Array:
 
 
 def _merges(case: Unexplained) -> Iterator[Reason]:
-    """Find fixed links that the other side merged into their body incorrectly: all fixed links together, or one."""
+    """Find fixed links that the other model merged into their body incorrectly: all fixed links together, or one."""
     for own, name, there, old, new, facts in _differing_bodies(case):
         body = own.reading.bodies[name]
         gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}

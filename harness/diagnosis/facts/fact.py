@@ -81,7 +81,7 @@ class Pair:
     """Two machines, their alignment, and the joints of A with their partners, added while links are compared.
 
     Attributes:
-        lost: Facts about links and welds that only one side has and that were removed from the machines.
+        lost: Facts about links and welds that only one model has and that were removed from the machines.
     """
 
     a: Machine
@@ -107,7 +107,7 @@ class Pair:
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
     def crosses_names(self, joint: str) -> bool:
-        """True if a joint of A or its partner has the name of a different joint on the other side."""
+        """True if a joint of A or its partner has the name of a different joint in the other model."""
         other = self.joints[joint].name
         return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
 
@@ -122,7 +122,7 @@ def known_gravity(gravity: Array | None) -> Array:
 
 
 def other_gravity(a: Reading, b: Reading) -> str:
-    """Return the side that lacks gravity if the other side specifies non-standard gravity, or an empty name."""
+    """Return the model that lacks gravity if the other model specifies non-standard gravity, or an empty name."""
     if (a.gravity is None) == (b.gravity is None):
         return ""
     usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
@@ -230,7 +230,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
     Args:
         n: Digits of the file with fewer digits.
-        side: Side of that file, ``a`` or ``b``.
+        side: Letter of that model, ``a`` or ``b``.
     """
     unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
@@ -243,7 +243,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
 
 def _is_printed(fact: Fact, n: int) -> bool:
-    """True if the numbers of one side equal the other side's, rounded to n digits, e.g. after a change of units."""
+    """True if the numbers of one model equal the other model's, rounded to n digits, e.g. after a change of units."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

@@ -24,8 +24,7 @@ from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
 
-#: Limits beyond this value are ignored [rad or m]: some programs write 1000 for no limit, while 180 is a limit in
-#: degrees.
+#: Limits beyond this value are ignored [rad or m]: programs write 1000 for no limit, while 180 is a limit in degrees.
 BOUNDLESS = 900.0
 
 
@@ -57,7 +56,7 @@ def _is_plain(link: Link) -> bool:
 
 
 def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
-    """Yield passive forces of joints that the other side replaces by points."""
+    """Yield passive forces of joints that the other model replaces by points."""
     if bool(one.joints) == bool(other.joints):
         return
     side, reading, joints = ("A", pair.a.reading, one.joints) if one.joints else ("B", pair.b.reading, other.joints)
@@ -70,7 +69,7 @@ def _lost_forces(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 
 
 def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
-    """Yield joints that the other side fixes, or else the two kinds of link, which may be equivalent in loops."""
+    """Yield joints that the other model fixes, or else the two kinds of link, which may be equivalent in loops."""
     met = [*_match_joints(pair, one, other)]
     if met and len(met) == min(len(one.elements), len(other.elements)):
         for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):

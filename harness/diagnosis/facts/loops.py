@@ -87,7 +87,7 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
     if _are_equivalent(pair):
         return
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
-    # couplings to joints that only one side has are part of the facts about these joints
+    # couplings to joints that only one model has are part of the facts about these joints
     ours = {name for name, each in a.items() if {*each.named} <= pair.joints.keys()}
     theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
     yield from (_lone_coupling(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
@@ -103,7 +103,7 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _lone_coupling(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
-    """Create the fact for a joint that is coupled or locked on one side only."""
+    """Create the fact for a joint that is coupled or locked in only one model."""
     back = pair.back if side == "B" else {}
     joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
     held = not function.terms

@@ -103,13 +103,13 @@ def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
-    """True if, by their names, the members of both bodies of a link belong to a single body on the other side."""
+    """True if, by their names, the members of both bodies of a link belong to a single body in the other model."""
     ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
 
 def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mapping[str, str]) -> float | None:
-    """Return the joint coordinate that reproduces the other side's relative pose; None if it is home or missing."""
+    """Return the joint coordinate that reproduces the other model's relative pose; None if it is home or missing."""
     near, far = (next(name for name in own.bodies[end].members if name in owners) for end in (link.near, link.far))
     there = other.bodies[owners[near]].frames
     N, F = (own.bodies[end].frames[name] for end, name in ((link.near, near), (link.far, far)))
@@ -123,7 +123,7 @@ def _holding_coordinate(own: Machine, other: Machine, link: Link, owners: Mappin
 
 
 def structure_facts(pair: Pair) -> Iterator[Fact]:
-    """Yield parts that only one side has: joints that the other side fixes, subtrees, links between paired bodies."""
+    """Yield parts that only one model has: joints that the other model fixes, subtrees, links between paired bodies."""
     yield from pair.lost
     for side, links in (("A", pair.alignment.only_a), ("B", pair.alignment.only_b)):
         machine = pair.a if side == "A" else pair.b
@@ -164,14 +164,14 @@ def _lone_fact(side: str, part: str, what: str, kind: str) -> Fact:
 
 
 def name_facts(pair: Pair) -> Iterator[Fact]:
-    """Yield joints that have the name of a different joint on the other side."""
+    """Yield joints that have the name of a different joint in the other model."""
     for name, partner in pair.joints.items():
         if pair.crosses_names(name):
             yield Fact(name, "name", name, partner.name, kind="convention", partner=partner.name)
 
 
 def model_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare gravity, if both sides specify it, and the medium."""
+    """Compare gravity, if both models specify it, and the medium."""
     a, b = pair.a.reading, pair.b.reading
     if a.gravity is not None and b.gravity is not None:
         most = max(float(np.linalg.norm(a.gravity)), float(np.linalg.norm(b.gravity)), 1e-300)

@@ -112,8 +112,7 @@ def _simplify(name: str) -> str:
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
 
-#: Largest distance between nearby features in machine lengths; and smallest share of nearby features of a matching
-#: body.
+#: Largest distance between nearby features in machine lengths; smallest share of such features of a matching body.
 NEAR, MANY = 0.01, 0.5
 #: Largest cost of partners; and largest cost of partners that carry bodies with the same name.
 MOST, NAMED = 3.2, 6.0

@@ -1,7 +1,6 @@
 """Places a body of one machine in the world frame of a second machine.
 
-Chooses a candidate, or a motion of the body's link, that aligns most features and the mass of the body with its
-partner.
+Chooses a candidate, or a motion of the body's link, that aligns most features and the mass with the partner.
 """
 
 from __future__ import annotations
