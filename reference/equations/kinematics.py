@@ -22,7 +22,7 @@ from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, vee, widest
 
 Freedoms = Sequence[tuple[bool, Array]]
-"""For each degree of freedom of a joint: True if it is a rotation, and its axis in the joint's frame."""
+"""For each freedom of a joint: whether it turns, and its axis in the joint's frame."""
 
 
 class Coordinates(NamedTuple):

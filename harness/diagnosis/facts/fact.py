@@ -230,7 +230,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
     Args:
         n: Digits of the file with fewer digits.
-        side: Letter of that model, ``a`` or ``b``.
+        side: Model that contains this file, ``a`` or ``b``.
     """
     unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
