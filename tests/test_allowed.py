@@ -1,5 +1,3 @@
-"""Differing files and wide tolerances weaken the word of a gate."""
-
 import json
 import re
 import shutil

@@ -1,5 +1,3 @@
-"""The plan of the package: imports point one way, libraries stay in their rooms, modules and functions stay small."""
-
 import ast
 import os
 import shutil

@@ -1,5 +1,3 @@
-"""Undelivered quantities are named, and no agreement."""
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""Couplings that cannot be, and models that lack them, are refused in one sentence that names them."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Random edits of descriptions and scenes are read or refused."""
-
 import random
 import tomllib
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""A model file of one's own that an engine cannot use is bad input; one that can be used is judged."""
-
 import pytest
 
 import screwgauge

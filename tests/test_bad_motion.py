@@ -1,5 +1,3 @@
-"""Motions that cannot be are refused with time and pose."""
-
 import re
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""Nothing that stands in the current folder is imported by a process that this package starts."""
-
 import os
 import re
 import shutil

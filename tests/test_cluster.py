@@ -1,5 +1,3 @@
-"""A Dask cluster loses and doubles no row, whoever dies."""
-
 import os
 import signal
 import subprocess

@@ -1,5 +1,3 @@
-"""Commands share folders, progress, tracebacks on request, silence of numpy."""
-
 import os
 import re
 import warnings

@@ -1,5 +1,3 @@
-"""Commands on broken files answer or refuse, see ``fuzz_commands.py``."""
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Import and run name the second point of a connect that MuJoCo has put off its body, and the case of the casebook."""
-
 from pathlib import Path
 
 import pytest

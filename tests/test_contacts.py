@@ -1,5 +1,3 @@
-"""Contacts and floating bases: forces, refusals, stated assumptions."""
-
 import math
 import re
 

@@ -1,5 +1,3 @@
-"""Every kind of content that acts on dynamics is compared, or two models that have it are not called the same."""
-
 import re
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""What a report says of the machine and the code that made it: versions, commit, and nothing private."""
-
 import json
 import re
 import subprocess

@@ -1,5 +1,3 @@
-"""Exciting motions start at home, keep limits, and load inertia like weight."""
-
 import json
 import re
 

@@ -1,5 +1,3 @@
-"""What has been computed is not lost where the disk is full, a folder cannot be written or nobody has a home."""
-
 import resource
 from contextlib import contextmanager
 

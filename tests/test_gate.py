@@ -1,5 +1,3 @@
-"""The gate: rows, their sentences, their forms, and their processes."""
-
 import json
 import re
 import shutil

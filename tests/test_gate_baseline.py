@@ -1,5 +1,3 @@
-"""Baselines: grown errors fail, and no interruption damages the file."""
-
 import errno
 import json
 import os

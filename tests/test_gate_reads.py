@@ -1,5 +1,3 @@
-"""A gate names unread files; a smoke test can fail."""
-
 import json
 import os
 import re

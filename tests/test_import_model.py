@@ -1,5 +1,3 @@
-"""A Pinocchio model that was built in Python, with its constraints, becomes a scene whose engines agree."""
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,5 +1,3 @@
-"""Whatever a path leads to, it is read or refused at once in one sentence; so is more than anyone can work with."""
-
 import os
 import re
 import tomllib

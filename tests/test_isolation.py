@@ -1,5 +1,3 @@
-"""Engines that crash, hang or eat memory cost their own row only."""
-
 import errno
 import os
 import pickle

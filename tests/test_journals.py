@@ -1,5 +1,3 @@
-"""Journals are taken up where nothing has changed, and from their own user alone."""
-
 import sys
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""Forces of model files beyond the description are measured, or refused by name."""
-
 from dataclasses import replace
 
 import mujoco

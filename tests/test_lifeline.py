@@ -1,5 +1,3 @@
-"""Processes end with their parent, and keep their own limit of time."""
-
 import os
 import signal
 import subprocess

@@ -1,5 +1,3 @@
-"""A machine is the same machine wherever its file cuts loops, whatever it calls its parts, in whichever pose."""
-
 from collections import Counter
 from itertools import combinations, permutations
 

@@ -1,5 +1,3 @@
-"""Checks by versions of engines: a row a pair. Nothing is installed."""
-
 import json
 import sys
 from pathlib import Path

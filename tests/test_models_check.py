@@ -1,5 +1,3 @@
-"""The model check passes what was written, and names what was edited."""
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree as ET

@@ -1,5 +1,3 @@
-"""Model files: kept ones are those written now, cuts have their counts, and nothing unasked is in them."""
-
 import re
 from dataclasses import replace
 from pathlib import Path

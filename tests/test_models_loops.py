@@ -1,5 +1,3 @@
-"""The loops file reads back as it was written, and says what is wrong with an edited one."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Roll-pitch-yaw and quaternions give the rotation back, also where their angles are not determined."""
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-"""Commands overwrite no input and no foreign file without ``--force``."""
-
 import os
 import subprocess
 import sys

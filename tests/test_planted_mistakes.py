@@ -1,5 +1,3 @@
-"""The list of planted mistakes can be planted: each line stands once in its file, and both are Python."""
-
 import ast
 from collections import Counter
 

@@ -1,5 +1,3 @@
-"""Reports name the judged files by name and content, the date, the schema."""
-
 import hashlib
 import json
 from datetime import UTC, datetime, timedelta, timezone

@@ -1,5 +1,3 @@
-"""A repository gates its models by pytest; ten changes fail it."""
-
 import os
 import re
 import tomllib

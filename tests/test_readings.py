@@ -1,5 +1,3 @@
-"""Every library gives the same reading of a file that they read alike; every kind of joint is read."""
-
 import pickle
 from functools import partial
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""A library that crashes costs its reading only, and is named; one that refuses a file says why, as in this process."""
-
 import os
 
 import pytest

@@ -1,5 +1,3 @@
-"""Closures and couplings of an MJCF are those that MuJoCo itself keeps closed, in whatever form the file has them."""
-
 import re
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""Results show themselves in one screen, and can be drawn and written."""
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Tasks become rows once each, in order; interrupted work goes on."""
-
 from functools import partial
 
 import pytest

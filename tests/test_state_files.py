@@ -1,5 +1,3 @@
-"""What earlier commands left on disk is read as carefully as anybody's files: in bounds, or refused in one sentence."""
-
 import json
 import os
 import re

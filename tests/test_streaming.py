@@ -1,5 +1,3 @@
-"""A scene streamed part by part gives what it gives at once."""
-
 import gc
 import tracemalloc
 

@@ -1,5 +1,3 @@
-"""Sweeps: draws, statistics of variants, which number costs most, chunks that go on after a stop, and the page."""
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,5 +1,3 @@
-"""Tables of numbers are compared and judged as engines are."""
-
 import re
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The command ``view``: pages, pictures, refusals."""
-
 import signal
 import socket
 import subprocess

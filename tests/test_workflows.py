@@ -1,5 +1,3 @@
-"""The action, the hook and this project's own workflow say what is there, and their commands gate somebody's models."""
-
 import os
 import re
 import shlex

@@ -64,8 +64,8 @@ def near_home(name: str | Path, n: int = SAMPLES) -> Scene:
     return replace(bare, mechanism=mechanism, mechanism_file=mechanism_path(name), task=motion, drive=None, text={})
 
 
+#: Quantity -> its numbers, and what their errors are at most. Shapes (n, m).
 Answers = Mapping[str, tuple[Array, Array]]
-"""Quantity -> its numbers, and what their errors are at most. Shapes (n, m)."""
 
 
 def spread(errors: Array, units: Sequence[str]) -> Array:

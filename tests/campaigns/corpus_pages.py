@@ -1,5 +1,3 @@
-"""The reports of the corpus that a diagnosis is measured by: pairs, single edits, several at once."""
-
 from collections.abc import Mapping
 
 import pandas as pd

@@ -1,5 +1,3 @@
-"""Kinds of change of a model file, each made in its attributes, and what a diagnosis has to name."""
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

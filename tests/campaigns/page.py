@@ -1,5 +1,3 @@
-"""Pages of campaigns, made of one table each."""
-
 from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""The report of many random mechanisms put to all engines: by family, by size and by reason."""
-
 import re
 from collections import Counter
 from itertools import pairwise

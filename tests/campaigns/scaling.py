@@ -1,5 +1,3 @@
-"""What compiled programs cost as motions and mechanisms grow, with fitted exponents."""
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,5 +1,3 @@
-"""The report of what a diagnosis makes of changed models."""
-
 import math
 from collections.abc import Callable, Sequence
 from statistics import median

@@ -1,5 +1,3 @@
-"""The gate is quiet about random mechanisms and catches changes of their dynamics by 1e-9."""
-
 from functools import partial
 
 import pytest

@@ -1,5 +1,3 @@
-"""The corpus that a diagnosis is measured by: pairs with a known answer, and edits that it has to name."""
-
 import pytest
 from campaigns.corpus.edit_rows import MULTIPLE, SINGLE, multiple_edits, single_edits
 from campaigns.corpus.pair_rows import pair_rows

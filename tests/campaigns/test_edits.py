@@ -1,5 +1,3 @@
-"""Edits of public models are detected and named; where nothing changes but the form, nothing differs."""
-
 import xml.etree.ElementTree as ET
 from functools import partial
 

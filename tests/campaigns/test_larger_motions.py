@@ -1,5 +1,3 @@
-"""Engines agree in motions larger than those that mechanisms are drawn with, or the truth says which one is off."""
-
 import pytest
 from campaigns.larger_motions import rows_of_larger_motions
 

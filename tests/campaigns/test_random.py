@@ -1,5 +1,3 @@
-"""Engines agree on random mechanisms of all families; the verdict of a row is what was compared."""
-
 from dataclasses import replace
 
 import pytest

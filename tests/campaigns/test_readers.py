@@ -1,5 +1,3 @@
-"""Public models read by both libraries: what differs has a cause that is named."""
-
 from functools import partial
 
 import pytest

@@ -1,5 +1,3 @@
-"""What programs cost grows with motions and mechanisms, and little faster; how that compares with bare `rnea`."""
-
 import pandas as pd
 import pytest
 from campaigns import volume

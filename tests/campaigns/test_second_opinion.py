@@ -1,5 +1,3 @@
-"""A second formulation confirms the solver on random mechanisms of all families."""
-
 import pytest
 from campaigns.rows import rows_of_mechanisms
 from campaigns.second_opinion import COLUMNS, PAGE, measured

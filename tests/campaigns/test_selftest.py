@@ -1,5 +1,3 @@
-"""Changes of models are detected, named and measured; what only looks different is not taken for a change."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The verdict of a comparison in a row: who agrees, and the worst pair."""
-
 from typing import Any
 
 import numpy as np

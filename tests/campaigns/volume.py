@@ -27,8 +27,8 @@ SAMPLES, BARE = {"llvm": (384, 1024), "numpy": (6144, 6144)}, 256
 #: Samples of a measurement: as many of every contestant, in calls one after the other.
 SHARE = 6144
 ROUNDS = 15
+#: Name -> what is called, and its samples.
 Calls = Mapping[str, tuple[Callable[[], object], int]]
-"""Name -> what is called, and its samples."""
 
 
 def bare() -> dict[str, Callable[[], object]]:

@@ -21,8 +21,8 @@ HEAD = """\
 # those of the newest. Written by pytest -m campaign -k casebook --reports=harness
 """
 
+#: The status of a case, and its numbers.
 Found = tuple[str, Mapping[str, str]]
-"""The status of a case, and its numbers."""
 
 
 def found_by(

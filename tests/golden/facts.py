@@ -38,8 +38,8 @@ class Fact:
         return f"{self.off:.1e}\t{' '.join(shortest(number, self.off) for number in self.numbers)}"
 
 
+#: Key -> fact; the first word of a key is the engine, if one is meant.
 Facts = Mapping[str, Fact]
-"""Key -> fact; the first word of a key is the engine, if one is meant."""
 
 
 def close(a: float, b: float, off: float) -> bool:

@@ -17,10 +17,10 @@ from screwgauge.reference.rotations import Array
 
 NEAR_TURN = 6.283  # s: the sample of the paper's 1 ms grid that is nearest to t = 2 pi
 RULES = ("spherical_axial", "min_norm")  # eq. (56), and what is right
+#: A body of a joint: the one that it carries, or the one on the ground side.
 Side = Literal["child", "parent"]
-"""A body of a joint: the one that it carries, or the one on the ground side."""
+#: How a lever arm such as A r_D is read: as D - A (``to``), as A - D (``from``), or as each term needs it.
 Reading = Literal["right", "to", "from"]
-"""How a lever arm such as A r_D is read: as D - A (``to``), as A - D (``from``), or as each term needs it."""
 
 
 class Forces:

@@ -1,5 +1,3 @@
-"""Errata 12 to 16: Newton-Euler equations and the rule for redundant actuators."""
-
 import numpy as np
 import pytest
 from paper import dynamics

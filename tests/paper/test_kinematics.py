@@ -1,5 +1,3 @@
-"""Errata 4, 5, 9 to 11, 17 and 18: velocities, accelerations and the numerical case."""
-
 import numpy as np
 from paper import kinematics
 from paper.erratum import about

@@ -1,5 +1,3 @@
-"""Erratum 6: the paper's references to its own equations."""
-
 from paper.numbering import REFERENCES, references
 
 

@@ -1,5 +1,3 @@
-"""Errata 7 and 8, and the paper's own scheme: mended it converges, as printed it ends on a floor."""
-
 import numpy as np
 import pytest
 from paper import scheme

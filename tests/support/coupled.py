@@ -10,8 +10,8 @@ import screwgauge
 from screwgauge import Scene
 
 Write = Callable[[str, str], Path]
+#: Coupled coordinate -> the one that it depends on, or nothing, and the coefficients.
 Couplings = Mapping[str, tuple[str, Sequence[float]]]
-"""Coupled coordinate -> the one that it depends on, or nothing, and the coefficients."""
 
 
 def homes(couplings: Couplings, start: Mapping[str, float]) -> dict[str, float]:

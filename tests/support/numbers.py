@@ -47,8 +47,8 @@ def objects(sin: Any, cos: Any, sqrt: Any, atan2: Any, maximum: Any) -> Ops:
     return Ops(each(sin), each(cos), each(sqrt), each(atan2, 2), each(maximum, 2), Sparse)
 
 
+#: NumPy's longest floats one by one: LAPACK has none of them.
 LONG = objects(np.sin, np.cos, np.sqrt, np.arctan2, np.maximum)
-"""NumPy's longest floats one by one: LAPACK has none of them."""
 
 
 def balls() -> Ops:

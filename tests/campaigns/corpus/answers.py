@@ -1,5 +1,3 @@
-"""Two files put to a diagnosis, and who the parts of an edit are in both of them."""
-
 from pathlib import Path
 from time import process_time
 

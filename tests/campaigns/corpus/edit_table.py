@@ -1,5 +1,3 @@
-"""The table of edits: each takes a place in a file, writes another number there, and says what it planted."""
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from math import radians

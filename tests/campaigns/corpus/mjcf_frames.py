@@ -1,5 +1,3 @@
-"""Poses in an MJCF, by its XML alone: where they stand, and how they are written."""
-
 import xml.etree.ElementTree as ET
 from math import radians
 

@@ -1,5 +1,3 @@
-"""A row for each pair of the corpus."""
-
 import re
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,5 +1,3 @@
-"""Links, joints and poses of a URDF or MJCF by its XML, for edits to choose from."""
-
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET

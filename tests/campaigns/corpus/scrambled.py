@@ -1,5 +1,3 @@
-"""A model file said differently: what a scrambler may do, and what it did."""
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass, field

@@ -1,5 +1,3 @@
-"""Files of a linkage, as a user writes them: URDF with robot.yaml, MJCF, TOML."""
-
 import numpy as np
 from campaigns.corpus.linkage import GROUND, Body, Joint, Linkage
 from campaigns.corpus.poses import EYE, Array, inverse, point, pose, text, to_quaternion, to_rpy

@@ -1,5 +1,3 @@
-"""Edits of what a file has besides rigid bodies: tendons, fluid, laws of actuators, contact pairs."""
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

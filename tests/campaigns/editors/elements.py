@@ -1,5 +1,3 @@
-"""Elements of a URDF or MJCF that an edit may take, and what an edit is."""
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

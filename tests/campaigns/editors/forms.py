@@ -1,5 +1,3 @@
-"""Edits of the way in which a file states the same."""
-
 import xml.etree.ElementTree as ET
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Edits of rigid bodies and joints: physics that torques show."""
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
