@@ -87,7 +87,7 @@ def check(
     from screwgauge.study.runner import InTurn, Processes
 
     if not what:
-        raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
+        raise DescriptionError("there is nothing to check", "check", "pass scenes, folders or model files")
     execute = InTurn() if limits is None else Processes(jobs, limits)
     more: dict[str, Any] = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline, "meshes": meshes}
     return check_with(execute, what, **more, progress=progress)
@@ -247,14 +247,14 @@ def compile(
     check_scene_type(scene, "compile")
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
-        raise DescriptionError(f"{shown(threads)} threads", "compile", "give a positive whole number")
+        raise DescriptionError(f"{shown(threads)} threads", "compile", "use a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
     if parameters is not None:
         from screwgauge.engines.screw.variants import Variants
 
         if threads != 1:
-            raise DescriptionError(f"{threads} threads", "compile, parameters", "leave threads out")
+            raise DescriptionError(f"{threads} threads", "compile, parameters", "omit threads")
         return Variants(scene, wanted, parameters, backend)
     solver = Solver(scene, wanted, backend, threads)
     solver.notes = (*left, *solver.notes)

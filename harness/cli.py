@@ -36,19 +36,19 @@ EXAMPLES = {
     "bench": "slider-crank --quick",
     "stress": "wrist-chart --severity 1e-3,1e-6",
     "sweep": "sweep.toml --out variants",
-    "identify": "3ups-upu-s --out told",
+    "identify": "3ups-upu-s --out identified",
     "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
     "models": "delta --include geoms --check",
     "list": "scenes",
 }
-EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance, not all compared, inertia left out, or a
-model file that differs without leave; 2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130,
-143 stopped"""
-STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
-3 a rung broke"""
+EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance, not all compared, inertia left out, or
+differences of a model file that are not allowed; 2 bad input or usage; 3 an engine failed or is missing, or the report
+failed; 130, 143 stopped"""
+STRESS_STATUS = """exit status: 0 every row is complete; 1 our own solver is silently wrong somewhere; 2 bad input;
+3 a rung failed"""
 
 NAMED = "built-in name, or path of a TOML, URDF, MJCF, SDF or USD file"
-REVIEW_STATUS = "exit status: 0 all columns agree to the digits that they print; 1 they do not; 2 bad input"
+REVIEW_STATUS = "exit status: 0 all columns agree to their printed digits; 1 some do not; 2 bad input"
 DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
 3 a library failed, or --limit was met"""
 
@@ -116,7 +116,7 @@ def _whole_number(least: int) -> Callable[[str], int]:
 def _nonempty(text: str) -> str:
     """Reject an empty path, e.g. from an unset shell variable, because it would mean the current folder."""
     if not text:
-        raise argparse.ArgumentTypeError("is empty; name a file or folder, or leave it out")
+        raise argparse.ArgumentTypeError("is empty; pass a file or folder, or omit it")
     return text
 
 
@@ -163,7 +163,9 @@ def _parser() -> argparse.ArgumentParser:
         added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **texts)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if run not in (commands.list_, commands.casebook, commands.review):
-            added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")
+            added.add_argument(
+                "--force", action="store_true", help="overwrite inputs, and files that this command did not make"
+            )
         if out:
             added.add_argument("-o", "--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
         added.set_defaults(command=run, known=added._option_string_actions)
@@ -174,171 +176,202 @@ def _parser() -> argparse.ArgumentParser:
 
     def executed(add: Any, what: str) -> None:
         add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
-        add("--cluster", metavar="ADDRESS|FILE", help="do them on a Dask cluster: its scheduler, or the file of that")
+        add("--cluster", metavar="ADDRESS|FILE", help="run them on a Dask cluster, by address or file of its scheduler")
 
-    add = command(commands.list_, "what there is to choose from")
+    add = command(commands.list_, "list mechanisms, scenes, engines, quantities, cases or discrepancies")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
-    add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
-    add("mechanism", metavar="MECHANISM", help=f"{NAMED}; of a scene its mechanism, under its gravity")
-    add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
-    add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
+    add = command(
+        commands.models, "write URDF, MJCF and loops files of a mechanism in both cuts", out="MECHANISM/models"
+    )
+    add("mechanism", metavar="MECHANISM", help=f"{NAMED}; a scene provides its mechanism and gravity")
+    add("--include", default="", metavar="A,B", help="add contacts, limits, geoms, sensors or yaml (a robot.yaml)")
+    add(
+        "--check",
+        action="store_true",
+        help="compare the readings of yourdfpy, Pinocchio and MuJoCo with the description",
+    )
 
     add = command(
         commands.import_,
-        "a model file, or a description with a rough home, as description (NAME.toml) and scene (NAME.scene.toml)",
+        "convert a model file, or a description with a rough home, to NAME.toml (description) and NAME.scene.toml",
     )
-    add("file", type=_path, metavar="FILE", help="a model file, or a TOML file whose home is to be solved for")
+    add("file", type=_path, metavar="FILE", help="a model file, or a TOML file whose home pose is to be solved for")
     add(
         "--loops",
         type=_path,
         metavar="FILE",
-        help="what closes its loops: robot.yaml or NAME.loops.toml (those beside it)",
+        help="file that closes its loops: robot.yaml or NAME.loops.toml (the one next to it)",
     )
     add("-o", "--out", type=_path, metavar="NAME.toml", help="default: FILE.toml in this folder")
-    add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
-    add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")
-    add("--floating", action="store_true", help="the base of a URDF moves freely")
+    add("--independent", metavar="A,B", help="coordinates (default: driven ones, and others chosen for conditioning)")
+    add("--actuated", metavar="A,B", help="driven joints (default: those of the file)")
+    add("--floating", action="store_true", help="let the base of a URDF move freely")
     meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
     add("--meshes", action="store_true", help=meshes)
-    add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
-    tensors = "take tensors that no body has, such as wrist.triangle, and files outside the folder, such as ../parts/"
+    add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="library that reads it (default: by format)")
+    tensors = "accept tensors that no body has, as wrist.triangle, and files outside the folder, as ../parts/"
     add("--allow", metavar="A,B", help=tensors)
 
     add = command(
-        commands.run, "drive the engines with a scene, compare them, write the report", out="SCENE", epilog=EXIT_STATUS
+        commands.run, "run the engines on a scene, compare them, and write the report", out="SCENE", epilog=EXIT_STATUS
     )
     scene(add)
     add("--engines", metavar="A,B", help="default: those of the scene; screw@float32 computes in float32")
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
-    add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
-    add("--seed", type=_whole_number(0), metavar="N", help="of the exciting motion (0)")
-    values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of each in a folder"
+    add(
+        "--exciting",
+        action="store_true",
+        help="replace its motion with one that excites as much of the inertia as possible",
+    )
+    add("--seed", type=_whole_number(0), metavar="N", help="seed of the exciting motion (0)")
+    values = "write times, positions and forces (--quantities) of the first engine as CSV, or of each into a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
-    add("--allow", metavar="A,B", help=f"of a model file: {tensors}")
+    add("--allow", metavar="A,B", help=f"for a model file: {tensors}")
     add("--meshes", action="store_true", help=meshes)
-    add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
-    add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
+    add("--samples", action="store_true", help="also write all samples (samples.parquet; needs pyarrow)")
+    add("--pdf", action="store_true", help="also print the report to report.pdf (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
-    add("--memory", type=float, metavar="GB", help="stop an engine that needs more (that of the machine)")
+    add("--memory", type=float, metavar="GB", help="stop an engine that needs more (the machine's memory)")
 
-    add = command(commands.review, "what is wrong with a table of numbers, column by column", epilog=REVIEW_STATUS)
+    add = command(commands.review, "find the faults of a table of numbers, column by column", epilog=REVIEW_STATUS)
     add("numbers", type=_path, metavar="NUMBERS", help="CSV or Parquet: t and components, named as in a run")
-    add("scene", type=_nonempty, metavar="SCENE", help=f"what they are of: {NAMED}")
-    add("--quantities", metavar="A,B", help="what the table gives, where names of columns leave that open")
+    add("scene", type=_nonempty, metavar="SCENE", help=f"scene that they describe: {NAMED}")
+    add("--quantities", metavar="A,B", help="quantities of the table, where column names are ambiguous")
     add("--json", action="store_true", help="print the review as JSON")
 
-    add = command(view.view, "a mechanism in space and in motion, served to a browser on this machine")
+    add = command(view.view, "show a mechanism in 3D and in motion in a browser on this machine")
     which = "built-in scene or mechanism, or path of a TOML, URDF, MJCF, SDF or USD file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
-    add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
-    add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
+    add("other", nargs="?", metavar="OTHER", help="a second one, to show the differences at home")
+    add("-o", "--out", type=_path, metavar="FILE.html", help="write the page to a file, and exit")
     for form in ("png", "svg", "pdf"):
-        add(f"--{form}", type=_path, metavar=f"FILE.{form}", help="write a picture of the home pose and end")
+        add(f"--{form}", type=_path, metavar=f"FILE.{form}", help="write a picture of the home pose, and exit")
     add("--port", type=int, metavar="N", help="default: a free one")
 
-    add = command(commands.bench, "error against run time of many methods and settings", out="SCENE/bench")
+    add = command(commands.bench, "measure error against run time for many methods and settings", out="SCENE/bench")
     scene(add)
     add("--quick", action="store_true", help="fewer samples and rounds, the same columns")
-    budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
+    budget = "start nothing after this time (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--limit", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
     executed(add, "contestants")
 
     add = command(
         commands.stress,
-        "stiff and extreme cases: digits kept, and whether an engine says so where it keeps few",
+        "run stiff and extreme cases: digits kept, and whether engines warn where they lose many",
         out="stress",
         epilog=STRESS_STATUS,
     )
-    add("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
+    add("cases", nargs="*", metavar="CASE", help="default: all, see 'list cases'")
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
-    add("--severity", metavar="A,B", help="these rungs of the one case named")
+    add("--severity", metavar="A,B", help="severities of the one case that is named")
     executed(add, "rungs")
 
-    add = command(commands.sweep, "many variants of a scene: which number costs most", out="SWEEP")
-    add("plan", type=_path, metavar="SWEEP.toml", help="scene, numbers that scatter, how many variants")
+    add = command(commands.sweep, "solve many variants of a scene, and rank its numbers by their effect", out="SWEEP")
+    add(
+        "plan",
+        type=_path,
+        metavar="SWEEP.toml",
+        help="file with the scene, its scattered numbers, and the number of variants",
+    )
     executed(add, "chunks of variants")
 
     add = command(
-        commands.identify, "which numbers of a machine its forces tell, and what they are", out="SCENE/identify"
+        commands.identify,
+        "find out which numbers of a machine its forces determine, and estimate them",
+        out="SCENE/identify",
     )
     scene(add)
+    add("--data", type=_path, metavar="FILE", help="CSV or Parquet: t, actuator forces, and the motion if it differs")
+    add("--numbers", metavar="A,B", help="unknown numbers (all bodies, and resistances of actuated joints)")
     add(
-        "--data", type=_path, metavar="FILE", help="CSV or Parquet: t, actuator forces, and the motion if it is another"
+        "--noise",
+        type=float,
+        metavar="SHARE",
+        help="noise of forces, relative to the largest (estimated from data; 0.001)",
     )
-    add("--numbers", metavar="A,B", help="what is unknown (all bodies, and what actuated joints resist)")
-    add("--noise", type=float, metavar="SHARE", help="of forces, over the largest (estimated from data; 0.001)")
-    add("--prior", type=float, metavar="SHARE", help="how well the scene's numbers are known (0.1)")
-    add("--seed", type=_whole_number(0), metavar="N", help="of the rates at random (0)")
+    add("--prior", type=float, metavar="SHARE", help="relative uncertainty of the scene's numbers (0.1)")
+    add("--seed", type=_whole_number(0), metavar="N", help="seed of the random rates (0)")
     add(
         "--fix",
         type=_path,
         metavar="FILE",
-        help="write the numbers: a description (.toml), or SCENE's own URDF or MJCF",
+        help="write the numbers as a description (.toml), or into a copy of SCENE's URDF or MJCF",
     )
 
     add = command(
-        commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
+        commands.diagnose,
+        "explain why two models of a machine differ, and prove it",
+        out="diagnosis",
+        epilog=DIAGNOSE_STATUS,
     )
     which = "URDF, MJCF, SDF, USD or description (name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
     add("a", type=_nonempty, metavar="A", help=which)
     add("b", type=_nonempty, metavar="B", help="the same")
-    add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
+    add("--map", type=_path, metavar="FILE", help='TOML that pairs joints or bodies: "name in A" = "name in B"')
     add(
         "--loops",
         type=_sides,
         metavar="A,B",
-        help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
+        help="files that close loops of URDFs, one or one for each: robot.yaml or .loops.toml (those next to them)",
     )
     add("--meshes", action="store_true", help=meshes)
-    add("--only", default="", metavar="rigid", help="compare geometry, masses and inertias alone")
-    add("--seed", type=_whole_number(0), default=0, metavar="N", help="of the random states (0)")
-    add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
-    add("--all", action="store_true", help="print each difference, too, not by cause alone")
-    add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
+    add("--only", default="", metavar="rigid", help="compare only geometry, masses and inertias")
+    add("--seed", type=_whole_number(0), default=0, metavar="N", help="seed of the random states (0)")
+    add(
+        "--limit",
+        type=float,
+        metavar="SECONDS",
+        help="start no step after this time, and report the results so far (3600)",
+    )
+    add("--all", action="store_true", help="print each difference, not only the causes")
+    add("--fix", type=_path, metavar="FILE", help="write a copy of B, corrected to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 
-    add = command(commands.casebook, "discrepancies of the engines that have a name: all of them, or one in detail")
+    add = command(commands.casebook, "list named discrepancies between engines, or describe one in detail")
     add(
         "id",
         nargs="?",
         type=_nonempty,
         metavar="ID",
-        help="text, cause, remedy of this one, and the versions that show it",
+        help="show its symptom, cause, remedy, and the versions that have it",
     )
 
     add = command(
-        commands.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
+        commands.check,
+        "check scenes or pairs of models against tolerances: a gate for CI",
+        out="check",
+        epilog=EXIT_STATUS,
     )
     add(
         "what",
         nargs="*",
         type=_nonempty,
         metavar="SCENE|FOLDER|MODEL",
-        help="default: all built-in scenes; two model files are a pair",
+        help="default: all built-in scenes; two model files form a pair",
     )
-    add("--no-default", action="store_true", help="where nothing is named, refuse to check the built-in scenes")
-    add("--smoke", action="store_true", help="a few samples of an exciting motion in place of a scene's own")
+    add("--no-default", action="store_true", help="if nothing is named, fail instead of checking the built-in scenes")
+    add("--smoke", action="store_true", help="use a few samples of an exciting motion instead of the scene's own")
     add("--meshes", action="store_true", help=meshes)
     add("--tolerances", type=_path, metavar="FILE", help="TOML with quantity = scaled error (default: derived)")
-    add("--baseline", type=_path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
-    add("--update", action="store_true", help="make this the known state")
-    add("--junit", type=_path, metavar="FILE", help="write JUnit XML, too")
+    add("--baseline", type=_path, metavar="FILE", help="known state (JSON) whose errors must not grow")
+    add("--update", action="store_true", help="make this state the baseline")
+    add("--junit", type=_path, metavar="FILE", help="also write JUnit XML")
     executed(add, "scenes")
-    add("--json", action="store_true", help="print all of it as JSON")
+    add("--json", action="store_true", help="print all results as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
-    add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
+    add("--memory", type=float, metavar="GB", help="stop a scene that needs more (the machine's memory)")
 
     add = command(
         commands.matrix,
-        "the check in fresh environments, one for each pair of versions",
+        "repeat the check in fresh environments, one for each pair of versions",
         out="matrix",
         epilog=EXIT_STATUS,
     )
-    add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
-    add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
+    add("--pin", metavar="A,B", help="versions of Pinocchio (the installed one)")
+    add("--mujoco", metavar="A,B", help="versions of MuJoCo (the installed one)")
     executed(add, "pairs")
     parser.description = _overview(known)
     parser.epilog = EXIT_STATUS
@@ -350,7 +383,7 @@ def _overview(known: Mapping[str, str]) -> str:
     lines = [PURPOSE]
     for group, names in GROUPS.items():
         lines += ["", f"{group}:", *(f"  {name:<10}{known[name]}" for name in names)]
-    return "\n".join([*lines, "", "screwgauge COMMAND --help says more."])
+    return "\n".join([*lines, "", "For details run screwgauge COMMAND --help."])
 
 
 if __name__ == "__main__":

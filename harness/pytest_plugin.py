@@ -15,10 +15,10 @@ _SCENES = pytest.StashKey[list[Path]]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options ``--screwgauge DIR`` and ``--engine NAME``, each of which may be repeated."""
-    text = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
+    text = "collect the scenes (TOML) of a folder as tests that must pass `screwgauge.check`"
     group = parser.getgroup("screwgauge")
     group.addoption("--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=text)
-    text = "engine that `--pyargs screwgauge.contract` tests"
+    text = "engine to be tested by `--pyargs screwgauge.contract`"
     group.addoption("--engine", dest="screwgauge_engines", action="append", default=[], metavar="NAME", help=text)
 
 
@@ -41,11 +41,11 @@ def contract_engines(config: pytest.Config) -> list[str]:
     from screwgauge.reference.errors import ScrewgaugeError
 
     if not config.option.screwgauge_engines:
-        raise pytest.UsageError("no engine is named; give --engine NAME, one that `screwgauge list engines` shows")
+        raise pytest.UsageError("no engine is named; pass --engine NAME, one of `screwgauge list engines`")
     try:
         return list(check_engines(config.option.screwgauge_engines, "--engine"))
     except ScrewgaugeError as error:
-        raise pytest.UsageError(f"{error} An engine of yours is known once its package is installed.") from None
+        raise pytest.UsageError(f"{error} Your own engine is known once its package is installed.") from None
 
 
 def _scenes(folder: Path) -> list[Path]:
@@ -53,7 +53,7 @@ def _scenes(folder: Path) -> list[Path]:
     from screwgauge.study.gate.items import items
 
     if not os.path.isdir(folder):
-        raise pytest.UsageError(f"--screwgauge: {folder} is no folder")
+        raise pytest.UsageError(f"--screwgauge: {folder} is not a folder")
     try:
         return [Path(item.files[0]) for item in items([folder])]
     except ScrewgaugeError as error:

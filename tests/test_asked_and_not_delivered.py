@@ -13,7 +13,7 @@ from support.scene import GivenMotion
 from support.stress import CASES, REFUSED
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
-SAID = "gives no generalized_force, actuator_force, though asked for"
+SAID = "does not give generalized_force, actuator_force, although requested"
 
 
 def only(*names: str, of: str = "3ups-upu-s"):
@@ -104,7 +104,7 @@ def test_the_bench_has_rows_that_say_so(stand_in):
     scene = load_scene("3ups-upu-s").at([0.0, 0.5])
     rows = bench(scene, plan=replace(QUICK, rounds=1, samples=2), contestants=["mujoco-path"]).rows
     assert {row.status for row in rows} == {"failed"}
-    assert [row.reason for row in rows if "though asked for" not in row.reason] == []
+    assert [row.reason for row in rows if "although requested" not in row.reason] == []
 
 
 def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
@@ -114,7 +114,7 @@ def test_a_stress_case_has_rows_that_say_so(stand_in, tmp_path: Path):
     found = list(findings(replace(question, methods=(Method("mujoco"),))))
     assert found
     assert {one.verdict for one in found} == {REFUSED}
-    assert all("though asked for" in one.reason for one in found)
+    assert all("although requested" in one.reason for one in found)
 
 
 def test_a_stream_stops_there(stand_in):
@@ -128,7 +128,7 @@ def test_a_stream_stops_there(stand_in):
 def test_a_method_that_leaves_out_fails(stand_in, scene):
     stand_in(mujoco=only("joint_position"))
     found = put(Method("mujoco"), model_files("3ups-upu-s", "mujoco"), scene.problem(QUANTITIES))
-    assert found.reason.endswith("gives no joint_velocity, generalized_force, actuator_force, though asked for")
+    assert found.reason.endswith("does not give joint_velocity, generalized_force, actuator_force, although requested")
 
 
 @pytest.mark.parametrize("how", [SystemExit(0), SystemExit("enough")])

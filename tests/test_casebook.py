@@ -87,7 +87,7 @@ def test_unknown_case_is_one_sentence(command) -> None:
 
 def test_the_old_option_names_the_command(command) -> None:
     said = command("diagnose", "--case", "mj-gear", status=2).err
-    assert said == "screwgauge: diagnose --case: has another name; write casebook ID.\n"
+    assert said == "screwgauge: diagnose --case: was renamed; use casebook ID.\n"
 
 
 def test_list_has_every_case_uncut(command) -> None:

@@ -121,8 +121,8 @@ def test_a_task_that_takes_its_worker_with_it_is_a_row_and_the_others_are_there(
     with cluster(1, failures=0) as address:
         found = rows([*odd, *tasks(5)], Cluster(address))
     assert found[:2] == [
-        {"lost": "killed: crashed: its process got SIGKILL, 4 times"},
-        {"lost": "taken: its worker was killed, 1 times"},
+        {"lost": "killed: crashed: its process received SIGKILL, 4 times"},
+        {"lost": "taken: its worker was killed 1 times"},
     ]
     assert [row["i"] for row in found[2:]] == [*range(5)]
 
@@ -144,7 +144,7 @@ def test_an_interrupt_cancels_what_is_queued(local, tmp_path):
 def test_tasks_have_limits_of_time_and_memory_and_engines_processes_of_their_own(local):
     endless = rows([Task("endless", support.endless)], Cluster(local, Limits(seconds=1.0)))
     greedy = rows([Task("greedy", support.greedy)], Cluster(local, Limits(memory=1.0)))
-    assert "endless: stopped after 1 s" in endless[0]["lost"]
+    assert "endless: stopped at the time limit of 1 s" in endless[0]["lost"]
     assert "greedy: needs more than 1 GB" in greedy[0]["lost"]
     assert rows([Task("run", support.limited_run)], Cluster(local)) == [{"ok": True, "failures": []}]
 
@@ -229,7 +229,7 @@ def test_a_scheduler_that_must_be_reached_by_tls_is_not_reached_without(local):
 
 @pytest.mark.slow
 def test_a_cluster_without_workers_is_not_waited_for():
-    said = pytest.raises(OutputError, match=r"no worker for 0\.3 s; start some")
+    said = pytest.raises(OutputError, match=r"no worker for 0\.3 s; start workers")
     with cluster(0) as address, dask.config.set({study.WORKERS: "0.3s"}), said:
         rows(tasks(1), Cluster(address))
 

@@ -137,7 +137,7 @@ def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture
     assert main(words.split()) == 2
     output = capsys.readouterr()
     assert output.out == ""
-    assert re.fullmatch(r"screwgauge: .*: (is no longer part of the package|has another name); \w.*\.\n", output.err)
+    assert re.fullmatch(r"screwgauge: .*: (is no longer part of the package|was renamed); \w.*\.\n", output.err)
 
 
 @pytest.mark.parametrize(

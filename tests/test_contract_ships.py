@@ -65,7 +65,7 @@ def test_engines_of_the_page_pass(file, tmp_path):
 
 #: What an engine does -> what its author reads, beside the names of tests.
 WRONG = {
-    "nothing": ("ENGINE = replace(ENGINE, tasks=frozenset())", "takes no task; name GivenMotion"),
+    "nothing": ("ENGINE = replace(ENGINE, tasks=frozenset())", "accepts no task; list GivenMotion"),
     "lacks all": ("ENGINE = replace(ENGINE, lacks=dict.fromkeys(OF_MOTION, 'no'))", "lacks every quantity"),
     "refuses all": (
         "def load(files): raise ModelFileError('is odd', 'own', 'leave it')",
@@ -75,13 +75,16 @@ WRONG = {
         "def load(files): import missing",
         "'missing'); pip install missing",
     ),
-    "prints": ("def load(files):\n    print('loaded')\n    return screw.load(files)", "it prints; turn the output"),
+    "prints": (
+        "def load(files):\n    print('loaded')\n    return screw.load(files)",
+        "the engine prints; turn off the output",
+    ),
     "crashes": (
         "import os\n"
         "def load(files):\n"
         "    if files.model.stem == 'slider-crank': os.abort()\n"
         "    return screw.load(files)",
-        "crashed: its process got SIGABRT",
+        "crashed: its process received SIGABRT",
     ),
     "is wrong": (
         "class Model:\n"
@@ -123,7 +126,7 @@ def test_what_an_engine_lacks_is_skipped_by_name(told):
     assert "has_less lacks reaction: has none" in told
 
 
-@pytest.mark.parametrize(("engine", "said"), [("", "give --engine"), ("onw", "did you mean 'own'")])
+@pytest.mark.parametrize(("engine", "said"), [("", "pass --engine"), ("onw", "did you mean 'own'")])
 def test_an_engine_that_there_is_not_is_one_sentence(engine, said, tmp_path):
     status, printed = contract(tmp_path, *(["--engine", engine] if engine else []), own=own("own"))
     assert status == pytest.ExitCode.USAGE_ERROR

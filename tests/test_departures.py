@@ -90,7 +90,7 @@ def test_a_loops_file_that_makes_an_engine_differ_is_named_in_the_verdict(own, s
     results = screwgauge.run(mine, ["screw", "pinocchio"], ["joint_position"])
     found = verdict(results)
     assert found.word == "✗ DIFFER"
-    assert "own.loops.toml, other than described: closure points" in found.text
+    assert "own.loops.toml, unlike the description: closure points" in found.text
     assert "The models differ, too: " in conclusion(results)[0].text  # before any plot of a page
 
 
@@ -235,7 +235,7 @@ def test_what_a_file_and_its_description_both_have_is_not_left_out(amount, more,
 def test_a_file_without_the_rotor_of_its_description_departs_from_it(run):
     results = run("", rotor=0.1)
     assert results.exit_status == 1
-    assert "other than described: rotor of b" in " ".join(repr(results).split())
+    assert "unlike the description: rotor of b" in " ".join(repr(results).split())
 
 
 def test_an_engine_that_differs_for_another_reason_too_is_still_named(run):

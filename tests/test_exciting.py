@@ -95,7 +95,7 @@ def test_samples_of_a_file_are_replaced(write):
 def test_a_simulation_and_a_seed_for_nothing_are_refused(refused):
     said = refused("run", "a01-pendulum", "--exciting")
     assert all(fact in said for fact in ("a01-pendulum: ", "integrated", "run it as it is"))
-    assert "--seed is that" in refused("run", "bennett", "--seed", "1")
+    assert "--seed applies only" in refused("run", "bennett", "--seed", "1")
 
 
 @pytest.mark.slow

@@ -92,7 +92,7 @@ def test_what_takes_too_long_is_stopped(scene):
 def test_nothing_begins_when_the_budget_is_spent(scene):
     found = bench(scene, plan=replace(PLAN, budget=1e-9), contestants=["screw-BDF"])
     assert not found.complete
-    assert {row.reason for row in found.rows} == {"the budget was spent before its turn"}
+    assert {row.reason for row in found.rows} == {"the budget ran out before its turn"}
     assert make_plots(found) == []
     assert len(bench_table(found.rows)) == 2 * len({row.contestant for row in found.rows})
 

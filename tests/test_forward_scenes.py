@@ -115,7 +115,7 @@ def test_a_motion_beyond_the_limits_of_a_joint_is_no_plain_agreement(sprung, wri
     assert "limits [-1.5708, 0.2] at t = 1 s" in note
     said = " ".join(str(results).split())
     assert said.startswith("✓ WITHIN TOLERANCE, but: 'pivot' = 0.208")
-    assert said.count("limits are no stops") == 1
+    assert said.count("limits do not act as stops") == 1
 
 
 def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):

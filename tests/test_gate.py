@@ -98,7 +98,7 @@ def test_digits_that_a_file_is_cut_to_are_admitted_and_no_more(theirs):
     found = screwgauge.check("turn.toml")
     assert found.ok, found
     assert any("6 digits of four-bar.xml" in one.reason for one in found.rows[0].errors)
-    assert "wider than the usual" in found.rows[0].sentence
+    assert "wider than usual" in found.rows[0].sentence
     edited(theirs / "four-bar.xml", lambda text: text.replace('mass="1.2"', 'mass="1.20002"'))
     assert not screwgauge.check("turn.toml").ok
 
@@ -257,7 +257,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
     items = [Item(f"with-{name}", (f"{theirs}/with-{name}.toml",)) for name in names]
     rows = check_items(items, GateSettings(sentence_of), execute=Processes(2, Limits(memory=0.75)))
     assert [row.status for row in rows] == ["failed", "failed", "agree"], [row.sentence for row in rows]
-    assert "segfault: crashed: its process got SIGSEGV" in rows[0].sentence
+    assert "segfault: crashed: its process received SIGSEGV" in rows[0].sentence
     assert "hog: MemoryError" in rows[1].sentence
 
 
@@ -268,4 +268,4 @@ def test_what_hangs_costs_its_row(theirs, isolated):
         [Item("hang", (f"{theirs}/hang.toml",))], GateSettings(tell), execute=Processes(1, Limits(seconds=0.5))
     )
     assert rows[0].status == "failed"
-    assert "stopped after 0.5 s" in rows[0].sentence
+    assert "stopped at the time limit of 0.5 s" in rows[0].sentence

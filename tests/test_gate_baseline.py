@@ -37,7 +37,7 @@ def known(tmp_path):
         (2e-12, 1.9e-11, "", ""),
         (2e-12, 2.1e-11, "1.0 digits lost", ""),
         (2e-6, 2e-14, "", "8.0 digits gained"),
-        (2e-14, float("nan"), "no number any more", ""),
+        (2e-14, float("nan"), "no longer a number", ""),
         (float("nan"), float("nan"), "", ""),
         (0.0, 1e-16, "", ""),
     ],
@@ -90,7 +90,7 @@ def test_what_is_compared_no_longer_is_a_regression_and_new_ones_are_said(known)
 
 
 def test_a_baseline_of_something_else_is_bad_input(known):
-    with pytest.raises(DescriptionError, match="is a baseline of a, b, not of c"):
+    with pytest.raises(DescriptionError, match="is a baseline for a, b, not for c"):
         against(known, rows(0.0, scene="c"), smoke=False)
     with pytest.raises(DescriptionError, match="was made without --smoke"):
         against(known, rows(0.0), smoke=True)

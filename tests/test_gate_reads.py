@@ -160,7 +160,7 @@ def test_a_smoke_test_notices_that_the_comparison_is_blind(room, name, instead, 
     monkeypatch.setattr(room, name, instead)
     (row,) = screwgauge.check("slider-crank", smoke=True).rows
     assert row.status == "failed"
-    assert row.sentence.startswith("the comparison would see no ")
+    assert row.sentence.startswith("the comparison would miss ")
     assert said in row.sentence
 
 

@@ -226,4 +226,6 @@ def test_import_does_not_overwrite_the_description(more, four_bar, inside, capfd
 
 @pytest.mark.parametrize("option", [["--floating"], ["--actuated", "a"], ["--loops", "robot.yaml"]])
 def test_options_for_model_files_are_refused(option, four_bar, refused, inside):
-    assert f"{option[0]} is for model files" in refused("import", four_bar(), *option, out=inside / "closed.toml")
+    assert f"{option[0]} applies only to model files" in refused(
+        "import", four_bar(), *option, out=inside / "closed.toml"
+    )

@@ -33,10 +33,10 @@ def ended():
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("segfault", "crashed: its process got SIGSEGV"),
-        ("abort", "crashed: its process got SIGABRT"),
+        ("segfault", "crashed: its process received SIGSEGV"),
+        ("abort", "crashed: its process received SIGABRT"),
         ("leave", "crashed: its process exited with status 0"),
-        ("hog", "needs more than 0.5 GB of memory, the limit; --memory sets another"),
+        ("hog", "needs more than 0.5 GB of memory, the limit; --memory changes it"),
     ],
 )
 def test_what_ends_its_process_says_how(name, reason, ended):
@@ -81,8 +81,8 @@ def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
 @pytest.mark.slow
 def test_what_never_ends_is_stopped_and_the_next_one_is_not():
     (found,) = isolated({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
-    assert found.reason.startswith("stopped after 0.3 s, ")
-    assert found.reason.endswith("--limit sets another")
+    assert found.reason.startswith("stopped at the time limit of 0.3 s, ")
+    assert found.reason.endswith("--limit changes it")
     (pid,) = isolated({"fine": bad_works.fine}, Limits(), silent).values()
     assert not isinstance(pid, Failure)
 
@@ -174,14 +174,14 @@ def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, 
     options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
     printed = command("run", str(paper_scene()), *options, status=3)
     assert printed.err == ""
-    assert "mujoco: crashed: its process got SIGABRT" in " ".join(printed.out.split())
+    assert "mujoco: crashed: its process received SIGABRT" in " ".join(printed.out.split())
 
 
 @pytest.mark.slow
 def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(paper_scene):
     with further_engines({"bad": "support.aborts_on_import:ENGINE"}):
         results = screwgauge.run(screwgauge.load_scene(paper_scene()), ["bad"], ["joint_position"], limits=Limits())
-    assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
+    assert results.failures["bad"].reason == "crashed: its process received SIGABRT"
 
 
 @pytest.mark.slow
@@ -197,7 +197,9 @@ def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, c
         "--out",
         str(tmp_path / "out"),
     ]
-    assert "mujoco: stopped after 0.3 s" in " ".join(command("run", str(paper_scene()), *options, status=3).out.split())
+    assert "mujoco: stopped at the time limit of 0.3 s" in " ".join(
+        command("run", str(paper_scene()), *options, status=3).out.split()
+    )
     assert "a limit of -1 GB" in command("run", str(paper_scene()), "--memory", "-1", status=2).err
 
 

@@ -87,7 +87,7 @@ def test_a_thread_that_has_ended_takes_no_process_with_it():
 def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
     monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
     (found,) = isolated({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
-    assert found.reason == "stopped after 60 s, the limit; --limit sets another"
+    assert found.reason == "stopped at the time limit of 60 s; --limit changes it"
 
 
 def test_the_limit_of_a_work_does_not_outlast_it():

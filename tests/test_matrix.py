@@ -71,8 +71,8 @@ def test_what_cannot_be_installed_or_checked_is_a_row(made, tmp_path):
 
 
 def test_versions_that_are_none_are_refused(refused):
-    assert "'--index-url' is no version; write 4.1.0" in refused("matrix", "--pin=4.1.0,--index-url")
-    assert "'latest' is no version" in refused("matrix", "--mujoco", "latest")
+    assert "'--index-url' is not a version; write 4.1.0" in refused("matrix", "--pin=4.1.0,--index-url")
+    assert "'latest' is not a version" in refused("matrix", "--mujoco", "latest")
 
 
 def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):

@@ -63,7 +63,7 @@ def test_a_file_of_one_s_own_is_overwritten_by_force_only(name, bars, capsys):
     Path(file).write_text(MINE, encoding="utf-8")
     refused(*command)
     said = capsys.readouterr()
-    assert said.err.startswith(f"screwgauge: {file}: is there, and ")
+    assert said.err.startswith(f"screwgauge: {file}: already exists and ")
     assert said.err.endswith("or overwrite it by --force.\n")
     assert main([*command, "--force"]) in (0, 1)
     assert Path(file).read_bytes() != MINE.encode()
@@ -147,7 +147,7 @@ def test_what_was_written_here_is_written_again_and_what_was_changed_since_is_no
         text = Path(name).read_text(encoding="utf-8")
         Path(name).write_text(text.replace("crank", "handle", 1), encoding="utf-8")
         refused(*command)
-        assert f"{name}: is there, and nothing" in capsys.readouterr().err
+        assert f"{name}: already exists and nothing" in capsys.readouterr().err
         Path(name).unlink()
         assert main(command) == 0
 
@@ -182,7 +182,7 @@ def test_python_too_overwrites_by_force_only(method, request):
     keep(file)  # as it was written here
     before = {*Path("new").iterdir()}
     file.write_text(MINE, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"is there, and .*overwrite it by force=True"):
+    with pytest.raises(OutputError, match=r"already exists and .*overwrite it by force=True"):
         keep(file)
     assert file.read_text(encoding="utf-8") == MINE
     keep(file, force=True)
@@ -210,7 +210,7 @@ def test_nothing_but_a_file_is_in_the_way_and_a_link_stays(results):
     os.mkfifo("pipe.html")
     Path("folder.html").mkdir()
     for name in ("pipe.html", "folder.html"):
-        with pytest.raises(OutputError, match=r"is no regular file|is a folder"):
+        with pytest.raises(OutputError, match=r"is not a regular file|is a folder"):
             results.to_html(name, force=True)
     Path("shelf").mkdir()
     Path("link.html").symlink_to("shelf/page.html")

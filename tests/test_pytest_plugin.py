@@ -104,7 +104,7 @@ def test_a_folder_that_pytest_would_not_look_into_is_collected(tested, repositor
     assert found.stdout.str().count("::screwgauge") == 1
 
 
-@pytest.mark.parametrize(("folder", "said"), [("none", "none is no folder"), ("empty", "has no scene")])
+@pytest.mark.parametrize(("folder", "said"), [("none", "none is not a folder"), ("empty", "contains no scene")])
 def test_a_folder_without_scenes_is_no_pass(folder, said, tested, repository):
     (repository / "empty").mkdir()
     found = tested("--screwgauge", repository / folder)
@@ -129,5 +129,5 @@ def test_what_lies_in_a_folder_of_scenes_does_not_stop_the_collection(repository
     os.mkfifo(repository / "scenes" / "x.toml")
     (repository / "scenes" / "y.toml").symlink_to("/dev/zero")
     assert [path.name for path in _scenes(repository / "scenes")] == ["robot.toml", "x.toml", "y.toml"]
-    with pytest.raises(AssertionError, match=r"x\.toml: .*no regular file"):
+    with pytest.raises(AssertionError, match=r"x\.toml: .*not a regular file"):
         screwgauge.check(repository / "scenes").assert_ok()

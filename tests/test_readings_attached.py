@@ -180,7 +180,7 @@ def test_a_check_takes_mass_from_meshes_of_one_model_and_of_pairs(shells, comman
     found = screwgauge.check(shells, heavy, meshes=True)
     assert (found.exit_status, "a: mass" in found.rows[0].sentence) == (1, True), found
     assert command("check", shells, shells, "--meshes", status=0).out
-    assert "--meshes is for model files" in command("check", "five-bar", "--meshes", status=2).err
+    assert "--meshes applies only to model files" in command("check", "five-bar", "--meshes", status=2).err
 
 
 def test_meshes_of_what_is_attached_are_read_too(shells, write):

@@ -128,7 +128,7 @@ def test_an_empty_path_is_not_the_current_folder(arguments, tmp_path, inside, ca
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
-    assert "is empty; name a file" in capfd.readouterr().err
+    assert "is empty; pass a file" in capfd.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

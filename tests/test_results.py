@@ -57,7 +57,7 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
 def test_an_empty_path_is_not_the_current_folder(results):
     with pytest.raises(OutputError, match=r"is empty, .*; name a folder"):
         results.write("")
-    with pytest.raises(ScrewgaugeError, match="'' is no name or path"):
+    with pytest.raises(ScrewgaugeError, match="'' is not a name or path"):
         screwgauge.check("")
 
 
@@ -184,7 +184,7 @@ def test_a_scene_is_put_under_loads_as_a_file_writes_them(force):
 
 
 def test_a_scene_in_the_place_of_its_name_is_refused():
-    with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene .* no name or path"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene .* not a name or path"):
         screwgauge.check(screwgauge.load_scene("slider-crank"))
 
 

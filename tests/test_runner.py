@@ -22,7 +22,7 @@ def test_processes_make_the_same_rows(isolated):
 def test_a_task_whose_process_is_killed_runs_again_three_times_and_is_then_a_row(isolated):
     found = rows(tasks(4, Task("killed", support.dies)), Processes(2))
     assert [row["i"] for row in found[:4]] == [0, 1, 2, 3]
-    assert found[4] == {"lost": "killed: crashed: its process got SIGKILL, 4 times"}
+    assert found[4] == {"lost": "killed: crashed: its process received SIGKILL, 4 times"}
 
 
 def test_interrupted_work_goes_on_with_the_tasks_that_have_no_row(tmp_path, cache_folder):

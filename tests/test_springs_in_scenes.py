@@ -70,4 +70,4 @@ def test_truth_refuses_with_one_sentence(scene):
 def test_bench_refuses_with_one_sentence(write, tmp_path, capsys):
     path = write("sprung.toml", MOTION + ACTING.format(cut="leg3.q5"))
     assert main(["bench", str(path), "--out", str(tmp_path / "out"), "--quick"]) == 2
-    assert "no springs and no motors" in capsys.readouterr().err
+    assert "does not support springs or motors" in capsys.readouterr().err

@@ -53,7 +53,7 @@ def test_a_looser_tolerance_is_admitted_to_lose_digits(tmp_path: Path) -> None:
 def test_an_explicit_method_is_refused_with_its_stable_step(tmp_path: Path) -> None:
     position, energy = findings(explicit_method(*right(1e10, tmp_path)))
     assert position.verdict == energy.verdict == REFUSED
-    assert "9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
+    assert "9.9e+04 1/s limits its step to 6.1e-05 s" in position.reason
 
 
 @pytest.mark.slow

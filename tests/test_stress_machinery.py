@@ -118,7 +118,12 @@ def test_a_cause_is_said_where_another_engine_is_wrong_and_nothing_says_so() -> 
     ("fake", "more", "verdict", "reason"),
     [
         (Fake("mujoco", error=1e-8, admitted=2e-8), {}, DEGRADED, "its error estimate admits 2.0e-08"),
-        (Fake("mujoco", error=1, admitted=math.inf), {}, DEGRADED, "by its error estimate not one digit may be right"),
+        (
+            Fake("mujoco", error=1, admitted=math.inf),
+            {},
+            DEGRADED,
+            "according to its error estimate no digit may be correct",
+        ),
         (Fake("mujoco", error=1e-8, admitted=1.0), {"admitted": {"force": 0.0}}, SILENT, ""),
         (Fake("mujoco", error=1e-8), {"admitted": {"force": 1e-7}, "by": "eps"}, DEGRADED, "eps admits 1.0e-07"),
         (Fake("mujoco", stopped="t = 1 s: lost"), {}, REFUSED, "t = 1 s: lost"),
@@ -194,7 +199,7 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         (["toy", "--severity", "1e7"], ("1e+07", "outside", "toy")),
         (["toy", "--severity", "nan"], ("nan",)),
         (["toy", "--severity", ","], ("no severity", "0 to 1e+06")),
-        (["--severity", "1"], ("--severity", "one case")),
+        (["--severity", "1"], ("--severity", "single case")),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, words, tmp_path, command) -> None:
@@ -212,6 +217,6 @@ def test_severities_replace_the_rungs_of_one_case() -> None:
 
 def test_counts_are_whole_and_rungs_are_climbed_once() -> None:
     case = replace(TOY, whole=True)
-    with pytest.raises(ScrewgaugeError, match="no count"):
+    with pytest.raises(ScrewgaugeError, match="whole number"):
         case.rungs(severities=[2.5])
     assert case.rungs(severities=[2.0, 2.0]) == [2.0]

@@ -118,11 +118,11 @@ def test_options_that_check_nothing_fail(somebody, action, options):
 
 
 def test_a_hook_without_names_checks_nothing_and_fails(somebody, command):
-    assert "nothing is named" in command(*hook(), status=2).err
+    assert "there is nothing to check" in command(*hook(), status=2).err
 
 
 def test_nothing_is_no_name_for_python():
-    with pytest.raises(screwgauge.ScrewgaugeError, match="nothing is named"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match="there is nothing to check"):
         screwgauge.check(*[], smoke=True)
 
 

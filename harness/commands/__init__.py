@@ -92,7 +92,9 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
 
     for name in ("loops", "independent", "actuated", "floating", "meshes", "reader", "allow"):
         if getattr(options, name):
-            raise DescriptionError(f"--{name} is for model files", "import", "leave it out, and edit the description")
+            raise DescriptionError(
+                f"--{name} applies only to model files", "import", "omit it, and edit the description"
+            )
     description, text = import_description(options.file)
     for line in (*map(str, write_imported(description, out, text, force=options.force)), *description.remarks):
         say(line)
@@ -116,8 +118,8 @@ def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False)
         for sentence in notes(keep(path, import_isolated(path, Options(allow=leave)), leave)[1]):
             complain(f"screwgauge: {sentence}")
     elif allow or meshes:
-        what = "--allow and --meshes are for model files"
-        raise DescriptionError(what, "run", "write allow = [...] into the description or scene")
+        what = "--allow and --meshes apply only to model files"
+        raise DescriptionError(what, "run", "add allow = [...] to the description or scene")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -136,7 +138,7 @@ def run(options: argparse.Namespace) -> int:
 
         scene = exciting(scene, options.seed or 0)
     elif options.seed is not None:
-        raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
+        raise DescriptionError("--seed applies only to an exciting motion", "run", "add --exciting, or omit --seed")
     if options.pdf:
         browser()  # fail before any work if no browser is found
     out = options.out or OUT / scene.name
@@ -340,9 +342,9 @@ def check(options: argparse.Namespace) -> int:
     from screwgauge.report.pages.check import PAGE, check_with
 
     if options.update and options.baseline is None:
-        raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
+        raise DescriptionError("--update needs a baseline", "check", "pass its file with --baseline")
     if options.no_default and not options.what:
-        raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
+        raise DescriptionError("there is nothing to check", "check", "pass scenes, folders or model files")
     check_files(options)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old, "meshes": options.meshes}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Files = tuple[Iterable[Path], Mapping[str, Path]]
 """Files that a command reads, and option -> file that the command writes."""
 
-_ON = "run the same command again: it goes on from the rows that are there"
+_ON = "run the same command again; it resumes from the existing rows"
 
 
 def carry_out(
@@ -103,25 +103,25 @@ def _write(
 
 
 _CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
-_KEPT = "keep check.json of each check, and compare with a known state by check --baseline"
-_TLS = "leave it out, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
+_KEPT = "keep check.json of each check, and compare with a known state using check --baseline"
+_TLS = "omit it, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
-_ENDED, _RENAMED = "is no longer part of the package", "has another name"
+_ENDED, _RENAMED = "is no longer part of the package", "was renamed"
 #: Retired command, or command and option -> its fate, and its replacement.
 ENDED = {
-    "bench --budget": (_RENAMED, "write bench --limit SECONDS"),
+    "bench --budget": (_RENAMED, "use bench --limit SECONDS"),
     "bench --random": (_ENDED, _CAMPAIGN.format("random")),
     "check --self-test": (_ENDED, _CAMPAIGN.format("alarms")),
     "check --store": (_ENDED, _KEPT),
-    "diagnose --case": (_RENAMED, "write casebook ID"),
+    "diagnose --case": (_RENAMED, "use casebook ID"),
     "diagnose --matrix": (_ENDED, "name a library for each side: diagnose FILE@pinocchio FILE@mujoco"),
     "diagnose --self-test": (_ENDED, _CAMPAIGN.format("selftest")),
     **{f"{name} --insecure": (_ENDED, _TLS) for name in ("bench", "check", "matrix", "stress")},
     "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),
     "run --errata": (_ENDED, _PAPER),
-    "view --mujoco": (_ENDED, "write its MJCF by screwgauge models, and run python -m mujoco.viewer --mjcf=FILE"),
-    "view --video": (_ENDED, "write the page, which moves, by view --out FILE.html"),
+    "view --mujoco": (_ENDED, "write its MJCF with screwgauge models, and run python -m mujoco.viewer --mjcf=FILE"),
+    "view --video": (_ENDED, "write the animated page with view --out FILE.html"),
 }
 
 

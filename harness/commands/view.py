@@ -31,7 +31,7 @@ def view(options: argparse.Namespace) -> int:
 
     chosen = [name for name in ("out", *PICTURES, "port") if getattr(options, name) not in (None, False)]
     if len(chosen) > 1:
-        raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
+        raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} cannot be combined", "view", "omit one of them")
     what = _load(options.what)
     mechanism = what.mechanism if isinstance(what, Scene) else what
     picture = next((getattr(options, name) for name in PICTURES if getattr(options, name)), None)
@@ -81,7 +81,7 @@ def _load(name: str) -> Scene | Mechanism:
             still = load_mechanism(name, closed=False)
         except ScrewgaugeError:
             raise error from None
-        complain(f"screwgauge: shown at home, as no motion can be given: {error}")
+        complain(f"screwgauge: shown in the home pose, because no motion is available: {error}")
         return still
 
 
@@ -157,10 +157,10 @@ def _serve(text: bytes, port: int) -> int:
     try:
         server = Server(("127.0.0.1", port), Handler)
     except (OSError, OverflowError) as error:
-        what = f"port {port} cannot be served at ({getattr(error, 'strerror', None) or error})".lower()
-        raise OutputError(what, "view", "leave --port out: a free one is taken") from None
+        what = f"cannot serve on port {port} ({getattr(error, 'strerror', None) or error})".lower()
+        raise OutputError(what, "view", "omit --port to use a free one") from None
     with server:
-        say(f"http://127.0.0.1:{server.server_address[1]}/ (Ctrl-C ends it)")
+        say(f"http://127.0.0.1:{server.server_address[1]}/ (Ctrl-C stops it)")
         try:
             server.serve_forever()
         except KeyboardInterrupt:

@@ -56,13 +56,13 @@ class Loaded:
         """Skip a test if the engine lacks quantities that the test needs."""
         for name in quantities:
             if name not in self.quantities:
-                why = declared(self.model, self.engine).get(name, "it is none of its task")
+                why = declared(self.model, self.engine).get(name, "it is not part of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
         """Skip a test if the engine does not accept its task."""
         if task not in self.engine.tasks:
-            pytest.skip(f"{self.engine.name} does not take {task.__name__}")
+            pytest.skip(f"{self.engine.name} does not accept {task.__name__}")
 
 
 @pytest.fixture(scope="session")
@@ -79,7 +79,7 @@ def _reject(entry: Engine, what: str) -> NoReturn:
 def loaded(entry: Engine) -> Iterator[Loaded]:
     """Yield the engine with the first scene that it accepts; fail if it accepts none."""
     if not entry.tasks:
-        _reject(entry, "takes no task; name GivenMotion, InitialValue or States in `tasks` of its Engine")
+        _reject(entry, "accepts no task; list GivenMotion, InitialValue or States in `tasks` of its Engine")
     refused = []
     for name, times in SCENES.items():
         scene = screwgauge.load_scene(name).under(gravity=np.array(GRAVITY)).at(times)
@@ -89,7 +89,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
                 model = entry.load(files)
                 quantities = tuple(q for q in GIVEN if q not in declared(model, entry))
                 if not quantities:
-                    _reject(entry, "lacks every quantity; take out of `lacks` what it gives")
+                    _reject(entry, "lacks every quantity; remove those that it gives from `lacks`")
                 if GivenMotion in entry.tasks:
                     model.solve(scene.problem(quantities, entry.name))
             except REFUSALS as error:
@@ -99,7 +99,7 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
                 _reject(entry, missing(error, entry))
             yield Loaded(entry, files, model, scene, quantities)
             return
-    _reject(entry, f"refuses every mechanism that it is asked about first ({' '.join(refused)}); take at least one")
+    _reject(entry, f"refuses all of the mechanisms that are tried first ({' '.join(refused)}); accept at least one")
 
 
 @pytest.fixture(scope="session")

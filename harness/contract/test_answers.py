@@ -31,27 +31,27 @@ def arrays(solution: Solution) -> dict[str, Array]:
 def check_same(one: Solution, other: Solution) -> None:
     """Fail unless two answers are bitwise equal."""
     first, second = arrays(one), arrays(other)
-    assert first.keys() == second.keys(), "it answers with other arrays when it is asked again"
+    assert first.keys() == second.keys(), "a repeated call returns other arrays"
     for name, array in first.items():
         same = np.array_equal(array, second[name], equal_nan=True)
-        assert same, f"{name} differ when it is asked again; start each `solve` from the model alone"
+        assert same, f"{name} differ in a repeated call; make `solve` independent of earlier calls"
 
 
 def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: Solution) -> None:
-    assert {*answered.values} == {*given.wanted}, "give what is wanted, and declare what you lack in `lacks`"
-    assert answered.version, "Solution.version is empty; give that of the library"
+    assert {*answered.values} == {*given.wanted}, "return the wanted quantities, and declare missing ones in `lacks`"
+    assert answered.version, "Solution.version is empty; set it to that of the library"
     n, known = len(given.task), described(loaded.mechanism)
-    assert answered.condition.shape == (n,), "Solution.condition has a number for each sample, ones if none is known"
+    assert answered.condition.shape == (n,), "Solution.condition must have a number for each sample, ones if unknown"
     coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
     for name, values in answered.values.items():
         components, units = known[name]
         if name.startswith("tree_force"):  # for the joints in the engine's tree
             components = tuple(c for c in coordinates if c in values.components)
             units = tuple(FORCE[coordinates[c]] for c in components)
-        assert values.components == components, f"components of {name} are not those of names(mechanism)"
-        assert values.units == units, f"units of {name} are not those of names(mechanism)"
-        assert values.array.shape == (n, len(components)), f"{name} has not shape (n_sample, n_component)"
-        assert np.isfinite(values.array).all(), f"{name} has what is no number"
+        assert values.components == components, f"components of {name} must be those of names(mechanism)"
+        assert values.units == units, f"units of {name} must be those of names(mechanism)"
+        assert values.array.shape == (n, len(components)), f"{name} must have shape (n_sample, n_component)"
+        assert np.isfinite(values.array).all(), f"{name} has NaN or infinite values"
 
 
 @pytest.mark.parametrize("quantity", ["joint_position", "body_angular_velocity", "com_acceleration", "actuator_force"])
@@ -60,11 +60,11 @@ def test_nothing_but_what_is_wanted_is_answered(
 ) -> None:
     loaded.has(quantity)
     alone = loaded.ask(loaded.scene.problem([quantity]))
-    assert {*alone.values} == {quantity}, "answer what `problem.wanted` names, nothing else"
+    assert {*alone.values} == {quantity}, "return only the quantities that `problem.wanted` names"
     assert {*alone.errors} <= {quantity}
     if loaded.engine.name != "truth":  # truth encloses only the requested values, as tightly as they need
         same = np.array_equal(alone.values[quantity].array, answered.values[quantity].array)
-        assert same, f"{quantity} differs with what else is wanted"
+        assert same, f"{quantity} depends on which other quantities are wanted"
 
 
 def test_the_input_stays_as_it_is_and_may_be_read_only(loaded: Loaded, given: Problem, answered: Solution) -> None:
@@ -78,7 +78,7 @@ def test_the_input_stays_as_it_is_and_may_be_read_only(loaded: Loaded, given: Pr
     t, y, yd, ydd, _ = copies
     check_same(answered, loaded.ask(replace(given, applied=applied, task=GivenMotion(t, y, yd, ydd))))
     for array, before in zip(copies, (motion.t, motion.y, motion.yd, motion.ydd, gravity), strict=True):
-        assert np.array_equal(array, before), "it writes into the problem; copy arrays first"
+        assert np.array_equal(array, before), "the engine writes into the problem; copy arrays first"
     assert [load.numbers() for load in applied.loads] == loads
 
 
@@ -103,7 +103,7 @@ def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, r
 def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.CaptureFixture[str]) -> None:
     loaded.engine.load(loaded.files).solve(given)
     printed = "".join(capfd.readouterr())
-    assert not printed, "it prints; turn the output of its library off, or say it in `Solution.notes`"
+    assert not printed, "the engine prints; turn off the output of its library, or move it to `Solution.notes`"
 
 
 def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
@@ -133,7 +133,7 @@ def test_forces_are_linear_in_the_accelerations(loaded: Loaded, given: Problem) 
         return loaded.ask(replace(loaded.scene, task=task).problem([quantity])).values[quantity].array
 
     rest, once, twice = (force(factor) for factor in (0.0, 1.0, 2.0))
-    assert np.abs(once - rest).max() > SLOWEST * np.abs(once).max(), f"accelerations do not act on {quantity}"
+    assert np.abs(once - rest).max() > SLOWEST * np.abs(once).max(), f"accelerations do not affect {quantity}"
     rounding = LINEAR * number_type(loaded.engine.name).limit * np.abs(twice).max()
     assert np.abs((twice - rest) - 2.0 * (once - rest)).max() < rounding, f"{quantity} is not linear in accelerations"
 
@@ -142,7 +142,7 @@ def test_progress_goes_from_nothing_to_all(loaded: Loaded, given: Problem) -> No
     shares: list[float] = []
     loaded.ask(replace(given, task=_part(given)), progress=shares.append)
     assert shares == sorted(shares), "progress goes back"
-    assert all(0.0 <= share <= 1.0 for share in shares), "progress is a share, 0 to 1"
+    assert all(0.0 <= share <= 1.0 for share in shares), "progress must be a share from 0 to 1"
 
 
 def _part(given: Problem) -> GivenMotion:

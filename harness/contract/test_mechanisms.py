@@ -71,7 +71,7 @@ def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict:
     fail also if `refuses` does not name what the engine refuses.
     """
     if GivenMotion not in entry.tasks:
-        pytest.skip(f"{entry.name} does not take given motions")
+        pytest.skip(f"{entry.name} does not accept given motions")
     if why := refusal(entry, scene.mechanism, scene.applied):
         pytest.skip(why)
     results = compared(entry.name, scene, tuple(q for q in quantities if q not in entry.lacks))
@@ -89,7 +89,7 @@ def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: st
         pytest.skip(f"{entry.name} lacks {quantity}: {entry.lacks[quantity]}")
     results = of_engine(entry, built_in(name), OF_MOTION)
     if why := results.solutions[entry.name].lacks.get(quantity):
-        pytest.skip(f"{entry.name} lacks {quantity} of it: {why}")
+        pytest.skip(f"{entry.name} lacks {quantity} for {name}: {why}")
     rows = results.pairs[results.pairs["quantity"] == quantity]
     if not len(rows):
         pytest.skip(f"{name} has no component of {quantity} with a unique value")
@@ -107,7 +107,7 @@ def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     """Equations of motion, closure and power balance hold among the engine's own numbers."""
     results = of_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
-        pytest.skip(f"{entry.name} gives too little of {name} to be judged")
+        pytest.skip(f"{entry.name} gives too little for {name} to be judged")
     faults = results.faults[results.faults["engine"] == entry.name]
     rows = faults.to_dict("records")
     said = [f"{row['residual']} {row['max_scaled']:.2g} at {row['worst_component']}" for row in rows]
@@ -181,5 +181,5 @@ def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
     scene = screwgauge.random(SEED, family)
     results = of_engine(entry, scene, scene.quantities)
     if entry.precision != FLOAT64.name and results.outcome == "undecided":
-        pytest.skip(f"the rounding of {entry.precision} leaves it open")
+        pytest.skip(f"the rounding of {entry.precision} leaves the comparison undecided")
     assert results.exit_status == 0, verdict(results).text

@@ -20,28 +20,30 @@ FITS = "call check_fits(problem, mechanism, where) of screwgauge.plugins first"
 
 
 def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
-    assert entry.installed, f"`package` is '{entry.package}', which is not installed; name the distribution of it"
-    assert entry.meaning, "`meaning` is empty; say in a few words what it is"
-    assert entry.reads in (".toml", ".urdf", ".xml"), "`reads` is the ending of its model file"
+    assert entry.installed, (
+        f"`package` is '{entry.package}', which is not installed; set it to the engine's distribution"
+    )
+    assert entry.meaning, "`meaning` is empty; describe the engine in a few words"
+    assert entry.reads in (".toml", ".urdf", ".xml"), "`reads` must be the ending of its model file"
     assert entry.cut in CUTS
-    assert bool(entry.cut) == (entry.reads != ".toml"), "`cut` says which generated URDF or MJCF it reads"
+    assert bool(entry.cut) == (entry.reads != ".toml"), "`cut` must name the generated URDF or MJCF that it reads"
     assert entry.tasks, "`tasks` is empty"
     assert entry.tasks <= {GivenMotion, InitialValue, States}
     unknown = {*entry.lacks} - {*QUANTITIES}
-    assert not unknown, f"`lacks` names what is no quantity: {', '.join(sorted(unknown))}"
-    assert all(why.strip() for why in entry.lacks.values()), "`lacks` says why, quantity by quantity"
+    assert not unknown, f"`lacks` names unknown quantities: {', '.join(sorted(unknown))}"
+    assert all(why.strip() for why in entry.lacks.values()), "`lacks` must give a reason for each quantity"
     unknown = {*entry.refuses} - {*FEATURES, *TASKS}
-    assert not unknown, f"`refuses` names {', '.join(sorted(unknown))}; there are {', '.join((*FEATURES, *TASKS))}"
+    assert not unknown, f"`refuses` names {', '.join(sorted(unknown))}; choose from {', '.join((*FEATURES, *TASKS))}"
     both = {*entry.refuses} & {task.__name__ for task in entry.tasks}
     assert not both, f"`tasks` and `refuses` both name {', '.join(sorted(both))}"
-    assert all(why.strip() for why in entry.refuses.values()), "`refuses` says why, feature by feature"
+    assert all(why.strip() for why in entry.refuses.values()), "`refuses` must give a reason for each feature"
 
 
 def test_it_takes_something_and_gives_nothing_that_it_lacks(loaded: Loaded, given: Problem) -> None:
     assert loaded.quantities
     every = replace(given, wanted=frozenset((*given.wanted, *loaded.engine.lacks)))
     given_though = {*loaded.ask(every).values} & {*loaded.engine.lacks}
-    assert not given_though, f"it gives {', '.join(sorted(given_though))}, which `lacks` names; take it out there"
+    assert not given_though, f"the engine gives {', '.join(sorted(given_though))}, which `lacks` names; remove it there"
 
 
 def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:
@@ -79,7 +81,9 @@ def test_a_task_that_it_does_not_take_is_refused(loaded: Loaded, given: Problem)
                 loaded.ask(replace(given, task=kinds[kind]))
             except ScrewgaugeError:
                 continue
-            pytest.fail(f"it answers {kind.__name__}, which `tasks` does not name; name it, or refuse it: {FITS}")
+            pytest.fail(
+                f"the engine answers {kind.__name__}, which `tasks` does not list; list it, or reject it: {FITS}"
+            )
 
 
 def test_settings_that_it_does_not_have_are_refused(loaded: Loaded) -> None:
@@ -89,7 +93,7 @@ def test_settings_that_it_does_not_have_are_refused(loaded: Loaded) -> None:
 
 def test_a_model_without_its_loops_file_is_refused(loaded: Loaded, tmp_path: Path) -> None:
     if not loaded.engine.cut:
-        pytest.skip("it reads a description, which says all")
+        pytest.skip("the engine reads a description, which needs no loops file")
     with pytest.raises(ModelFileError, match=r"has no loops file; put NAME.loops.toml beside it"):
         loaded.engine.load(ModelFiles(loaded.files.model))
     with pytest.raises(ModelFileError, match=r"gone.loops.toml: cannot be read"):

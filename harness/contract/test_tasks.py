@@ -31,11 +31,11 @@ def test_a_simulation_has_joint_motions_work_and_cost(loaded: Loaded, fall: Prob
         assert values.units == tuple(f"{unit}{rate}" for unit in mechanism.units)
         assert values.array.shape == (n, k)
         assert np.isfinite(values.array).all()
-    assert fallen.work is not None, "give `work`, NaN where it is not known"
+    assert fallen.work is not None, "set `work`, with NaN where it is unknown"
     assert fallen.work.shape == fallen.condition.shape == (n,)
     assert (fallen.stopped, fallen.rows, fallen.n_solved) == ("", None, n)
-    assert fallen.setting, "say method and tolerances in `setting`"
-    assert fallen.cost is not None, "give the `cost`: steps, evaluations, time"
+    assert fallen.setting, "state method and tolerances in `setting`"
+    assert fallen.cost is not None, "set `cost`: steps, evaluations, time"
     assert fallen.cost.evaluations > fallen.cost.steps > 0
     assert fallen.cost.wall_s > 0.0
     columns = mechanism.independent_columns

@@ -27,7 +27,7 @@ def plain_answer(answer: object, n: int) -> Solution:
         TypeError, ValueError: The answer is malformed; the message names the fault.
     """
     if not isinstance(answer, Solution):
-        raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
+        raise TypeError(f"the answer is of type {type(answer).__name__}, not Solution")
     values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
     shapes = {name: one.array.shape for name, one in values.items()}
     return Solution(
@@ -62,7 +62,7 @@ def shortened(text: object, most: int) -> str:
         TypeError: The value is not a string.
     """
     if not isinstance(text, str):
-        raise TypeError(f"a text is of type {type(text).__name__}")
+        raise TypeError(f"a text is of type {type(text).__name__}, not str")
     return str(text) if len(text) <= most else f"{text[:most]}... ({len(text) - most} more characters)"
 
 
@@ -74,7 +74,7 @@ def _texts(what: str, texts: object) -> tuple[str, ...]:
 def _some(what: str, items: object) -> list[Any]:
     """Return the items of a tuple or list; reject more than `MOST` items."""
     if not isinstance(items, (tuple, list)):
-        raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
+        raise TypeError(f"the {what} are of type {type(items).__name__}, not tuple")
     if len(items) > MOST:
         raise ValueError(f"{len(items)} {what}, more than {MOST}")
     return list(items)
@@ -83,22 +83,22 @@ def _some(what: str, items: object) -> list[Any]:
 def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
     """Yield the entries of a mapping whose keys are quantities."""
     if not isinstance(table, Mapping):
-        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+        raise TypeError(f"the {what} are of type {type(table).__name__}, not a mapping")
     for name, value in table.items():
         if not isinstance(name, str) or len(name) > SHORT:
-            raise ValueError(f"its {what} have '{name!s:.100}', which is no quantity")
+            raise ValueError(f"the {what} contain '{name!s:.100}', which is not a quantity")
         yield name, value
 
 
 def _values(name: str, values: object, n: int) -> Values:
     if not isinstance(values, Values):
-        raise TypeError(f"its {name} is of type {type(values).__name__}, not Values")
+        raise TypeError(f"{name} is of type {type(values).__name__}, not Values")
     array = _numbers(name, values.array, (None, None))
     if len(array) != n:
-        raise ValueError(f"{len(array)} samples of {name} for {n} times")
+        raise ValueError(f"{name} has {len(array)} samples for {n} times")
     components, units = (_names(name, texts) for texts in (values.components, values.units))
     if len({*components}) < len(components):
-        raise ValueError(f"two components of its {name} have one name")
+        raise ValueError(f"two components of {name} have the same name")
     return Values(components, units, array)
 
 
@@ -109,12 +109,12 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
     """Check that an array contains real numbers and has a given shape, in which None stands for any length."""
     if type(array) is not np.ndarray:  # e.g. a masked array, in which some numbers do not count
-        raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
+        raise TypeError(f"{what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
-        raise TypeError(f"its {what} is an array of {array.dtype.name}, not of real numbers")
+        raise TypeError(f"{what} is an array of {array.dtype.name}, not of real numbers")
     if array.ndim != len(shape) or any(m not in (None, k) for m, k in zip(shape, array.shape, strict=True)):
         wanted = ", ".join("any" if m is None else str(m) for m in shape)
-        raise ValueError(f"its {what} has shape {array.shape}, not ({wanted})")
+        raise ValueError(f"{what} has shape {array.shape}, not ({wanted})")
     return array if array.dtype == np.float64 else array.astype(float)
 
 
@@ -122,21 +122,21 @@ def _sizes(what: str, array: object, n: int) -> Array:
     """Check an array that has a non-negative number or NaN for each sample."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
-        raise ValueError(f"its {what} has negative numbers")
+        raise ValueError(f"{what} has negative numbers")
     return sizes
 
 
 def _size(what: str, number: Any) -> float:
     """Check a non-negative number."""
     if not (size := float(number)) >= 0.0:
-        raise ValueError(f"its {what} is {size}: no size, or negative")
+        raise ValueError(f"{what} is {size}, which is not a non-negative number")
     return size
 
 
 def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
     """Check the error estimate of a quantity whose values have a given shape."""
     if not isinstance(error, Error):
-        raise TypeError(f"its error of {name} is of type {type(error).__name__}, not an Error")
+        raise TypeError(f"the error of {name} is of type {type(error).__name__}, not Error")
     radius, condition, what = error.radius, error.condition, f"of {name}"
     return Error(
         scaled=_sizes(f"error {what}", error.scaled, n),
@@ -150,15 +150,15 @@ def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
 def _rows(rows: object, n: int) -> Any:
     """Check that an array contains ascending indices of samples."""
     if type(rows) is not np.ndarray or rows.dtype.kind not in "iu" or rows.ndim != 1:
-        raise TypeError("its rows are not an array of indices")
+        raise TypeError("rows is not an array of indices")
     if len(rows) and not (rows[0] >= 0 and rows[-1] < n and (np.diff(rows.astype(np.int64)) > 0).all()):
-        raise ValueError(f"its rows are not ascending indices of {n} samples")
+        raise ValueError(f"rows are not ascending indices of {n} samples")
     return rows.astype(np.intp)
 
 
 def _timing(timing: object) -> Timing:
     if not isinstance(timing, Timing):
-        raise TypeError(f"a timing is of type {type(timing).__name__}")
+        raise TypeError(f"a timing is of type {type(timing).__name__}, not Timing")
     engine, setting, stage, n, least, median, covers = astuple(timing)
     engine, setting, stage, covers = (shortened(text, LONG) for text in (engine, setting, stage, covers))
     return Timing(engine, setting, stage, int(n), float(least), float(median), covers)
@@ -166,7 +166,7 @@ def _timing(timing: object) -> Timing:
 
 def _cost(cost: object) -> Cost:
     if not isinstance(cost, Cost):
-        raise TypeError(f"its cost is of type {type(cost).__name__}")
+        raise TypeError(f"the cost is of type {type(cost).__name__}, not Cost")
     return Cost(float(cost.wall_s), float(cost.cpu_s), int(cost.steps), int(cost.evaluations))
 
 

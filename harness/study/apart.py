@@ -105,7 +105,7 @@ def _outcome(folder: Path, status: int) -> Any:
     """Return the result of the call, or raise its error."""
     if os.WIFSTOPPED(status) or os.WIFSIGNALED(status):
         code = os.WSTOPSIG(status) if os.WIFSTOPPED(status) else os.WTERMSIG(status)
-        raise CrashedError(f"crashed: its process got {signal.Signals(code).name}")
+        raise CrashedError(f"crashed: its process received {signal.Signals(code).name}")
     try:
         data = (folder / _ANSWER).read_bytes()
     except OSError:
@@ -121,7 +121,7 @@ def _outcome(folder: Path, status: int) -> Any:
     except MemoryError:
         raise
     except Exception as wrong:  # malformed bytes may raise anything
-        raise CrashedError(f"returned what is no plain data ({wrong})") from None
+        raise CrashedError(f"did not return plain data ({wrong})") from None
     error.add_note(text)
     raise error
 
@@ -130,7 +130,7 @@ def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
     """Recreate an error of this package without calling its constructor, whose arguments may differ."""
     form = getattr(errors, kind)
     if not issubclass(form, ScrewgaugeError):
-        raise TypeError(f"{kind} is no error")
+        raise TypeError(f"{kind} is not an error")
     error: ScrewgaugeError = form.__new__(form)
     ScrewgaugeError.__init__(error, what, where, remedy)
     return error
@@ -149,4 +149,4 @@ class _Plain(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _PLAIN:
             return super().find_class(module, name)
-        raise TypeError(f"it holds {name:.100} of {module:.100}")
+        raise TypeError(f"it contains {name:.100} of {module:.100}")

@@ -35,7 +35,7 @@ TICK = 0.1  # time between checks for results [s]
 #: Dask's settings for the longest response time of a scheduler, and for the longest time without a worker.
 ANSWER, WORKERS = "distributed.comm.timeouts.connect", "distributed.scheduler.no-workers-timeout"
 PATIENCE = "60s"  # default of `WORKERS`
-AGAIN = "and run the same command again: it goes on from the rows that are there"
+AGAIN = "and run the same command again; it resumes from the existing rows"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Cluster:
                 _check_versions(client)
                 self._run(client, tasks, keep, report)
         except (OSError, CancelledError):
-            raise OutputError("the scheduler has gone", self.where, f"start it {AGAIN}") from None
+            raise OutputError("the scheduler no longer responds", self.where, f"restart it {AGAIN}") from None
 
     def _run(self, client: Client, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         """Run tasks together; rerun those whose workers died, one at a time.
@@ -90,7 +90,7 @@ class Cluster:
                     groups.append({name: group[name]})
                     continue
                 if isinstance(result, KilledWorker):
-                    result = Failure(name, f"its worker was killed, {result.allowed_failures + 1} times")
+                    result = Failure(name, f"its worker was killed {result.allowed_failures + 1} times")
                 keep(name, result)
                 done += 1
 
@@ -132,7 +132,7 @@ class Cluster:
                 return
             seen = monotonic() if workers else seen
             if monotonic() - seen > patience:
-                raise OutputError(f"has had no worker for {patience:g} s", self.where, f"start some {AGAIN}")
+                raise OutputError(f"has had no worker for {patience:g} s", self.where, f"start workers {AGAIN}")
             for future in completed.next_batch(block=False):
                 try:
                     result = _result(future, timeout)
@@ -167,7 +167,9 @@ def _address(where: str) -> str:
     from distributed import Security
     from distributed.comm import connect
 
-    remedy = "start it, and give its address, as tcp://127.0.0.1:8786, or the file of dask scheduler --scheduler-file"
+    remedy = (
+        "start it, and pass its address, such as tcp://127.0.0.1:8786, or the file of dask scheduler --scheduler-file"
+    )
     address = read_json(Path(where), "file of a scheduler", remedy).get("address") if is_file(Path(where)) else where
 
     async def answer() -> None:
@@ -216,8 +218,8 @@ def _result(future: Future, timeout: str) -> Any:
         return error
     if isinstance(error, ScrewgaugeError):
         raise error
-    what = f"the cluster cannot do the tasks ({_line(error).partition('. ')[0]})"
-    raise DescriptionError(what, "--cluster", "see the logs of its scheduler and workers")
+    what = f"the cluster cannot run the tasks ({_line(error).partition('. ')[0]})"
+    raise DescriptionError(what, "--cluster", "check the logs of its scheduler and workers")
 
 
 def on_worker(name: str, work: Callable[[Progress], Any], limits: isolation.Limits, expected: Mapping[str, str]) -> Any:
@@ -250,7 +252,7 @@ def _with_files(work: Callable[[Progress], Any], home: str, files: Mapping[str, 
         os.chdir(home)
     for path, content in files.items():
         if not is_file(Path(path)) or digest(Path(path)) != content:
-            what = f"is not on the worker {platform.node()} as it is here"
+            what = f"is missing or different on the worker {platform.node()}"
             raise DescriptionError(what, path, "share the folder with all workers")
     return work(progress)
 

@@ -299,7 +299,7 @@ class Comparison:
             if quantity in table:
                 return table[quantity]
         known = dict.fromkeys(name for table in tables for name in table)
-        raise UnknownNameError(kind, quantity, known or ["none, as the engine truth was not run"])
+        raise UnknownNameError(kind, quantity, known or ["none, because the engine truth was not run"])
 
 
 def _radii(solution: Solution) -> dict[str, Array]:

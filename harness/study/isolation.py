@@ -51,7 +51,7 @@ AGAIN = 3  # number of reruns of a job whose process was killed from outside
 KILLED = re.compile("SIG(KILL|TERM|HUP)")  # a crashing engine gets a different signal, and would get it again
 STEP = 200  # largest length of the name of a step
 SLOW = 5.0  # time without progress after which a report states the possible cause [s]
-STARTING = "{} (loading, compiling or at its first samples)"
+STARTING = "{} (loading, compiling or solving its first samples)"
 #: Environment of worker processes: one thread each, no imports from the current folder, and no graphics, because MuJoCo
 #: would otherwise look for window libraries on import.
 ENVIRONMENT = {**ONE, **SAFE, "MUJOCO_GL": "disable"}
@@ -80,7 +80,7 @@ class Limits:
     def __post_init__(self) -> None:
         for option, value, unit in (("--limit", self.seconds, "s"), ("--memory", self.memory, "GB")):
             if not 0.0 < value < np.inf:
-                raise DescriptionError(f"a limit of {value:g} {unit}", option, f"give a positive number of {unit}")
+                raise DescriptionError(f"a limit of {value:g} {unit}", option, f"use a positive number of {unit}")
 
 
 def isolated(
@@ -108,7 +108,9 @@ def isolated(
         ScrewgaugeError: A job raised this error, and all other jobs were stopped; or `limits` is not a `Limits`.
     """
     if not isinstance(limits, Limits):
-        raise DescriptionError(f"{shown(limits)} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
+        raise DescriptionError(
+            f"{shown(limits)} is not a Limits object", "limits", "pass screwgauge.Limits(seconds=...)"
+        )
     # progress is reported through files, which survive their writer and never block
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         jobs = _Jobs(works, limits, lanes, keep, Path(folder))
@@ -180,7 +182,7 @@ class _Jobs(Generic[T]):
             if monotonic() - begin > self.limits.seconds:
                 del self.running[future]
                 _stop(process)
-                self._done(name, process, _limit_failure(name, self.limits, f", {shares[name]:.0%} of the way"))
+                self._done(name, process, _limit_failure(name, self.limits, f", {shares[name]:.0%} done"))
 
     def stop(self) -> None:
         """Stop all running jobs."""
@@ -256,7 +258,7 @@ def _run_within(
         try:
             return work(partial(_say, file))
         except MemoryError:
-            return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
+            return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory changes it")
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
@@ -283,15 +285,15 @@ def _executor() -> ProcessPoolExecutor:
     Raises:
         ScrewgaugeError: The system lacks room for semaphores of the process, or /proc, which is needed to end it.
     """
-    remedy = "mount it as systems usually do, or call screwgauge.run from Python, which starts no processes"
+    remedy = "mount it as usual, or call screwgauge.run from Python, which starts no processes"
     if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):
-        raise ScrewgaugeError("is not there, without which no process is watched and ended", "/proc", remedy)
+        raise ScrewgaugeError("is missing, but is needed to watch and end processes", "/proc", remedy)
     try:
         return ProcessPoolExecutor(
             max_workers=1, timeout=IDLE, context=Forks(), initializer=_begin, initargs=(lifeline(), {**os.environ})
         )
     except OSError as error:
-        raise ScrewgaugeError(f"cannot hold semaphores of processes ({why(error)})", "/dev/shm", remedy) from None
+        raise ScrewgaugeError(f"has no room for semaphores of processes ({why(error)})", "/dev/shm", remedy) from None
 
 
 def _stop(name: str) -> None:
@@ -307,7 +309,7 @@ def _stop_all() -> None:
 
 
 def _limit_failure(name: str, limits: Limits, how_far: str = "") -> Failure:
-    return Failure(name, f"stopped after {limits.seconds:g} s{how_far}, the limit; --limit sets another")
+    return Failure(name, f"stopped at the time limit of {limits.seconds:g} s{how_far}; --limit changes it")
 
 
 def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
@@ -327,7 +329,7 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
 def _ending(message: str) -> str:
     """Extract from a message by loky how a process ended."""
     if match := re.search(r"SIG[A-Z]+", message):
-        return f"its process got {match[0]}"
+        return f"its process received {match[0]}"
     if match := re.search(r"EXIT\((\d+)\)", message):
         return f"its process exited with status {match[1]}"
     return " ".join(message.split())

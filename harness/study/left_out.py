@@ -135,7 +135,9 @@ def _take_off(
     kinds = tuple(dict.fromkeys(contained))
     if not kinds:
         return answer, ()
-    note = f"its numbers contain what no engine has, and are compared without it: {', '.join(kinds)}"
+    note = (
+        f"its numbers include effects that no engine has, and are compared after subtracting these: {', '.join(kinds)}"
+    )
     return replace(answer, values=values, notes=(*answer.notes, note)), kinds
 
 

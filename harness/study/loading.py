@@ -29,8 +29,8 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
     """
     reading = isolated_call(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
     if isinstance(reading, Failure):
-        what = f"{library} does not survive it ({_reason(reading)})"
-        raise LoaderError(what, str(path), "let another library read it")
+        what = f"{library} fails to read the file ({_reason(reading)})"
+        raise LoaderError(what, str(path), "choose another library")
     return reading
 
 
@@ -47,8 +47,8 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     for each in (a, b):
         one = isolated_call("meshes", partial(weigh_side, each, scratch_folder()), LOADING)
         if isinstance(one, Failure):
-            what = f"mujoco does not survive its meshes ({_reason(one)})"
-            raise LoaderError(what, each, "give its bodies an <inertial>")
+            what = f"mujoco fails to read its meshes ({_reason(one)})"
+            raise LoaderError(what, each, "add an <inertial> to its bodies")
         models.append(one)
     return models[0], models[1]
 
@@ -61,7 +61,7 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
     """
     imported = isolated_call("import", partial(import_model, path, options or Options()), IMPORTING)
     if isinstance(imported, Failure):
-        remedy = "let another library read it (--reader), or give a smaller model"
+        remedy = "choose another library with --reader, or use a smaller model"
         raise ModelFileError(f"cannot be read: {_reason(imported)}", str(path), remedy)
     return imported
 

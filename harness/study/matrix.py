@@ -105,7 +105,7 @@ def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
     """Reject a string that is not a version before it reaches an installer."""
     for name in names:
         if not re.fullmatch(r"\d+(\.\w+)*", name):
-            raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
+            raise DescriptionError(f"'{name}' is not a version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
     return names
 
 

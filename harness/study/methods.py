@@ -45,9 +45,9 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
     """Convert an exception to a failure: one line, without the name of the temporary folder of generated files."""
     try:
-        message = str(error) or "nothing more is said"  # e.g. Python's MemoryError has no message
+        message = str(error) or "no message"  # e.g. Python's MemoryError has no message
     except Exception:  # formatting the error of an external package may fail, too
-        message = "what it says cannot be read"
+        message = "its message cannot be read"
     message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
     reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
@@ -193,12 +193,12 @@ def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
 
 def without(quantities: Iterable[str]) -> str:
     """Return a sentence on an answer that lacks quantities."""
-    return f"gives no {', '.join(quantities)}, though asked for"
+    return f"does not give {', '.join(quantities)}, although requested"
 
 
 def notes_on_lacks(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
     """Yield notes on requested quantities that an engine declared to lack."""
-    return (f"gives no {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
+    return (f"does not give {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 
 
 def check_whole(problem: Problem, answer: Solution) -> Solution:
@@ -222,12 +222,12 @@ def check_components(answer: Solution, n: int, names: Names, coordinates: int) -
     """
     for quantity, values in answer.values.items():
         if len(values.array) != n:
-            raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
+            raise ValueError(f"{quantity} has {len(values.array)} samples for {n} times")
         components, units = names.get(quantity, (values.components, values.units))
         odd = [name for name in {*values.components} ^ {*components} if name]
         if odd:
             raise ModelFileError(
-                f"its {quantity} and that of the description differ in '{min(odd)}'",
+                f"its {quantity} differs from the description's in '{min(odd)}'",
                 f"model of {answer.engine}",
                 "describe the same joints, bodies and actuators in the model, its loops file and the description",
             )

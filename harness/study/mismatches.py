@@ -145,8 +145,8 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
     known, said = [{*coupling.named} for coupling in scene.mechanism.couplings], reading.couplings.values()
     if lost := [each.joint for each in said if each.joint not in coupled and {*each.named} not in known]:
-        what = f"joint {first_few(lost, _NAMED)} follows another one or is held, which the description does not say"
-        raise ModelFileError(what, str(model), "take its mimic or equality out, or give the description a coupling")
+        what = f"joint {first_few(lost, _NAMED)} follows another joint or is held, unlike in the description"
+        raise ModelFileError(what, str(model), "remove its mimic or equality, or add a coupling to the description")
     mechanism, found = scene.mechanism, list[LeftOut]()
     known_amounts = {(one.coordinate, one.what): one.amount for one in mechanism.resistances}
     for one in left_out_of(source, reading):
@@ -202,7 +202,7 @@ def _extra_contents(mechanism: Mechanism, engine: Engine, model: Path, *, known:
     try:
         beyond = extras(model, FORMATS[engine.reads], mechanism)
     except (ParseError, LookupError, ValueError) as error:
-        yield f"{model.name} cannot be searched for what is beyond the description ({error})"
+        yield f"{model.name} cannot be searched for properties beyond the description ({error})"
         return
     for extra in (extra for extra in beyond if not (known and extra.kind == MEASURED)):
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
@@ -227,7 +227,7 @@ def _deviations(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterato
         yield f"{path.name} cannot be compared with the description: {bad[0].found}"
     elif bad:
         things = _list(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
-        yield f"{fate}{path.name}, other than described: {things}"
+        yield f"{fate}{path.name}, unlike the description: {things}"
 
 
 def _list(things: Iterable[str]) -> str:

@@ -30,9 +30,9 @@ from screwgauge.witness.tree import TreeStates, stacked
 
 STANDIN = "screw"
 _NOTES = {
-    TRUTH: "Errors are against the engine truth: ball arithmetic with a rigorous radius.",
-    STANDIN: f"Errors are against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
-    "errors below 1e-12 mean nothing, and contestants that share its code look better than they are.",
+    TRUTH: "Errors are measured against the engine truth: ball arithmetic with a rigorous radius.",
+    STANDIN: f"Errors are measured against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
+    "errors below 1e-12 are meaningless, and contestants that share its code look better than they are.",
 }
 MOST = 200  # number of times that the truth solves at once
 

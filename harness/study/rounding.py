@@ -25,7 +25,7 @@ def with_rounding(mechanism: Mechanism, problem: Problem, answers: Mapping[str, 
         try:
             errors = rounding(kind)
         except ScrewgaugeError as error:
-            note = f"what {kind.name} rounds is not known: {error}"
+            note = f"the rounding error of {kind.name} is unknown: {error}"
             return replace(answer, errors={}, notes=(*answer.notes, note))
         return replace(answer, errors={name: one for name, one in errors.items() if name in answer.values})
 

@@ -180,7 +180,7 @@ def _check_names(
         check_engines(scene.models, f"{where}, models")
     for engine, file in scene.models.items():
         if not is_file(file):
-            what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
+            what = f"model file of {engine} does not exist or is not a regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
     named, where = (scene.engines, where) if engines is None else (engines, "")
     names = check_engines(named, where, type(scene.task), scene.tables)
@@ -188,7 +188,7 @@ def _check_names(
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
         if quantities is not None and "observable" in wanted:
-            raise DescriptionError("there is no observable", scene.name, "add [[observables]]")
+            raise DescriptionError("the scene has no observable", scene.name, "add [[observables]]")
         wanted = tuple(name for name in wanted if name != "observable")
     return tuple(sorted(names, key=lambda name: name in scene.tables)), wanted
 
@@ -222,7 +222,7 @@ def _remarks(asked: _Asked) -> dict[str, str]:
     scene, said = asked.scene, [*asked.scene.mechanism.remarks, *asked.warnings]
     if scene.changed:
         said.append(
-            f"the mechanism is not that of {scene.mechanism_file.name}: it was changed, and is run as it is now"
+            f"the mechanism was changed after it was read from {scene.mechanism_file.name}, and runs as changed"
         )
     return dict.fromkeys(doubts(scene), DOUBT) | dict.fromkeys(said, "")
 
@@ -274,7 +274,7 @@ def _note_lacks(scene: Scene, answer: Solution, lacking: Sequence[Refusal]) -> S
     """Add notes on missing values to an answer."""
     notes = [one.sentence for one in lacking if one.engine == answer.engine]
     if not (scene.simulated or answer.engine in scene.tables) and assembly_of(scene.mechanism, answer) is None:
-        notes.append("its assembly is not known, as it gives no joint positions: nothing of it can be judged")
+        notes.append("its assembly is unknown, because it gives no joint positions: nothing of it can be judged")
     return replace(answer, notes=(*answer.notes, *notes))
 
 

@@ -62,7 +62,7 @@ def _add_observables(scene: Scene, lay: Layout, answer: Solution, wanted: Sequen
     estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # mark missing samples
     met = np.pad(met, (0, n - m), mode="edge")
     cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)
-    doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits are no stops here"] if beyond else []
+    doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits do not act as stops here"] if beyond else []
     notes = (
         f"stopped: {answer.stopped}" if answer.stopped else "",
         f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
@@ -97,4 +97,4 @@ def ends(
     for name, answer in answers.items():
         if answer.n_solved < len(scene.t):
             t = scene.t[answer.n_solved - 1]
-            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"
+            yield quantity, name, f"{name} has no values after t = {t:g} s: {answer.stopped}"

@@ -79,7 +79,7 @@ def write_scene_models(scene: Scene, folder: Path) -> None:
     """
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     if scene.changed:
-        remark = f"Changed since it was read from {scene.mechanism_file.name}; numbers are those of its doubles."
+        remark = f"Changed after it was read from {scene.mechanism_file.name}; numbers are rounded to doubles."
         text = description(scene.mechanism, [remark])
         (folder / f"{scene.mechanism.name}.toml").write_text(text, encoding="utf-8")
 
@@ -111,7 +111,7 @@ def within(seconds: float) -> Progress:
 
     def progress(share: float) -> None:
         if perf_counter() - begin > seconds:
-            raise TooLongError(f"stopped after {seconds:.3g} s, {share:.0%} of the way")
+            raise TooLongError(f"stopped after {seconds:.3g} s, {share:.0%} done")
 
     return progress
 

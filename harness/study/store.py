@@ -19,7 +19,7 @@ from screwgauge.reference.files import read_bytes, why
 from screwgauge.truth import cache
 
 Row = TypeVar("Row")
-_CHANGED = "Pieces of earlier work were not used: scene, settings, code or environment have changed."
+_CHANGED = "Results of interrupted work were not reused: scene, settings, code or environment have changed."
 
 
 class Journal:
@@ -54,7 +54,7 @@ class Journal:
             self.path = cache.folder() / f"journal-{name[:32]}.jsonl"
             data = read_bytes(self.path, "MB of CSV") if os.path.lexists(self.path) else b""
         except (OSError, DescriptionError) as error:
-            self.path, self.note = None, f"Nothing is kept of this work if it is interrupted ({error})."
+            self.path, self.note = None, f"An interruption would lose the results of this work ({error})."
             return
         lines = [*filter(None, data.splitlines())]
         records = [record for line in lines if (record := self._read(line)) is not None]
@@ -68,7 +68,7 @@ class Journal:
             self.note = _CHANGED
             self.remove()
         elif self.results:
-            self.note = f"Resumed: {len(self.results)} results of interrupted work were taken over."
+            self.note = f"Resumed: {len(self.results)} results of interrupted work were reused."
 
     def rows(self, form: type[Row]) -> dict[str, Row]:
         """Return results as rows of a dataclass, omitting malformed rows, which are then computed again."""
@@ -111,7 +111,7 @@ class Journal:
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(f"\n{self._sign(self.address, text)} {text}\n")
         except OSError as error:
-            remedy = "make room and run the same command again: it goes on from the rows that are there"
+            remedy = "free some space and run the same command again; it resumes from the existing rows"
             raise OutputError(f"cannot be written ({why(error)})", str(self.path), remedy) from None
 
 

@@ -27,8 +27,8 @@ def times(count: int, step: float, *, first: float = 0.0, part: int = PART) -> I
         DescriptionError: `count`, `part` or `step` is not positive, or a number is not finite.
     """
     if not (count > 0 and part > 0 and 0.0 < step < np.inf and np.isfinite(first)):
-        what = f"{count} times in parts of {part}, {step:g} s apart from {first:g} s on"
-        raise DescriptionError(what, "times", "give positive finite numbers")
+        what = f"{count} times in parts of {part}, {step:g} s apart, from {first:g} s on"
+        raise DescriptionError(what, "times", "use positive finite numbers")
     for begin in range(0, count, part):
         yield first + np.arange(begin, min(begin + part, count), dtype=float) * step
 
@@ -63,7 +63,7 @@ def stream(
     for t in parts:
         t = np.asarray(t, dtype=float)
         if t.ndim != 1 or not len(t) or not np.isfinite(t).all():
-            raise DescriptionError("a part is no list of finite times", "parts", "give arrays of times in s")
+            raise DescriptionError("a part is not an array of finite times", "parts", "pass arrays of times in s")
         motion = scene.moved(t)
         walk.part(motion)
         solutions, failures = solve(replace(scene, task=motion), (name,), wanted)

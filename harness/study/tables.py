@@ -26,7 +26,7 @@ from screwgauge.study.fixed import with_fixed
 
 #: Distance within which an angle counts as that of the scene, up to whole revolutions [rad].
 NEAR = 0.1
-NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
+NO_TREE = "joint forces of an open tree depend on where an engine cuts the loops"
 
 Columns = dict[str, dict[str, Array]]
 """Quantity -> component -> values."""
@@ -39,8 +39,10 @@ def check_tables(scene: Scene) -> None:
         DescriptionError: A table has the name of an engine, or of the reference.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
-        why = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
-        raise DescriptionError(f"a table is called '{name}', {why}", f"{scene.file or scene.name}, tables", "rename it")
+        why = "an engine" if name != REFERENCE else "the reference of a simulation"
+        raise DescriptionError(
+            f"the table '{name}' has the name of {why}", f"{scene.file or scene.name}, tables", "rename it"
+        )
 
 
 def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
@@ -61,7 +63,7 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         told = unique_samples(scene)
         rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
     if not rows.size:
-        raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
+        raise DescriptionError("has none of the times of the scene", table.where, "choose times that it has")
     values: dict[str, Values] = {}
     for quantity in (quantity for quantity in names if quantity in wanted and quantity in columns):
         units = {name: unit for name, unit in zip(*names[quantity], strict=True) if name in columns[quantity]}
@@ -69,26 +71,26 @@ def answer_of_table(scene: Scene, name: str, names: Names, wanted: Collection[st
         array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
         values[quantity] = Values(tuple(units), tuple(units.values()), array)
     if not values:
-        what = f"gives nothing of what is compared ({', '.join(wanted)})"
-        raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
+        what = f"has none of the compared quantities ({', '.join(wanted)})"
+        raise DescriptionError(what, table.where, "request its quantities, or omit the table")
     values, assembly = with_fixed(scene.mechanism, values), _assembly(scene, rows)
     if "joint_position" in values:
         values["joint_position"] = _unwind(values["joint_position"], scene.mechanism.coordinates, assembly)
     short, long = _lacks(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
-    unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
+    unused = [f"has {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped:
-        unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
+        unused.append(f"{skipped} of its {len(table.t)} times are not compared, because the scene lacks them")
     unused += [f"{name} is converted to SI units" for name in table.converted]
     return Solution(
         engine=name,
         version=table.file.name if table.file else table.where,
         values=values,
         condition=empty(len(scene.t)),
-        notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
+        notes=(*long, *unused, *(f"has no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
         assembly=None if _is_whole(values, names, "joint_position") else assembly,
         rows=None if len(rows) == len(scene.t) else rows,
         warnings=short,
-        lacks=dict.fromkeys({*wanted} - {*values}, "the table has no column of it"),
+        lacks=dict.fromkeys({*wanted} - {*values}, "the table has no such column"),
     )
 
 
@@ -101,7 +103,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
         components, units = names[quantity]
         header.check_unit(units[components.index(header.component)], table.where)
         if header.component in columns.setdefault(quantity, {}):
-            raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
+            raise DescriptionError(f"{header.component} of {quantity} appears twice", table.where, "remove one")
         columns[quantity][header.component] = values if header.factor == 1.0 else header.factor * values
     for quantity in table.error:
         check_choice("quantity", [quantity], columns, f"{table.where}, error")
@@ -122,9 +124,9 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
     compared = having if len(having) == 1 else [name for name in having if name in wanted]
     if len(compared) != 1:
         *others, last = compared or having
-        several = f"{', '.join(others)} and {last}"
-        remedy = f"write {last}/{header.component}, or whichever it is, or ask for one of them by --quantities"
-        raise DescriptionError(f"column '{header.text}' is of {several}", where, remedy)
+        several = f"{', '.join(others)} or {last}"
+        remedy = f"rename it, for example to {last}/{header.component}, or choose one quantity with --quantities"
+        raise DescriptionError(f"column '{header.text}' may be {several}", where, remedy)
     return compared[0]
 
 
@@ -134,12 +136,12 @@ def _lacks(
     """Describe which wanted quantities a table lacks: in one sentence, and in notes by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
-    long = [f"gives {each}" for each in short]
+    long = [f"has {each}" for each in short]
     for quantity, has in values.items():
         if rest := [component for component in names[quantity][0] if component not in has.components]:
             short.append(f"only {len(has.components)} of the {len(names[quantity][0])} components of {quantity}")
-            long.append(f"of {quantity} it gives no {', '.join(rest)}")
-    return (f"{name} gives {'; '.join(short)}",) if short else (), long
+            long.append(f"has no {', '.join(rest)} for {quantity}")
+    return (f"{name} has {'; '.join(short)}",) if short else (), long
 
 
 def _is_whole(values: Mapping[str, Values], names: Names, quantity: str) -> bool:

@@ -124,7 +124,7 @@ def test_unknown_names_are_refused(lay):
 
 @pytest.mark.parametrize(("method", "samples"), [("euler", 1), ("rk4", 1), ("rk4", 2), ("rk4", 4)])
 def test_a_motion_of_no_whole_steps_is_refused(lay, method, samples):
-    with pytest.raises(DescriptionError, match=f"{samples} samples are no whole steps of {method}"):
+    with pytest.raises(DescriptionError, match=f"{samples} samples do not make whole steps of {method}"):
         integrate(lay, SCENE.moved(0.1 * np.arange(samples)), method=method)
 
 

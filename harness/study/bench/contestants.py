@@ -99,7 +99,7 @@ class Contestant:
 #: Fields of a contestant that are copied from an entry of ``cases.toml``.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
 
-_COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+_COVERS = "integration from start to end, loop closing and output at the samples included, loading excluded"
 _SIMULATOR = partial(Contestant, question=given.simulation, quantities=("observable", "energy"), covers=_COVERS)
 #: Tolerances of a step, rtol = atol. Implicit methods of low order would need too many steps for the smaller ones.
 LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -178,7 +178,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 def leaving_out() -> Iterator[Contestant]:
     """Yield each engine with reduced requests, to measure the savings; its first contestant computes everything."""
     for engine in ENGINES:
-        covers = f"from y and its derivatives: the engine {engine}, model loaded"
+        covers = f"from y and its derivatives by the engine {engine}, with the model already loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
         trial = partial(any_engine, method=Method(engine))
         yield trial(EVERYTHING, question=given.omit, quantities=GIVEN)

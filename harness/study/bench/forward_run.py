@@ -46,13 +46,15 @@ def shorten_motion(scene: Scene, plan: Plan) -> tuple[Scene, Sequence[str]]:
     """
     t = scene.start.t
     if not scene.observables:
-        raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
+        raise DescriptionError("the scene has no observable to measure errors of", scene.name, "add [[observables]]")
     if plan.share < 1.0:
         t = t[t <= t[0] + plan.share * (t[-1] - t[0])]
     short = scene.at(t[spread(len(t), plan.samples)])
     _, notes = check_start(short)
     if plan.share < 1.0:
-        part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
+        part = (
+            f"Only the first {plan.share:.0%} of the motion was integrated; published results are for the whole motion."
+        )
         notes = (*notes, part)
     return short, notes
 
@@ -122,7 +124,7 @@ def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
         solution = Method("screw").load(model_files(scene, "screw", folder)).solve(problem)
         if solution.stopped:
             raise DescriptionError(
-                f"the motion stops early ({solution.stopped})", scene.name, "shorten it or give a [reference]"
+                f"the motion stops early ({solution.stopped})", scene.name, "shorten the motion or add a [reference]"
             )
         known = observe(layout(scene.mechanism), scene.observables, solution.values["joint_position"].array)
     values = {"observable": known}
@@ -154,7 +156,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
         left: Remaining budget [s].
     """
     if foreseen > plan.each:
-        reason = f"the setting before tells that it would take more than {plan.each:g} s"
+        reason = f"the previous setting predicts that it would take more than {plan.each:g} s"
         return {"status": CUT, "reason": reason}
     trial, costs = contestant.ask(posed), list[Cost]()
     (problem,), most = trial.problems, min(plan.each, left)

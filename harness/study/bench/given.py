@@ -106,7 +106,9 @@ def difference(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part
     """
     t, reference = posed.t, posed.reference
     if len(t) < 3 or not np.allclose(np.diff(t), t[1] - t[0], rtol=1e-9):
-        raise DescriptionError("the compared times are not evenly spread", "finite differences", "give an even grid")
+        raise DescriptionError(
+            "the compared times are not evenly spaced", "finite differences", "use an evenly spaced grid"
+        )
     duration = float(t[-1] - t[0])
     fine = max(1, round((t[1] - t[0]) / (part * duration)))
     n = fine * (len(t) - 1)

@@ -49,10 +49,10 @@ HARD, PASSES = 0.9999, 7
 FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that are exact to rounding for loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
-_TAKEN = "the state is taken for a closed one: the answer is that of a mechanism pulled apart by the gap"
-_SPRINGS = f"{_TAKEN}; springs on the gap make it smaller later, not the answer right"
+_TAKEN = "the engine takes the state for a closed one: its answer is for a mechanism pulled apart by the gap"
+_SPRINGS = f"{_TAKEN}; springs across the gap reduce it over time, but do not correct the answer"
 _STIFF = "mj_inverse returns the force of its soft constraints: the gap times stiffness times apparent mass"
-_SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on closed states too"
+_SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, even for closed states"
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -168,7 +168,7 @@ def reduced_equations(lay: Layout, problem: Problem) -> Solution:
     """Compute accelerations of closed states from the equations of the independent coordinates."""
     clock, mechanism, task = Stopwatch(), lay.mechanism, problem.task
     if not isinstance(task, States):
-        raise TypeError("the task gives no states")
+        raise TypeError("the task has no states")
     at = motion_at(lay, task.q, task.v[:, mechanism.independent_columns], applied=problem.applied, joints=task.tau)
     units = tuple(f"{unit}/s^2" for unit in mechanism.units)
     values = {ACCELERATION: Values(mechanism.coordinates, units, at.joint_acceleration)}

@@ -73,7 +73,7 @@ class Finding(Residual):
     def explanation(self) -> str:
         """Reason, or a remark that the engine states no reason."""
         silent = not self.reason and not math.isfinite(self.error)
-        return "not a number, and nothing says so" if silent else self.reason
+        return "not a number, without any warning" if silent else self.reason
 
     @property
     def verdict(self) -> str:
@@ -158,7 +158,7 @@ def with_integration(question: Question, integration: Integration) -> Question:
     """Return a question about a simulation with a different method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
-        raise TypeError("the task is no simulation")
+        raise TypeError("the task is not a simulation")
     return replace(question, problem=replace(question.problem, task=replace(task, integration=integration)))
 
 
@@ -229,7 +229,7 @@ def _compare(question: Question, solution: Solution, blank: Finding, values: Val
     finding = replace(blank, error=error, tolerance=bound, condition=condition)
     admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
     if math.isinf(bound):
-        admits = f"by {question.by} not one digit may be right"
+        admits = f"according to {question.by} no digit may be correct"
     if math.isnan(error):  # only the engine's explanation counts
         return replace(finding, reason=excuse or admits)
     silent = finding.verdict == SILENT and not finding.own
@@ -246,7 +246,7 @@ def _judge(question: Question, solution: Solution, blank: Finding) -> Finding:
         error=float(table["max_scaled"].max(skipna=False)),
         tolerance=max([GOOD, *(_estimate(solution, quantity) for quantity in solution.errors)]),
         condition=float(np.nanmax(solution.condition)),
-        reason="largest residual of the judge: no truth could be had",
+        reason="largest residual of the judge, as no truth is available",
     )
 
 

@@ -120,8 +120,8 @@ PART = 2048  # number of steps of the scheme per part
 CHECKED = 8  # number of samples compared with the truth, including the last one
 QUANTITIES = ("joint_position", "generalized_force")
 SCHEMES = {
-    "paper Euler": ("euler", "steps of eq. (27): an error of first order that nothing corrects or estimates"),
-    "paper RK4": ("rk4", "an error of fourth order that nothing corrects or estimates"),
+    "paper Euler": ("euler", "steps of eq. (27), whose first-order error is neither corrected nor estimated"),
+    "paper RK4": ("rk4", "a fourth-order error that is neither corrected nor estimated"),
 }
 
 

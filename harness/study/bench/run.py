@@ -43,7 +43,7 @@ Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and contestant -> its measured times [s]."""
 
 #: Note on the times of contestants that ran simultaneously.
-BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
+BESIDE = "Contestants were measured concurrently in several processes or on several workers, which disturbs times."
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -91,7 +91,7 @@ def plan_of(scene: Scene, *, quick: bool = False, limit: float | None = None) ->
     if limit is None:
         return plan
     if not 0.0 < limit < np.inf:
-        raise DescriptionError(f"a limit of {limit:g} s", "--limit", "give a positive number of seconds")
+        raise DescriptionError(f"a limit of {limit:g} s", "--limit", "use a positive number of seconds")
     return replace(plan, budget=limit)
 
 
@@ -173,18 +173,20 @@ def check_given(scene: Scene) -> None:
     for entry, names in (("models", scene.models), ("tables", scene.tables)):
         if names:
             raise DescriptionError(
-                "the bench measures methods on models made from the description and reads none of your own",
+                "the bench measures methods on models generated from the description, not on your own",
                 f"{scene.file or scene.name}, {entry}",
-                f"remove [{entry}], or compare {', '.join(names)} by `screwgauge run`",
+                f"remove [{entry}], or compare {', '.join(names)} with `screwgauge run`",
             )
     if scene.simulated:
         return
     if scene.applied.springs or scene.applied.motors:
         raise DescriptionError(
-            "the bench of a given motion knows no springs and no motors", scene.name, "remove them, or add [forward]"
+            "the bench of a given motion does not support springs or motors",
+            scene.name,
+            "remove them, or add [forward]",
         )
     if any(load.courses or load.axes == "body" for load in scene.applied.loads):
-        what = "the bench of a given motion knows loads that are constant in world axes only"
+        what = "the bench of a given motion supports only loads that are constant in world axes"
         raise DescriptionError(what, scene.name, "remove the others, or add [forward]")
 
 
@@ -344,7 +346,7 @@ def fits(result: Mapping[str, Any]) -> bool:
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
     """Yield the rows of one contestant, whether measured, failed or cut short."""
-    result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
+    result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget ran out before its turn"})
     seconds, cost = tuple(kept.times.get(contestant.key, ())), result.get("cost")
     for quantity in contestant.quantities:
         status, reason = result["status"], result.get("reason", "")
@@ -352,7 +354,7 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
         if lost:
             status, reason = FAILED, lost
         elif status == OK and not seconds and cost is None:
-            status, reason = CUT, "the budget was spent before it could be timed"
+            status, reason = CUT, "the budget ran out before it could be timed"
         yield BenchRow(
             quantity,
             error=float(largest),

@@ -107,10 +107,10 @@ def chains(lay: Layout) -> Chains:
     series = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
     if lay.mechanism.couplings:
-        raise DescriptionError("has couplings", where, "the paper's scheme knows only chains")
+        raise DescriptionError("has couplings", where, "remove them: the paper's scheme supports only chains")
     if sum(len(chain) for chain in series) != len(lay.mechanism.joints):
         what = "not every joint lies in a serial chain from ground to one platform"
-        raise DescriptionError(what, where, "the paper's scheme needs that")
+        raise DescriptionError(what, where, "use a mechanism of such chains, which the paper's scheme requires")
     if any(edge.reverse for chain in series for edge in chain):
         raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
     freedoms = [list(_freedoms(lay, chain)) for chain in series]
@@ -199,7 +199,10 @@ def integrate(
     parts = PARTS[method]
     steps, rest = divmod(len(motion) - 1, parts)
     if rest or not steps:
-        what, remedy = f"{len(motion)} samples are no whole steps of {method}", f"give {parts} for each step, and one"
+        what, remedy = (
+            f"{len(motion)} samples do not make whole steps of {method}",
+            f"pass {parts} for each step, plus one",
+        )
         raise DescriptionError(what, "motion", remedy)
     V, A = platform_screws(lay, motion, twist)
     side = chains(lay)

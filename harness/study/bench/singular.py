@@ -229,15 +229,15 @@ def textbook_linkages() -> Iterator[Passing]:
     start, end = crank["joints"]["x"]["home"][0], 0.8
     slow = {"x": {"offset": 0.79, "harmonics": [[2.0, -0.01, 0.0]]}}
     swing = {"x": {"offset": (start + end) / 2, "harmonics": [[turn, (start - end) / 2, 0.0]]}}
-    why = "crank and rod are one line: the crank may go on or back"
+    why = "crank and rod are collinear: the crank may continue or turn back"
     yield Passing("dead-centre", crank, slow, LAST, REFUSED, half, why)
     yield Passing("fold", crank, swing, LAST, REFUSED, 1.0, why)
-    why = "rod and crank coincide: the slide may go on, or rest while the rod turns with the crank"
+    why = "rod and crank coincide: the slide may continue, or rest while the rod turns with the crank"
     yield _drive("equal-rods", slider_crank(0.1, 0.1, 0.7), {"a": (0.7, 1.0)}, half - 0.7, why)
-    why, start = "crank and rod are one line across the slide: the slide may go on or back", -half - 0.8
+    why, start = "crank and rod are collinear across the slide: the slide may continue or turn back", -half - 0.8
     offset = slider_crank(0.1, 0.25, start, offset=0.15)
     yield _drive("offset-slider-crank", offset, {"a": (start, 1.0)}, 0.8, why)
-    bars = "all bars are one line: the rocker may go on in either sense"
+    bars = "all bars are collinear: the rocker may continue in either sense"
     for name, lengths, singular, why in (
         ("parallelogram", (0.3, 0.5, 0.3, 0.5), turn, bars),
         ("kite", (0.5, 0.3, 0.3, 0.5), 0.0, "the ends of coupler and rocker meet: both turn freely"),
@@ -254,7 +254,7 @@ def _spreading_five_bar(
     base, at = sum(rods) - sum(cranks) - gap, 0.7
     angles = float(np.pi) - at * rates[0], -at * rates[1]
     linkage = five_bar((cranks[0], cranks[1]), (rods[0], rods[1]), base, angles)
-    why = "cranks and rods are one line: the rods may go on or back"
+    why = "cranks and rods are collinear: the rods may continue or turn back"
     return _drive(name, linkage, {"a": (angles[0], rates[0]), "e": (angles[1], rates[1])}, at, why, gap)
 
 
@@ -279,7 +279,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
     singular = np.pi if which == 2 else 0.0
     start = float(singular - rng.uniform(0.5, 1.0))
     linkage = four_bar(crank, coupler, rocker, base, start, side=float(rng.choice([-1.0, 1.0])))
-    return _drive(name, linkage, {"a": (start, 1.0)}, float(singular - start), "all bars are nearly one line", gap)
+    return _drive(name, linkage, {"a": (start, 1.0)}, float(singular - start), "all bars are nearly collinear", gap)
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
@@ -289,7 +289,7 @@ def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passi
     way = float(rng.uniform(0.5, 1.0))
     start = -float(np.pi) / 2 - way
     linkage = slider_crank(crank, crank + offset + gap, start, offset=offset)
-    return _drive(name, linkage, {"a": (start, 1.0)}, way, "crank and rod are nearly one line across the slide", gap)
+    return _drive(name, linkage, {"a": (start, 1.0)}, way, "crank and rod are nearly collinear across the slide", gap)
 
 
 def _five_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:

@@ -104,7 +104,7 @@ def _with_springs(
     """Return the problem with springs and with actuator forces that compensate them."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
-        raise TypeError("the task gives no forces")
+        raise TypeError("the task has no forces")
     f, tau = posed.reference.values["actuator_force"].array, states.tau.copy()
     for i, spring in enumerate(springs):
         k = states.coordinates.index(spring.coordinate)
@@ -189,7 +189,7 @@ def explicit_method(question: Question, fastest: float) -> Question:
     steps, reason = DURATION * fastest / REACH, ""
     if steps > MOST_STEPS:
         reason = (
-            f"stiff for an explicit method: the eigenvalue of {fastest:.2g} 1/s bounds its step to "
+            f"stiff for an explicit method: the eigenvalue of {fastest:.2g} 1/s limits its step to "
             f"{REACH / fastest:.1e} s, {steps:.0f} steps for stability alone"
         )
     return replace(admit_tolerance(question, DOP853, Method("screw", label="screw DOP853")), refused=reason)
@@ -256,5 +256,5 @@ def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> 
             return np.asarray(Y[-1])
         last = relative
     raise ScrewgaugeError(
-        f"a step of {h:g} s does not converge ({last:.1e} is left)", f"t = {t:g} s", "take shorter steps"
+        f"a step of {h:g} s does not converge (last relative change {last:.1e})", f"t = {t:g} s", "use shorter steps"
     )

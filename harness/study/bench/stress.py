@@ -75,13 +75,13 @@ class StressCase:
         """
         where = f"case {self.name}"
         if severities is not None and not len(severities):
-            raise DescriptionError("there is no severity", where, f"give some within {self.span}")
+            raise DescriptionError("no severity is given", where, f"choose severities within {self.span}")
         for value in severities or ():
             if self.whole and value != int(value):
-                raise DescriptionError(f"severity {value:g} is no count", where, "give whole numbers")
+                raise DescriptionError(f"severity {value:g} must be a whole number", where, "choose another")
             if not self.low <= value <= self.high:
                 what = f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})"
-                raise DescriptionError(what, where, "give one within")
+                raise DescriptionError(what, where, "choose one within this range")
         return list(dict.fromkeys(severities or (self.quick if quick else self.full)))
 
 
@@ -199,7 +199,7 @@ def stress(
     """
     chosen = choose(cases)
     if severities is not None and len(chosen) != 1:
-        raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
+        raise DescriptionError("severities apply to a single case", "--severity", "name that case")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
     kept, form = Journal(place, address("stress", quick)), Sequence[Finding]
     before = {key: each["rows"] for key, each in kept.results.items() if is_record(each.get("rows"), form)}

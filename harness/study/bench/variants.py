@@ -83,7 +83,7 @@ def given_motion(problem: Problem) -> GivenMotion:
         DescriptionError: The task of the problem is not a given motion.
     """
     if not isinstance(problem.task, GivenMotion):
-        raise DescriptionError("the task is no given motion", "variant of screw", "give one")
+        raise DescriptionError("the task is not a given motion", "variant of screw", "pass a GivenMotion")
     return problem.task
 
 
@@ -106,7 +106,7 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
     motion = rounded(given_motion(problem), lay.path.dtype)
     q = closed_form_positions(lay, motion.y)
     if q is None:
-        raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
+        raise ClosureError("no closed form", "this mechanism", "use a mechanism whose chains are all U-P-U or U-P-S")
     if mended and np.abs(gaps(lay, q)).max() > 64 * np.finfo(q.dtype).eps:
         system, goals = _unitless(lay, motion.y)
         z = newtons_method(system.evaluate, system.unknowns(q), goals, most=5)[0]
@@ -192,5 +192,5 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
     at = motion_at(lay, q, motion.yd, motion.ydd, applied)
     out = {name: q if name == "joint_position" else np.array(QUANTITIES[name](at)) for name in wanted}
     if any(array.dtype != lay.path.dtype for array in out.values()):
-        raise TypeError(f"not all of it was computed in {lay.path.dtype}")
+        raise TypeError(f"some steps were not computed in {lay.path.dtype}")
     return out

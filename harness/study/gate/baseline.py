@@ -23,7 +23,7 @@ SCHEMA = 1
 #: Type of tables of versions, hashes and packages.
 TEXTS = Mapping[str, str]
 #: Remedy for a missing baseline.
-UPDATE = "make one by --update"
+UPDATE = "create one with --update"
 #: Factor by which an error must exceed its known value to be reported: one digit. Known values below NOISE (rounding on
 #: a different machine) are raised to it: a hundredth of the tolerance of solved quantities.
 GROWN, NOISE = 10.0, 0.01 * SOLVED
@@ -72,8 +72,8 @@ def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: b
     """
     check_baseline(file, force=force)
     if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
-        what = f"a state in which {', '.join(broken)} cannot be checked is no baseline"
-        raise OutputError(what, str(file), "mend that first, or leave out --update")
+        what = f"cannot be written, because {', '.join(broken)} cannot be checked"
+        raise OutputError(what, str(file), "fix that first, or omit --update")
     replace_file(file, json_text(state(rows, smoke)))
 
 
@@ -102,7 +102,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
                 (worse if sentence[0] else improved).append(sentence[1])
         lost = then["errors"].keys() - {one.key for one in row.errors}
         worse += [f"{row.scene}: {key} is no longer compared" for key in sorted(lost)]
-    notes += [f"{name} is in the baseline and was not checked" for name in before if name not in now["scenes"]]
+    notes += [f"{name} is in the baseline but was not checked" for name in before if name not in now["scenes"]]
     return Against(str(file), list(dict.fromkeys(changed)), worse, improved, notes)
 
 
@@ -120,7 +120,7 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     except DescriptionError:
         sound = False
     if not sound:
-        raise OutputError("is there, and is no baseline", str(file), f"name another file, or {overwriting()}")
+        raise OutputError("already exists and is not a baseline", str(file), f"choose another file, or {overwriting()}")
 
 
 def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
@@ -133,14 +133,16 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
         raise DescriptionError(f"has schema {shown(known['schema'])}, not {SCHEMA}", str(file), UPDATE)
     if not _sound(known):
-        raise DescriptionError("is no baseline", str(file), UPDATE)
+        raise DescriptionError("is not a baseline", str(file), UPDATE)
     before = known["scenes"]
     if known.get("smoke") is not smoke:
         made = "with" if known.get("smoke") else "without"
-        raise DescriptionError(f"was made {made} --smoke", str(file), "check likewise, or make another by --update")
+        raise DescriptionError(
+            f"was made {made} --smoke", str(file), "check in the same way, or replace it with --update"
+        )
     if not before.keys() & {*scenes}:
-        what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(scenes)}"
-        raise DescriptionError(what, str(file), "name another file, or make one by --update")
+        what = f"is a baseline for {', '.join(before) or 'nothing'}, not for {', '.join(scenes)}"
+        raise DescriptionError(what, str(file), "choose another file, or create one with --update")
     return known
 
 
@@ -181,7 +183,11 @@ def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] 
     a, b = digits(then), digits(one.error)
     sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"
     if a != a or b != b:
-        return None if a != a and b != b else (b != b, f"{sentence} ({'no number any more' if b != b else 'a number'})")
+        return (
+            None
+            if a != a and b != b
+            else (b != b, f"{sentence} ({'no longer a number' if b != b else 'now a number'})")
+        )
     if one.error > GROWN * max(then, NOISE):
         return True, f"{sentence}, {a - b:.1f} digits lost"
     if then > GROWN * max(one.error, NOISE):

@@ -178,7 +178,7 @@ def check_with(
     """Check scenes for `screwgauge.check` with any executor. `place`: see `check_items`."""
     requested = [*items(what), *([known_item()] if settings.smoke and not what else [])]
     if settings.meshes and not any(is_model(name) for item in requested for name in item.files):
-        raise DescriptionError("--meshes is for model files", "check", 'write allow = ["meshes"] into the scene')
+        raise DescriptionError("--meshes applies only to model files", "check", 'add allow = ["meshes"] to the scene')
     settings = replace(settings, tolerances=read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), settings.smoke, [item.name for item in requested])

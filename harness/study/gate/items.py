@@ -47,12 +47,12 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     what = [*what]
     for each in what:
         if not isinstance(each, str | Path) or each == "":  # an empty path would mean the current folder
-            raise DescriptionError(f"{shown(each)} is no name or path", "check", "name scenes, files or folders")
+            raise DescriptionError(f"{shown(each)} is not a name or path", "check", "pass scenes, files or folders")
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:
-        what_is = f"{len(models)} model files: the last, {models[-1]}, has no partner"
-        raise DescriptionError(what_is, "check", "give pairs A B, or one model alone")
+        what_is = f"{len(models)} model files: the last one, {models[-1]}, has no partner"
+        raise DescriptionError(what_is, "check", "pass model files in pairs, or a single one")
     every = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
     if len(models) == 1:
         every.append(Item(_stem(models[0]), (models[0],)))
@@ -63,7 +63,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
         if name not in scene_names() and not is_file(Path(name)) and not _is_folder(name):
             if not is_path(name) and not is_model(name):
                 raise UnknownNameError("scene", name, scene_names(), besides=A_PATH)
-            raise DescriptionError("does not exist, or is no regular file", name, "check the path")
+            raise DescriptionError("does not exist or is not a regular file", name, "check the path")
     _check_names(every)
     return every
 
@@ -79,7 +79,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
             continue
         inside = [str(path) for path in _files_in(name, ".toml") if _is_scene(path)]
         if not inside:
-            raise DescriptionError("has no scene", name, "name a folder of TOML files with the key 'mechanism'")
+            raise DescriptionError("contains no scene", name, "choose a folder of TOML files with the key 'mechanism'")
         yield from inside
 
 
@@ -132,8 +132,8 @@ def _check_names(every: Iterable[Item]) -> None:
     for item in every:
         other = before.setdefault(item.name, item)
         if other is not item:
-            what = f"two are called '{item.name}': {', '.join(other.files)} and {', '.join(item.files)}"
-            raise DescriptionError(what, "check", "rename one of them, or check it by itself")
+            what = f"two items are named '{item.name}': {', '.join(other.files)} and {', '.join(item.files)}"
+            raise DescriptionError(what, "check", "rename one of them, or check them separately")
 
 
 def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str, float]:

@@ -66,10 +66,10 @@ def _misses(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator
             yield f"a planted difference, {planted}, is diagnosed as: {each.headline}"
             return
         if not abs(told[0][2] - SIZE) <= EXACTLY * SIZE:
-            yield f"a planted difference, {planted}, is diagnosed as one of {told[0][2]:.3g}"
+            yield f"a planted difference, {planted}, is diagnosed with the size {told[0][2]:.3g}"
     one, other = (each.found.torques.value for each in (found, back))
     if not abs(one - other) <= ALIKE * max(one, other):
-        yield f"torques that differ by a planted difference, {planted}, do so by {one:.3g} or {other:.3g}"
+        yield f"a planted difference, {planted}, changes torques by {one:.3g} or, in the other order, {other:.3g}"
 
 
 def _import_deviations(folder: Path, name: str) -> Iterator[str]:
@@ -82,4 +82,4 @@ def _import_deviations(folder: Path, name: str) -> Iterator[str]:
     file.write_text(description(imported.mechanism), encoding="utf-8")
     again = diagnose(file, folder / f"{name}.urdf")
     if not again.same:
-        yield f"what is imported of {name}.xml is not what {name}.urdf says: {again.headline}"
+        yield f"{name}.xml as imported differs from {name}.urdf: {again.headline}"

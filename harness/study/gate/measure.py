@@ -78,7 +78,7 @@ def compared(
     status = _status(results, errors)
     agree, sentence = status in ("unread", "agree", "judged"), settings.tell(results)
     if agree and not results.ok:
-        sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
+        sentence = "everything is within tolerances, which are wider than usual for the reasons given"
     file, line = str(scene.file or ""), 0
     for name, model in scene.models.items():
         differences = [] if agree else physical(scene, name, model)
@@ -148,7 +148,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     to rounded digits.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
-    usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
+    usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition number"
     reason = f"from {given[quantity]}" if quantity in given else usual
     solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
@@ -169,7 +169,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 def _reason_to_widen(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
     """Return the reason why the tolerance of a quantity is wider than that of the scene."""
     if scene.simulated:
-        return "what integration leaves"
+        return "the integration error"
     tables = [one.engine for one in solutions if one.engine in scene.tables]
     if stated := [name for name in tables if quantity in scene.tables[name].error]:
         return f"the error that {stated[0]} states"

@@ -44,7 +44,7 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
     if not row.ok:
         return row
     if unseen := blind(results):
-        return replace(row, status="failed", sentence=f"the comparison would see no difference: {unseen}")
+        return replace(row, status="failed", sentence=f"the comparison would miss a difference: {unseen}")
     others = {"full cuts": full_cuts, "second formulation": with_lagrange, "truth": with_truth}
     for what, other_of in others.items():
         if not row.ok or (other := other_of(scene)) is None:
@@ -54,7 +54,7 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
         row = replace(row, errors=(*row.errors, *further.errors), versions={**row.versions, **further.versions})
         row = replace(row, coverage=said)
         if not further.ok:
-            row = replace(row, status=further.status, sentence=f"of the {what}: {further.sentence}")
+            row = replace(row, status=further.status, sentence=f"{what}: {further.sentence}")
     return row
 
 
@@ -83,7 +83,9 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
         # samples of each table
         every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
         rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
-        return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
+        return replace(
+            scene, task=scene.motion.part(rows)
+        ), f"{len(rows)} samples of the scene's own motion ({error.what}). "
 
 
 def full_cuts(scene: Scene) -> Scene | None:

@@ -139,7 +139,7 @@ def _most_likely(unknowns: Unknowns, R: Array, t: Array, noise: float, x: Array)
     some = {"xtol": ENOUGH, "ftol": ENOUGH, "gtol": None, "max_nfev": STEPS}
     found = least_squares(left, x, slopes, bounds=(unknowns.least - TINY, np.inf), **some)
     if found.status <= 0:
-        raise ScrewgaugeError("the estimate does not settle", "identify", "give a smaller prior, or other data")
+        raise ScrewgaugeError("the estimate does not converge", "identify", "use a smaller prior or other data")
     return found.x, _covariance(found.jac)
 
 

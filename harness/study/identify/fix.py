@@ -19,10 +19,12 @@ def check_fix(out: Path, model: Path | None, data: Path | None) -> None:
         DescriptionError: There are no data, or the scene was not made from a model file with this extension.
     """
     if data is None:
-        raise DescriptionError("nothing was measured", "identify, --fix", "name a file of forces by --data")
+        raise DescriptionError("there are no measured forces", "identify, --fix", "pass a file of forces with --data")
     if out.suffix != ".toml" and (model is None or model.suffix != out.suffix):
-        what = f"{out.name} is no description, and no copy of the scene's model file"
-        raise DescriptionError(what, "identify, --fix", "end it with .toml, or name the model file as SCENE")
+        what = f"{out.name} is neither a description nor a copy of the scene's model file"
+        raise DescriptionError(
+            what, "identify, --fix", "choose a name that ends in .toml, or pass the model file as SCENE"
+        )
 
 
 def write_fix(found: Identification, out: Path, model: Path | None, *, force: bool = False) -> Iterator[str]:

@@ -141,7 +141,7 @@ def unknown(scene: Scene, patterns: Sequence[str]) -> list[str]:
         return [name for name in known if name in of_body or resisting_joint(name) in driven]
     names = chosen(known, patterns, "identify, numbers")
     if other := [name for name in names if not (name in of_body or resisting_joint(name))]:
-        what = f"'{other[0]}' is neither of a body with mass nor a rotor, damping or friction"
-        raise DescriptionError(what, "identify, numbers", "leave it out: forces are not linear in it")
+        what = f"'{other[0]}' belongs neither to a body with mass nor to a rotor, damping or friction"
+        raise DescriptionError(what, "identify, numbers", "omit it: forces are not linear in it")
     bodies = {of_body[name] for name in names if name in of_body}
     return [name for name in known if name in names or of_body.get(name) in bodies]

@@ -115,7 +115,7 @@ class Identification:
             DescriptionError: No forces were measured.
         """
         if self.fit is None:
-            raise DescriptionError("nothing was measured", "identify", "name a file of forces by --data")
+            raise DescriptionError("there are no measured forces", "identify", "pass a file of forces with --data")
         values = dict(zip(self.names, self.fit.values.tolist(), strict=True))
         return Subject(self.scene.mechanism, self.scene.applied).with_numbers(values).mechanism
 
@@ -145,9 +145,9 @@ def identify(
     """
     for value, name in ((noise, "noise"), (prior, "prior")):
         if value is not None and not 0.0 < value < 1.0:
-            raise DescriptionError(f"{value} is no share", f"identify, {name}", "give a number between 0 and 1")
+            raise DescriptionError(f"{value} is out of range", f"identify, {name}", "choose a number between 0 and 1")
     if scene.simulated:
-        raise DescriptionError("a simulated scene has no given motion", "identify", "give it a motion")
+        raise DescriptionError("a simulated scene has no given motion", "identify", "add a [motion]")
     table = read_recorded(data) if isinstance(data, Path) else data
     scene = scene if table is None else _measured(scene, table)
     progress("motion", 0.0)
@@ -186,7 +186,7 @@ def _measured(scene: Scene, table: Recorded) -> Scene:
         scene = replace(scene, drive=drive)
         forces = {name: values for name, values in table.columns.items() if name not in of_motion}
         if not forces:
-            raise DescriptionError("has no actuator force", table.where, "name columns as actuators are named")
+            raise DescriptionError("has no actuator force", table.where, "name columns after the actuators")
         table = replace(table, columns=forces)
     return replace(scene.at(table.t), tables={DATA: table})
 
@@ -217,8 +217,8 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     columns = [units[0].index(name) for name in values.components]
     surplus, measured = max(len(units[0]) - len(scene.mechanism.independent), 0), values.array
     if surplus and len(columns) < len(units[0]):
-        what = f"gives {len(columns)} of {len(units[0])} forces of redundant actuators"
-        raise DescriptionError(what, where, "give all of them")
+        what = f"has only {len(columns)} of the {len(units[0])} forces of redundant actuators"
+        raise DescriptionError(what, where, "add the others")
     if surplus:
         measured = regressor.without_preload(measured)
     base, matrix = regressor.values, regressor.matrix
@@ -226,7 +226,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     scaled = (measured - nothing[:, columns]) / regressor.sizes[columns]
     rows = np.isfinite(scaled).all(axis=1)
     if rows.sum() < FEWEST:
-        raise DescriptionError(f"has {int(rows.sum())} samples whose forces are told", where, f"give {FEWEST} or more")
+        raise DescriptionError(f"has {int(rows.sum())} samples with known forces", where, f"record {FEWEST} or more")
     return scaled[rows], (matrix / regressor.sizes[:, None])[rows][:, columns], len(columns) - surplus
 
 

@@ -106,7 +106,7 @@ def read_plan(file: Path) -> Plan:
     name = read_text(data, "scene", where)
     scene = load_scene(named_file(file.parent, name) if is_path(name) else name)
     if scene.simulated:
-        raise DescriptionError("a simulated scene cannot be swept", f"{where}, scene", "give it a motion")
+        raise DescriptionError("a simulated scene cannot be swept", f"{where}, scene", "add a [motion]")
     known = numbers(scene.mechanism, scene.applied)
     scatter = tuple(
         one for item in data.get("scatter", {}).items() for one in _scatter(item, known, f"{where}, scatter")
@@ -118,7 +118,7 @@ def read_plan(file: Path) -> Plan:
         raise DescriptionError("no number changes", where, "add [scatter] or [grid]")
     names = [name for one in scatter for name in one.numbers] + [*grid]
     if twice := [one for one in dict.fromkeys(names) if names.count(one) > 1]:
-        raise DescriptionError(f"{first_few(twice, 3)} scatter twice", where, "write narrower patterns")
+        raise DescriptionError(f"{first_few(twice, 3)} scatter twice", where, "use narrower patterns")
     plan = Plan(
         scene=scene,
         title=read_text(data, "title", where, f"Variants of {scene.title}"),
@@ -135,7 +135,7 @@ def read_plan(file: Path) -> Plan:
         file=file,
     )
     if plan.variants > MOST:
-        raise DescriptionError(f"{plan.variants} variants", where, f"ask for {MOST} at the most")
+        raise DescriptionError(f"{plan.variants} variants", where, f"use at most {MOST}")
     return plan
 
 
@@ -143,7 +143,9 @@ def _whole(data: Mapping[str, Any], key: str, usual: int, least: int, where: str
     value = data.get(key, usual)
     count = value if isinstance(value, int) and not isinstance(value, bool) else number(value, f"{where}, {key}")
     if count != int(count) or not least <= count <= MOST:
-        raise DescriptionError(f"{shown(value)} is no count", f"{where}, {key}", f"give a whole number from {least} on")
+        raise DescriptionError(
+            f"{shown(value)} is not a valid count", f"{where}, {key}", f"use a whole number from {least} on"
+        )
     return int(count)
 
 
@@ -153,7 +155,7 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
     where = f"{where}.{pattern}"
     check_keys(table, KINDS, where)
     if len(table) != 1:
-        raise DescriptionError(f"{len(table)} distributions", where, "give one: { normal = 0.001 }")
+        raise DescriptionError(f"{len(table)} distributions", where, "use exactly one: { normal = 0.001 }")
     ((kind, size),) = table.items()
     if kind == "body":
         bodies = _bodies(pattern, known, where)
@@ -162,8 +164,8 @@ def _scatter(item: tuple[str, Any], known: Mapping[str, float], where: str) -> l
         Scatter(name, kind, _size(size, known[name], where), known[name]) for name in chosen(known, [pattern], where)
     ]
     if still := [one.name for one in found if not one.size]:
-        what = f"{first_few(still, 3)}: a share of zero is no scatter"
-        raise DescriptionError(what, where, "give it in the unit of the number")
+        what = f"{first_few(still, 3)}: a share of zero does not scatter"
+        raise DescriptionError(what, where, "state the scatter in the unit of the number")
     return found
 
 
@@ -181,7 +183,7 @@ def _share(value: Any, where: str) -> float:
     match = re.fullmatch(r"\s*(.+?)\s*%\s*", value) if isinstance(value, str) else None
     share = number(match[1], where) / 100.0 if match else number(value, where)
     if not share > 0.0:
-        raise DescriptionError(f"{shown(value)} is no scatter", where, 'give a positive number, or "1 %"')
+        raise DescriptionError(f"{shown(value)} is not a valid scatter", where, 'use a positive number, or "1 %"')
     return share
 
 
@@ -199,7 +201,11 @@ def _grid(item: tuple[str, Any], known: Mapping[str, float], where: str) -> list
     if "values" in table:
         listed = table["values"]
         if not isinstance(listed, list) or not listed or len(table) > 1:
-            raise DescriptionError(f"{shown(listed)} are no values", where, "give a list, and nothing beside it")
+            raise DescriptionError(
+                f"{shown(listed)} is not a valid list of values",
+                where,
+                "use a list that is not empty, and no other key",
+            )
         values = np.array([number(x, where) for x in listed])
     else:
         first, last = (number(required(table, key, where), f"{where}.{key}") for key in ("from", "to"))

@@ -236,7 +236,7 @@ def _check_mobility(plan: Plan, variants: Variants) -> None:
     if costs := [*variants.cannot_change]:
         where = str(plan.file)
         what = f"{first_few(costs, NAMED)} cannot change alone: the loops would stay open"
-        raise DescriptionError(what, where, "leave these out, or move what is left as a whole")
+        raise DescriptionError(what, where, "omit these numbers, or move the remaining parts as a whole")
 
 
 def _read(row: Mapping[str, Any], count: int, width: int) -> tuple[Array, Any]:
