@@ -48,7 +48,7 @@ def known(tmp_path) -> Path:
 def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known):
     SPECIAL[kind](known)
     said = (
-        r": cannot be read \((it is not a regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
+        r": cannot be read \((it is (no|not a) regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
     )
     with pytest.raises(DescriptionError, match=said):
         against(known, [ROW], smoke=False)
@@ -84,14 +84,14 @@ def test_a_baseline_with_an_odd_entry_is_none(change, known):
     record = json.loads(known.read_text())
     change(record)
     known.write_text(json.dumps(record))
-    with pytest.raises(DescriptionError, match="is not a baseline; create one with --update"):
+    with pytest.raises(DescriptionError, match="is (no|not a) baseline; create one with --update"):
         against(known, [ROW], smoke=False)
 
 
 @pytest.mark.parametrize("text", [BRACKETS, "9" * 5000, "[]", "", "\x00", '{"a": "\\ud800"}', '{"a": ' * 200 + "1"])
 def test_a_baseline_of_odd_text_is_none(text, known):
     known.write_text(text)
-    with pytest.raises(DescriptionError, match=r"is not a baseline|control character") as caught:
+    with pytest.raises(DescriptionError, match=r"is (no|not a) baseline|control character") as caught:
         against(known, [ROW], smoke=False)
     assert str(caught.value).count("\n") == 0
 
@@ -146,7 +146,7 @@ def test_a_digest_is_that_of_a_regular_file(tmp_path):
     (tmp_path / "x").write_text("")
     assert digest(tmp_path / "x").startswith("e3b0c442")
     os.mkfifo(tmp_path / "fifo")
-    with pytest.raises(DescriptionError, match="not a regular file"):
+    with pytest.raises(DescriptionError, match="(no|not a) regular file"):
         digest(tmp_path / "fifo")
 
 

@@ -66,7 +66,7 @@ def test_whole_table_is_compared_and_judged_like_an_engine(scene, right):
     assert found["engines"]["mine"] == "mine.csv"
     assert len(found["models"]["mine"]["sha256"]) == 64
     assert repr(results).startswith("✓ AGREE:")
-    assert any("gives no tree_force" in note for note in results.solutions["mine"].notes)
+    assert any("has no tree_force" in note for note in results.solutions["mine"].notes)
 
 
 @pytest.mark.parametrize(("header", "factor"), [("time", 1.0), ("t [ms]", 1e3), ("time [us]", 1e6)])
@@ -132,7 +132,7 @@ def test_scene_is_evaluated_at_the_times_of_the_table(scene, right):
     assert results.ok, results
     assert results.times == pytest.approx([0, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0])
     assert [*np.flatnonzero(np.isfinite(results.values("actuator_force", "mine")[:, 0]))] == [0, 3, 6, 9]
-    assert "mine gives only 4 of the 13 samples" in " ".join(repr(results).split())
+    assert "mine has only 4 of the 13 samples" in " ".join(repr(results).split())
 
 
 def test_times_rounded_otherwise_are_the_same(scene, right):
@@ -220,7 +220,7 @@ def test_arrays_that_are_no_table_are_refused(t, columns, said):
 
 def test_a_table_that_is_not_asked_for_is_said(scene, right):
     results = screwgauge.run(scene(forces(right)), ["screw"])
-    assert any("(tables.mine) is not compared" in text for text in results.warnings)
+    assert any("(tables.mine) is ignored" in text for text in results.warnings)
 
 
 def test_a_table_of_some_positions_decides_nothing_on_what_is_zero(write):
