@@ -35,7 +35,7 @@ def plain_answer(answer: object, n: int) -> Solution:
         version=shortened(answer.version, SHORT),
         values=values,
         condition=_sizes("condition", answer.condition, n),
-        timings=tuple(map(_timing, _some("timings", answer.timings))),
+        timings=tuple(map(_timing, _limited_list("timings", answer.timings))),
         notes=_texts("notes", answer.notes),
         errors={name: _error(name, one, n, shapes.get(name, ())) for name, one in _items("errors", answer.errors)},
         assembly=None if answer.assembly is None else _numbers("assembly", answer.assembly, (n, None)),
@@ -67,11 +67,11 @@ def shortened(text: object, most: int) -> str:
 
 
 def _texts(what: str, texts: object) -> tuple[str, ...]:
-    some = _some(what, texts)
+    some = _limited_list(what, texts)
     return tuple(shortened(text, LONG) for text in some)
 
 
-def _some(what: str, items: object) -> list[Any]:
+def _limited_list(what: str, items: object) -> list[Any]:
     """Return the items of a tuple or list; reject more than `MOST` items."""
     if not isinstance(items, (tuple, list)):
         raise TypeError(f"the {what} are of type {type(items).__name__}, not tuple")

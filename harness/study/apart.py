@@ -117,7 +117,7 @@ def _outcome(folder: Path, status: int) -> Any:
         if how == _MEMORY:
             raise MemoryError
         *facts, text = map(str, what)
-        error = _rebuilt(str(how), *facts)
+        error = _rebuild_error(str(how), *facts)
     except MemoryError:
         raise
     except Exception as wrong:  # malformed bytes may raise anything
@@ -126,7 +126,7 @@ def _outcome(folder: Path, status: int) -> Any:
     raise error
 
 
-def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
+def _rebuild_error(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
     """Recreate an error of this package without calling its constructor, whose arguments may differ."""
     form = getattr(errors, kind)
     if not issubclass(form, ScrewgaugeError):

@@ -174,7 +174,7 @@ class Comparison:
     def differences(self) -> pd.DataFrame:
         """Rows of pairs out of tolerance by more than the engines' error estimates; missing values do not count."""
         rows = self.compared
-        lost = np.array([self._refused(row) for row in rows.to_dict("records")], dtype=bool)
+        lost = np.array([self._is_refused(row) for row in rows.to_dict("records")], dtype=bool)
         return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0) & ~lost]
 
     @property
@@ -226,9 +226,9 @@ class Comparison:
         if {*GIVEN} <= {name for one in self.solutions.values() for name in one.values}:
             return ()
         names = dict.fromkeys(name for _, quantities in self.alone for name in quantities)
-        return tuple(name for name in names if len(self._having(name)) > 1)
+        return tuple(name for name in names if len(self._solutions_with(name)) > 1)
 
-    def _refused(self, row: Mapping[Any, Any]) -> bool:
+    def _is_refused(self, row: Mapping[Any, Any]) -> bool:
         """Return True if a row lacks values because of samples for which an engine states a reason."""
         engines = (row["a"], row["b"])
         known = (one.engine in engines and row["quantity"] in one.quantities for one in self.refusals)
@@ -243,11 +243,11 @@ class Comparison:
     def not_unique(self) -> dict[str, tuple[str, ...]]:
         """Quantity -> its components without a unique value, for quantities that have such components."""
         ruled = [name for name in QUANTITIES if QUANTITIES[name].ruled]
-        firsts = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
+        firsts = {name: solution.values[name] for name in ruled for solution in self._solutions_with(name)[:1]}
         shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in firsts.items()}
         return {name: components for name, components in shown.items() if components}
 
-    def _having(self, quantity: str) -> list[Solution]:
+    def _solutions_with(self, quantity: str) -> list[Solution]:
         return [solution for solution in self.solutions.values() if quantity in solution.values]
 
     @cached_property

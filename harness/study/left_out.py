@@ -67,7 +67,7 @@ def without_left_out(
     own = {name: one.left_out for name, one in solved.items() if one.left_out}
     if not (scene.mechanism.left_out or own):
         return every, LeftOutForces()
-    base = next((one for one in solved.values() if _moves(scene, one)), None) or _follow(scene)
+    base = next((one for one in solved.values() if _has_motion(scene, one)), None) or _follow(scene)
     if base is None:
         return every, LeftOutForces()
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
@@ -110,7 +110,7 @@ def _forces_of(answers: Iterable[Solution]) -> dict[str, Values]:
     return rigid
 
 
-def _moves(scene: Scene, answer: Solution) -> bool:
+def _has_motion(scene: Scene, answer: Solution) -> bool:
     """Return True if an answer determines the motion of all joints."""
     has = {"joint_velocity", "joint_acceleration"} <= {*answer.values}
     return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)

@@ -30,7 +30,7 @@ def lifeline() -> Connection:
         return _ends[0]
 
 
-def _let_go() -> None:
+def _close_writing_end() -> None:
     """Close the writing end in a fork, because it would keep the pipe open."""
     global _ends, _LOCK
     _LOCK = Lock()
@@ -39,7 +39,7 @@ def _let_go() -> None:
         _ends = None
 
 
-os.register_at_fork(after_in_child=_let_go)
+os.register_at_fork(after_in_child=_close_writing_end)
 
 
 def tied() -> Callable[[], None]:

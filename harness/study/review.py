@@ -140,7 +140,7 @@ def _review_quantity(
     known = {row["component"]: row for row in pair.to_dict("records") if not pd.isna(row["ok"])}
     read = [_columns(scene, quantity, right, one, rows, known) for one in readings]
     why: dict[str, Explanation | None] = {name: None for name, row in known.items() if not row["ok"]}
-    expected = _expected(scene, quantity, right, scene.t[rows], solved) if why else None
+    expected = _expect_values(scene, quantity, right, scene.t[rows], solved) if why else None
     for columns in read if expected else ():
         wrong = [column for name, column in columns.items() if name in why and why[name] is None]
         found = explanations(wrong, expected) if wrong and expected else []
@@ -203,7 +203,7 @@ def _standin(scene: Scene, quantities: Iterable[str]) -> Solved:
     return solved
 
 
-def _expected(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:
+def _expect_values(scene: Scene, quantity: str, right: Values, t: Array, solved: Solved) -> Expected:
     """Return an engine's values: as computed, with forces omitted or reversed, and at shifted times."""
     given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
     dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given

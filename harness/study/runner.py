@@ -51,7 +51,7 @@ class Executor(Protocol):
         """
 
 
-def _unseen(share: float, step: str = "") -> None:
+def _ignore_progress(share: float, step: str = "") -> None:
     """Ignore progress within a task."""
 
 
@@ -61,7 +61,7 @@ class InTurn:
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         for i, (name, task) in enumerate(tasks.items()):
             report(name, i / len(tasks))
-            keep(name, task.work(_unseen))
+            keep(name, task.work(_ignore_progress))
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
     Returns:
         The explanation of each column: without faults if it agrees, None if nothing explains it.
     """
-    found = _found(columns, expected)
+    found = _find_explanations(columns, expected)
     votes = Counter(key for some in found for key in {f.key for e in some if e.convinces() for f in e.faults})
 
     def rank(one: Explanation) -> tuple[int, int, float]:
@@ -104,11 +104,11 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
     return [one if one and firm(one) else None for one in best]
 
 
-def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
+def _find_explanations(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
     """Return all explanations of each column that have its smallest number of faults."""
     X = np.stack([column.values for column in columns], axis=1)
     every = np.arange(len(X))
-    plain = [_explained(column, every, column.expected, (), MODES[0]) for column in columns]
+    plain = [_explain(column, every, column.expected, (), MODES[0]) for column in columns]
     found = [[one] if one and not one.faults else [] for one in plain]
     limits = np.full((4, len(columns), 1), PROMISE) * np.mean(X**2, axis=0)[:, None]
     gain = limits  # limit for a filter, which must improve on the numbers without it
@@ -138,10 +138,10 @@ def _of_family(
     for place, base, mode in _candidates(*squares, costs):
         if costs[base] + sum(mode) > enough:
             break
-        size = _fitted(column.values, family, place, base, mode) if family.smooth else float(family.grid[place])
+        size = _fit_size(column.values, family, place, base, mode) if family.smooth else float(family.grid[place])
         rows, numbers = family.apply(size, np.array([base]))
         faults = (*named[base], *family.faults(size))
-        explained = _explained(column, rows, numbers[:, 0], faults, mode, family.error)
+        explained = _explain(column, rows, numbers[:, 0], faults, mode, family.error)
         if explained and len(explained.faults) <= MOST:
             yield explained
             enough = min(enough, len(explained.faults)) if explained.convinces() else enough
@@ -185,7 +185,7 @@ def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[
     return factor, float(x0 - factor * b0)
 
 
-def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
+def _fit_size(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
     """Return the size near a grid size that minimises the squared residuals, by the Gauss-Newton method."""
     start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
     large = np.abs(x).max() or 1.0
@@ -215,7 +215,7 @@ def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> floa
     return start + step * v
 
 
-def _explained(
+def _explain(
     column: Column, rows: Rows, b: Array, faults: tuple[Fault, ...], mode: Mode, error: float = 0.0
 ) -> Explanation | None:
     """Return faults including factor and offset, if the residual is within the precision of the column or is noise."""

@@ -119,11 +119,11 @@ class Expected:
         yield Family("", "", np.zeros(1), lambda size, bases: (every, self.arrays[:, bases]))
         if self.moved:
             yield self.moved
-            yield replace(self.moved, more=(Fault("held"),), apply=self._interpolated, error=0.0)
+            yield replace(self.moved, more=(Fault("held"),), apply=self._interpolate, error=0.0)
         if len(self.t) >= NOISY and (step := even_step(self.t)):
             yield from _filters(self.arrays, 0.5 / step)
 
-    def _interpolated(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
+    def _interpolate(self, delay: float, bases: Bases) -> tuple[Rows, Array]:
         """Return numbers of a delayed table, interpolated like `np.interp`, which is constant beyond the ends."""
         numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)

@@ -80,12 +80,12 @@ def measure(
 ) -> None:
     """Measure contestants within the budget, in the order of their expected durations."""
     took, waiting = dict[Contestant, float](), [*chosen]
-    late = {f"screw-{name}" for name in EXPLICIT} if _slow(posed.scene) else set[str]()
+    late = {f"screw-{name}" for name in EXPLICIT} if _is_slow(posed.scene) else set[str]()
     while waiting and not protocol.over:
-        contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, took)))
+        contestant = min(waiting, key=lambda one: (one.family in late, _expected_duration(one, took)))
         progress(contestant.family, 1.0 - len(waiting) / len(chosen))
         waiting.remove(contestant)
-        result = _result(posed, plan, contestant, _foreseen(contestant, took), protocol.left)
+        result = _result(posed, plan, contestant, _expected_duration(contestant, took), protocol.left)
         seconds = result["cost"].wall_s if "cost" in result else np.nan
         took[contestant] = np.inf if result["status"] == CUT else seconds
         kept.keep(contestant.key, result)
@@ -93,7 +93,7 @@ def measure(
             kept.time(contestant.key, seconds)
 
 
-def _slow(scene: Scene) -> bool:
+def _is_slow(scene: Scene) -> bool:
     """Return True if stability requires so many steps of an explicit method that it is slow without compiled code."""
     if find_spec("llvmlite") is not None:
         return False
@@ -131,7 +131,7 @@ def pose_simulation(scene: Scene, folder: Path) -> PreparedScene:
     return PreparedScene(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
 
 
-def _foreseen(contestant: Contestant, took: Mapping[Contestant, float]) -> float:
+def _expected_duration(contestant: Contestant, took: Mapping[Contestant, float]) -> float:
     """Estimate a duration [s] from the previous setting of a family, or else from the first setting of its engine.
 
     Args:

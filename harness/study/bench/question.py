@@ -165,10 +165,10 @@ def with_integration(question: Question, integration: Integration) -> Question:
 def findings(question: Question) -> Iterator[Finding]:
     """Yield a finding for each method and quantity: its error, the admitted error, and the reason."""
     for method in question.methods:
-        yield from _of(question, method)
+        yield from _findings_of(question, method)
 
 
-def _of(question: Question, method: Method) -> Iterator[Finding]:
+def _findings_of(question: Question, method: Method) -> Iterator[Finding]:
     row, error = Finding("", a=method.name, own=method.engine == OWN), math.nan
     solution: Solution | Failure = Failure(method.name, question.refused)
     if not question.refused:

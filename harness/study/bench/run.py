@@ -131,14 +131,20 @@ def bench(
             posed = forward_run.pose_simulation(scene, Path(folder))
         else:
             chosen, kept = choose(contestants, quick=plan.quick), Journal(place, address_of(scene, plan), fits)
-            chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
+            chosen = [
+                contestant
+                for _, group in groupby(chosen, key=_group)
+                for contestant in _installed_settings(list(group))
+            ]
             progress("reference", 0.0)
             posed = pose_scene(scene, Path(folder), samples=plan.samples)
             notes = posed.reference.note, kept.note
         if execute is None:
             _measure(posed, plan, chosen, kept, protocol, progress)
         else:
-            _elsewhere(posed, plan, chosen, kept, protocol, partial(run_tasks, execute=execute, progress=progress))
+            _measure_as_tasks(
+                posed, plan, chosen, kept, protocol, partial(run_tasks, execute=execute, progress=progress)
+            )
             notes = *notes, BESIDE
         judged = provenance(posed.scene, {one.method.engine: posed.files(one.method.engine).model for one in chosen})
     narrow = any(contestant.kind is FLOAT32 for contestant in chosen)
@@ -212,7 +218,7 @@ def _measure(
         _Measurements(posed, kept, protocol, progress).all(chosen)
 
 
-def _elsewhere(
+def _measure_as_tasks(
     posed: PreparedScene,
     plan: Plan,
     chosen: Sequence[Contestant],
@@ -259,7 +265,7 @@ def _measure_group(
     return kept.results, kept.times
 
 
-def _present(group: list[Contestant]) -> list[Contestant]:
+def _installed_settings(group: list[Contestant]) -> list[Contestant]:
     """Return all settings of a contestant, or a single placeholder if its engine is not installed."""
     try:
         import_module(get_engine(group[0].method.engine).source.partition(":")[0])

@@ -108,10 +108,10 @@ def closed_form(lay: Layout, problem: Problem, *, mended: bool = False) -> Array
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "use a mechanism whose chains are all U-P-U or U-P-S")
     if mended and np.abs(gaps(lay, q)).max() > 64 * np.finfo(q.dtype).eps:
-        system, goals = _unitless(lay, motion.y)
+        system, goals = _loop_equations(lay, motion.y)
         z = newtons_method(system.evaluate, system.unknowns(q), goals, most=5)[0]
         q = system.coordinates(z, q)
-    return _beyond(lay, problem, motion, q)
+    return _wanted_values(lay, problem, motion, q)
 
 
 def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
@@ -120,7 +120,7 @@ def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
     Each prediction starts from a corrected sample at most `STEP` away, and is not checked.
     """
     motion = given_motion(problem)
-    home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
+    home, (system, goals) = lay.mechanism.home, _loop_equations(lay, motion.y)
     z = np.tile(system.unknowns(home), (len(motion), 1))
     at, near, K = z[0], goals[0], np.zeros((z.shape[1], goals.shape[1]))
     for i, y in enumerate(goals):
@@ -130,7 +130,7 @@ def newton(lay: Layout, problem: Problem, *, steps: int) -> Arrays:
             z[i], near, K = at, y, velocity_map(matrix, len(y))[0]
     if steps:
         z = newtons_method(system.evaluate, z, goals, most=steps)[0]
-    return _beyond(lay, problem, motion, system.coordinates(z, np.tile(home, (len(z), 1))))
+    return _wanted_values(lay, problem, motion, system.coordinates(z, np.tile(home, (len(z), 1))))
 
 
 def differences(lay: Layout, problem: Problem) -> Arrays:
@@ -175,13 +175,13 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 }
 
 
-def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
+def _loop_equations(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
     """Return the loop equations and the dimensionless independent coordinates. Shape (n, k)."""
     system = loop_equations(lay)
     return system, y / system.sizes[system.y_columns]
 
 
-def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
+def _wanted_values(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:
     """Compute the wanted quantities from joint positions, in the precision of the positions.
 
     Raises:

@@ -98,7 +98,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
         for one in row.errors:
             if one.key not in then["errors"]:
                 notes.append(f"{row.scene}: {one.key} is not in the baseline")
-            elif sentence := _grown(row.scene, one, then["errors"][one.key]):
+            elif sentence := _compare_error(row.scene, one, then["errors"][one.key]):
                 (worse if sentence[0] else improved).append(sentence[1])
         lost = then["errors"].keys() - {one.key for one in row.errors}
         worse += [f"{row.scene}: {key} is no longer compared" for key in sorted(lost)]
@@ -116,7 +116,7 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     if not os.path.lexists(file) or force:
         return
     try:
-        sound = _sound(read_json(file, "baseline", UPDATE))
+        sound = _is_baseline(read_json(file, "baseline", UPDATE))
     except DescriptionError:
         sound = False
     if not sound:
@@ -132,7 +132,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
         raise DescriptionError(f"has schema {shown(known['schema'])}, not {SCHEMA}", str(file), UPDATE)
-    if not _sound(known):
+    if not _is_baseline(known):
         raise DescriptionError("is not a baseline", str(file), UPDATE)
     before = known["scenes"]
     if known.get("smoke") is not smoke:
@@ -146,15 +146,15 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     return known
 
 
-def _sound(known: Mapping[str, Any]) -> bool:
+def _is_baseline(known: Mapping[str, Any]) -> bool:
     """Return True if all entries have the format that `state` produces."""
     scenes = known.get("scenes")
     if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
         return False
-    return all(map(_sound_scene, scenes.values()))
+    return all(map(_is_scene_entry, scenes.values()))
 
 
-def _sound_scene(entry: object) -> bool:
+def _is_scene_entry(entry: object) -> bool:
     if not isinstance(entry, dict) or not all(is_record(entry.get(key), TEXTS) for key in ("versions", "files")):
         return False
     errors = entry.get("errors")
@@ -177,7 +177,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
             )
 
 
-def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
+def _compare_error(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
     """Return True if an error is worse than before, False if better, with a sentence; None within noise."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)

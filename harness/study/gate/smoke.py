@@ -50,7 +50,7 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
         if not row.ok or (other := other_of(scene)) is None:
             continue
         further, results = compared(other, settings, progress, covered=False)
-        said = f"{row.coverage} {what.capitalize()}: {_asked(other, scene)} of {', '.join(results.scene.engines)}."
+        said = f"{row.coverage} {what.capitalize()}: {_name_quantities(other, scene)} of {', '.join(results.scene.engines)}."
         row = replace(row, errors=(*row.errors, *further.errors), versions={**row.versions, **further.versions})
         row = replace(row, coverage=said)
         if not further.ok:
@@ -58,7 +58,7 @@ def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None
     return row
 
 
-def _asked(other: Scene, scene: Scene) -> str:
+def _name_quantities(other: Scene, scene: Scene) -> str:
     """Describe the quantities of a reduced copy of a scene."""
     left = [name for name in scene.quantities if name not in other.quantities]
     if len(left) > len(other.quantities):
@@ -147,7 +147,7 @@ def blind(results: Comparison) -> str:
     if answer is None:
         return ""
     first = replace(answer, errors={})
-    twin, planted = _planted(first, scene)
+    twin, planted = _plant_errors(first, scene)
     both, problem = {one.engine: one for one in (first, twin)}, scene.problem(tuple(first.values))
     pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, Allowance(scene.tolerance))[1]
     records = pairs.to_dict("records")
@@ -164,7 +164,7 @@ def blind(results: Comparison) -> str:
     return ""
 
 
-def _planted(solution: Solution, scene: Scene) -> tuple[Solution, dict[tuple[str, str], float]]:
+def _plant_errors(solution: Solution, scene: Scene) -> tuple[Solution, dict[tuple[str, str], float]]:
     """Return a copy of an answer with planted errors, and the scaled size of the error for each quantity and unit.
 
     Quantities that are zero throughout or not finite have no scale, and get no error.

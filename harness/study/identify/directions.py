@@ -88,15 +88,15 @@ class _Found:
     def add_all(self, mechanism: Mechanism) -> None:
         """Add directions of joints, then of single bodies and of pairs at a joint, then all remaining ones."""
         for joint in mechanism.joints:
-            for kind, axis, ends in _passing(joint):
+            for kind, axis, ends in _shifts_through(joint):
                 self._pass(joint, kind, axis, ends)
         parts: list[tuple[str, ...]] = [(f"{body.name}.",) for body in mechanism.bodies]
         parts += [(f"{joint.parent}.", f"{joint.child}.", f"{joint.name}.") for joint in mechanism.joints]
         for some in parts:
-            self._list(self._within(np.array([name.startswith(some) for name in self.names])))
+            self._list(self._null_directions(np.array([name.startswith(some) for name in self.names])))
         self._list(self._rest())
 
-    def _within(self, inside: NDArray[np.bool_]) -> Array:
+    def _null_directions(self, inside: NDArray[np.bool_]) -> Array:
         """Return null directions that change only the selected numbers. Shape (m, count)."""
         values, back = np.linalg.svd(self.null[:, ~inside].T)[1:]
         return np.asarray(back[int((values > INSIDE).sum()) :] @ self.null)
@@ -145,7 +145,7 @@ class _Found:
         return {self.names[i]: float(vector[i] / vector[order[0]]) for i in some}
 
 
-def _passing(joint: Joint) -> Iterator[tuple[str, str, list[Array]]]:
+def _shifts_through(joint: Joint) -> Iterator[tuple[str, str, list[Array]]]:
     """Yield the shifts through a joint: kind, axis, and the moments that one body gains and the other loses."""
     axes = {"axis": next(iter(joint.axes), np.eye(3)[2]), **dict(zip(XYZ, np.eye(3), strict=True))}
     frames = joint.parent_frame, joint.child_frame

@@ -94,7 +94,7 @@ class Regressor:
         without effect here have no effect in any motion through these poses. Shape (rows, n_moment + n_resist).
         """
         rng, found, columns = np.random.default_rng(seed), list[Array](), self.scene.mechanism.independent_columns
-        for poses in self._anywhere():
+        for poses in self._all_poses():
             some = poses.q[np.linspace(0, len(poses.q) - 1, min(POSES, len(poses.q))).astype(int)]
             q, k = np.tile(some, (DRAWS, 1)), poses.motion.y.shape[1]
             y = q[:, columns]
@@ -115,7 +115,7 @@ class Regressor:
                 rows.append(row)
         return np.reshape(rows, (-1, count))
 
-    def _anywhere(self) -> list[NominalPoses]:
+    def _all_poses(self) -> list[NominalPoses]:
         """Return the poses of the scene, and those of an exciting motion if the limits leave room for it."""
         try:
             motion = exciting(self.scene).motion

@@ -149,7 +149,7 @@ def identify(
     if scene.simulated:
         raise DescriptionError("a simulated scene has no given motion", "identify", "add a [motion]")
     table = read_recorded(data) if isinstance(data, Path) else data
-    scene = scene if table is None else _measured(scene, table)
+    scene = scene if table is None else _scene_of_table(scene, table)
     progress("motion", 0.0)
     regressor = Regressor(scene, numbers, prior, SHARE)
     unknowns, matrix = Unknowns(regressor, prior), regressor.rows(regressor.matrix)
@@ -158,7 +158,7 @@ def identify(
     fit = None
     if table is not None:
         progress("estimate", 0.7)
-        fit = _fitted(regressor, unknowns, noise)
+        fit = _fit(regressor, unknowns, noise)
     share = fit.noise if fit else noise or NOISE
     ways = unknowns.nominal_slopes[0]
     return Identification(
@@ -168,8 +168,8 @@ def identify(
         prior=np.linalg.norm(ways, axis=1),
         expected=_deviations(ways, expected(unknowns, matrix, share)),
         structure=any_motion,
-        told=_told(unknowns, matrix, share),
-        faster=_told(unknowns, regressor.rows(regressor.forces(_faster(regressor.poses))[1]), share),
+        told=_count_determined(unknowns, matrix, share),
+        faster=_count_determined(unknowns, regressor.rows(regressor.forces(_speed_up(regressor.poses))[1]), share),
         noise=share,
         size=prior,
         fit=fit,
@@ -177,7 +177,7 @@ def identify(
     )
 
 
-def _measured(scene: Scene, table: Recorded) -> Scene:
+def _scene_of_table(scene: Scene, table: Recorded) -> Scene:
     """Return the scene at the times of a table, and with the motion of the table if it contains one."""
     labels = [*scene.mechanism.independent]
     of_motion = {f"{label}{order}" for label in labels for order in ("", "d", "dd")}
@@ -191,7 +191,7 @@ def _measured(scene: Scene, table: Recorded) -> Scene:
     return replace(scene.at(table.t), tables={DATA: table})
 
 
-def _told(unknowns: Unknowns, matrix: Array, noise: float) -> int:
+def _count_determined(unknowns: Unknowns, matrix: Array, noise: float) -> int:
     return int((information(unknowns, matrix, noise) > 1.0).sum())
 
 
@@ -200,7 +200,7 @@ def _deviations(ways: Array, covariance: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(((ways @ covariance) * ways).sum(axis=1), 0.0)))
 
 
-def _faster(poses: NominalPoses) -> NominalPoses:
+def _speed_up(poses: NominalPoses) -> NominalPoses:
     """Return the same poses, with motion at a higher speed."""
     motion = poses.motion
     return NominalPoses(GivenMotion(motion.t / FASTER, motion.y, FASTER * motion.yd, FASTER**2 * motion.ydd), poses.q)
@@ -230,7 +230,7 @@ def _measurements(regressor: Regressor) -> tuple[Array, Array, int]:
     return scaled[rows], (matrix / regressor.sizes[:, None])[rows][:, columns], len(columns) - surplus
 
 
-def _fitted(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
+def _fit(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
     """Fit every second sample, and predict the remaining ones."""
     measured, matrix, independent = _measurements(regressor)
     fit, test = slice(0, None, 2), slice(1, None, 2)

@@ -68,7 +68,7 @@ class Chunk:
 
     def __call__(self, progress: Progress) -> dict[str, Any]:
         """Return the values as a base64 string, one row per variant, and the reasons of variants without values."""
-        draw, variants = _compiled(self.plan, self.key)
+        draw, variants = _compile(self.plan, self.key)
         motion, values = self.plan.scene.motion, draw.values(range(self.first, self.stop))
         given = dict(zip(draw.names, values, strict=True))
         found = variants.statistics(motion.y, motion.yd, motion.ydd, self.plan.statistics, parameters=given, t=motion.t)
@@ -82,7 +82,7 @@ class Chunk:
 _known: dict[str, tuple[Draw, Variants]] = {}
 
 
-def _compiled(plan: Plan, key: str) -> tuple[Draw, Variants]:
+def _compile(plan: Plan, key: str) -> tuple[Draw, Variants]:
     if key not in _known:
         from screwgauge.engines.screw.variants import Variants
 
@@ -193,7 +193,7 @@ def sweep(
             followed.
     """
     key = address("sweep", _content(plan), files=[plan.file, *_files(plan)])
-    draw, variants = _compiled(plan, key)
+    draw, variants = _compile(plan, key)
     _check_mobility(plan, variants)
     kept, count = Journal(place, key), plan.variants
     chunks = [Chunk(plan, key, i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
@@ -212,7 +212,7 @@ def sweep(
     slopes = slopes[:, [variants.names.index(name) for name in draw.names]]
     effects = [Effect(one.name, one.kind, one.deviation, _change(slopes @ ways)) for one, ways in draw.deviations()]
     progress("checks", 0.99)
-    checked = [*_checked(plan, draw, np.flatnonzero(why == ""))]
+    checked = [*_check_variants(plan, draw, np.flatnonzero(why == ""))]
     found = Sweep(plan, known, values, why, nominal, effects, checked, {}, kept.note)
     if plan.indices:
         found = replace(found, indices=_indices(found, draw, variants))
@@ -282,7 +282,7 @@ def _statistic(name: str, x: Array) -> tuple[float, Array]:
     return float(at[i] * x[i]), at
 
 
-def _checked(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
+def _check_variants(plan: Plan, draw: Draw, rows: Rows) -> Iterator[Checked]:
     """Check selected variants with the engines of the scene, each with its own model files."""
     from screwgauge.study.run import run
 
