@@ -40,7 +40,7 @@ from support.solve import Layout, TracedForward, Trajectory, layout
 if TYPE_CHECKING:
     from screwgauge import Diagnosis
 
-IN_PROCESSES = isolation.isolated
+IN_PROCESSES = isolation.run_isolated
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -108,13 +108,13 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 @pytest.fixture(scope="session", autouse=True)
 def here():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(isolation, "isolated", unwatched)
+        patch.setattr(isolation, "run_isolated", unwatched)
         yield
 
 
 @pytest.fixture
 def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "run_isolated", IN_PROCESSES)
 
 
 @pytest.fixture

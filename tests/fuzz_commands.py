@@ -77,7 +77,7 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         _watch(folder)
         if not separate:
-            isolation.isolated = unwatched
+            isolation.run_isolated = unwatched
         if not draws:
             writing.page = lambda blocks: "<html></html>"
             writing.walk = lambda blocks: []

@@ -77,11 +77,11 @@ from screwgauge.report.pages.check import sentence_of
 from screwgauge.study.gate.items import items
 from screwgauge.study.gate.known_files import known_item
 from screwgauge.study.gate.measure import GateSettings
-from screwgauge.study.gate.run import measured
+from screwgauge.study.gate.run import check_item
 first = [known_item().name, "ruse", "ruse-braked", "belt-leg", "geared-five-bar", "3ups-upu-s"]
 np.seterr(all="ignore")
 for item in sorted([*items([]), known_item()], key=lambda one: one.name not in first):
-    row = measured(item, GateSettings(sentence_of, smoke=True), lambda share, step: None)
+    row = check_item(item, GateSettings(sentence_of, smoke=True), lambda share, step: None)
     if not row.ok:
         sys.exit(f"{row.scene} {row.status}: {row.sentence}")
 """

@@ -9,7 +9,7 @@ import pytest
 
 import screwgauge
 from support import bad_works
-from support.engines import isolated, silent
+from support.engines import run_isolated, silent
 from support.processes import inherit_safely, safe_path
 
 #: Modules that processes import early, by whatever starts them.
@@ -63,5 +63,5 @@ def test_a_process_that_is_kept_works_in_the_folder_in_which_it_is_asked(tmp_pat
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
         monkeypatch.chdir(tmp_path / name)
-        assert isolated({"kept": bad_works.where}, screwgauge.Limits(), silent) == {"kept": str(tmp_path / name)}
+        assert run_isolated({"kept": bad_works.where}, screwgauge.Limits(), silent) == {"kept": str(tmp_path / name)}
     shutil.rmtree(tmp_path / "first")

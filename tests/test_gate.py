@@ -43,7 +43,7 @@ def test_what_agrees_passes_in_every_form(theirs):
     suite = ET.fromstring(found.junit())
     assert suite.attrib == {"name": "screwgauge", "tests": "1", "failures": "0", "errors": "0"}
     assert "| turn | ✓ ok |" in found.markdown()
-    assert "usual condition: joint_position 1e-11" in found.markdown()
+    assert "usual condition number: joint_position 1e-11" in found.markdown()
     assert [*found.annotations()] == []
 
 
@@ -198,7 +198,7 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
 def test_an_interrupted_check_on_a_cluster_goes_on_where_it_stopped(theirs, monkeypatch, cache_folder):
     (theirs / "again.toml").write_text(scene())
     items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(sentence_of)
-    asked, measured = [], gate_run.measured
+    asked, measured = [], gate_run.check_item
 
     def stops(item, settings, progress):
         asked.append(item.name)
@@ -206,7 +206,7 @@ def test_an_interrupted_check_on_a_cluster_goes_on_where_it_stopped(theirs, monk
             raise KeyboardInterrupt
         return measured(item, settings, progress)
 
-    monkeypatch.setattr(gate_run, "measured", stops)
+    monkeypatch.setattr(gate_run, "check_item", stops)
     with pytest.raises(KeyboardInterrupt):
         check_items(items, settings, place=theirs)
     rows = check_items(items, settings, place=theirs)

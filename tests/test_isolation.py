@@ -15,7 +15,7 @@ from screwgauge import Limits, ScrewgaugeError
 from screwgauge.study import isolation
 from support import bad_works
 from support.command import main
-from support.engines import ENGINES, Failure, Values, check_same, further_engines, isolated, silent
+from support.engines import ENGINES, Failure, Values, check_same, further_engines, run_isolated, silent
 from support.errors import ModelFileError, UnknownNameError
 from support.processes import python
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("isolated")
 def ended():
     names = ("fine", "segfault", "abort", "leave", "odd", "hog")
     works = {name: getattr(bad_works, name) for name in names}
-    return isolated(works, Limits(memory=0.5), silent)
+    return run_isolated(works, Limits(memory=0.5), silent)
 
 
 @pytest.mark.slow
@@ -73,17 +73,17 @@ def test_the_others_go_on_in_the_order_asked_for(ended):
 
 
 def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
-    again = isolated({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), silent)
+    again = run_isolated({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), silent)
     assert again["fine"] == ended["fine"]
     assert not isinstance(again["segfault"], Failure)
 
 
 @pytest.mark.slow
 def test_what_never_ends_is_stopped_and_the_next_one_is_not():
-    (found,) = isolated({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
+    (found,) = run_isolated({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
     assert found.reason.startswith("stopped at the time limit of 0.3 s, ")
     assert found.reason.endswith("--limit changes it")
-    (pid,) = isolated({"fine": bad_works.fine}, Limits(), silent).values()
+    (pid,) = run_isolated({"fine": bad_works.fine}, Limits(), silent).values()
     assert not isinstance(pid, Failure)
 
 
@@ -97,7 +97,7 @@ def test_progress_is_that_of_all(tmp_path):
             seen.touch()
 
     works = {"fine": partial(bad_works.until_seen, seen=seen)}
-    assert isolated(works, Limits(), report) == {"fine": "seen"}
+    assert run_isolated(works, Limits(), report) == {"fine": "seen"}
     assert said[-1] == ("fine", 0.5)
 
 
@@ -105,16 +105,16 @@ def test_progress_is_that_of_all(tmp_path):
 def test_work_that_has_long_said_nothing_may_be_compiling(monkeypatch):
     monkeypatch.setattr(isolation, "SLOW", 0.0)
     said = set()
-    isolated({"slow": bad_works.hang}, Limits(seconds=0.5), lambda step, share: said.add(step))
+    run_isolated({"slow": bad_works.hang}, Limits(seconds=0.5), lambda step, share: said.add(step))
     assert [step for step in said if step.startswith("slow (") and "compiling" in step]
 
 
 def test_processes_are_forks_of_one_that_is_replaced_when_it_was_killed():
-    first, second = isolated(dict.fromkeys(("fork 1", "fork 2"), bad_works.server), Limits(), silent).values()
+    first, second = run_isolated(dict.fromkeys(("fork 1", "fork 2"), bad_works.server), Limits(), silent).values()
     assert first == second != os.getpid()
     os.kill(first, signal.SIGKILL)
     os.waitid(os.P_PID, first, os.WEXITED | os.WNOWAIT)
-    (third,) = isolated({"fork 3": bad_works.server}, Limits(), silent).values()
+    (third,) = run_isolated({"fork 3": bad_works.server}, Limits(), silent).values()
     assert third not in (first, os.getpid())
 
 
@@ -122,7 +122,7 @@ def test_a_process_has_the_environment_that_its_parent_has_when_it_starts(monkey
     for value in ("before", "after"):
         monkeypatch.setenv("SCREWGAUGE_TEST", value)
         before = {**os.environ}
-        assert isolated({value: bad_works.variable}, Limits(), silent) == {value: f"{value}disable"}
+        assert run_isolated({value: bad_works.variable}, Limits(), silent) == {value: f"{value}disable"}
         assert os.environ == before
 
 
@@ -142,7 +142,7 @@ def test_a_script_that_runs_a_scene_is_not_run_again_by_processes(tmp_path):
 
 def test_bad_input_is_raised_as_it_is():
     with pytest.raises(UnknownNameError, match=r"own.xml: .*'leg5'; .*'leg4'\? .* leg4\.$") as caught:
-        isolated({"fine": bad_works.refuse}, Limits(), silent)
+        run_isolated({"fine": bad_works.refuse}, Limits(), silent)
     assert caught.value.where == "own.xml"
 
 
@@ -212,14 +212,14 @@ def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
 
 
 def test_a_number_in_the_place_of_limits_is_refused():
-    with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 .*; give screwgauge\.Limits"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 .*; pass screwgauge\.Limits"):
         screwgauge.run(screwgauge.load_scene("slider-crank"), limits=60)
 
 
 @pytest.mark.slow
 def test_a_process_is_asked_again_soon_and_replaced_before_it_may_have_ended(monkeypatch):
     monkeypatch.setattr("screwgauge.study.isolation._FREE", free := {})
-    first, second = (isolated({"one": bad_works.fine}, Limits(), silent)["one"] for _ in range(2))
+    first, second = (run_isolated({"one": bad_works.fine}, Limits(), silent)["one"] for _ in range(2))
     free["one"] -= 1e3
-    third = isolated({"one": bad_works.fine}, Limits(), silent)["one"]
+    third = run_isolated({"one": bad_works.fine}, Limits(), silent)["one"]
     assert first == second != third

@@ -11,7 +11,7 @@ import pytest
 from screwgauge import Limits
 from screwgauge.study import isolation as processes
 from support import bad_works
-from support.engines import isolated, silent
+from support.engines import run_isolated, silent
 
 #: A program that puts work into processes and waits for it.
 PARENT = """
@@ -26,17 +26,17 @@ if kind == "program":
     import subprocess
     from concurrent.futures import ThreadPoolExecutor
 
-    from screwgauge.study.lifeline import tied
+    from screwgauge.study.lifeline import end_with_thread
 
     code = f"from support import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
-            pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())
+            pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=end_with_thread())
 else:
-    from screwgauge.study.isolation import Limits, isolated
+    from screwgauge.study.isolation import Limits, run_isolated
 
     work = partial(getattr(bad_works, kind), folder=folder)
-    isolated({"one": work, "two": work}, Limits(), lambda name, share: None)
+    run_isolated({"one": work, "two": work}, Limits(), lambda name, share: None)
 """
 
 
@@ -79,24 +79,24 @@ def test_a_thread_that_has_ended_takes_no_process_with_it():
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        first = pool.submit(isolated, {"thread": bad_works.fine}, Limits(), silent).result()
-    assert isolated({"thread": bad_works.fine}, Limits(), silent) == first
+        first = pool.submit(run_isolated, {"thread": bad_works.fine}, Limits(), silent).result()
+    assert run_isolated({"thread": bad_works.fine}, Limits(), silent) == first
 
 
 @pytest.mark.slow
 def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
     monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
-    (found,) = isolated({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
+    (found,) = run_isolated({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
     assert found.reason == "stopped at the time limit of 60 s; --limit changes it"
 
 
 def test_the_limit_of_a_work_does_not_outlast_it():
     works = {"early": bad_works.fine}
-    first = isolated(works, Limits(seconds=1e300), silent)
-    assert isolated(works, Limits(), silent) == first
-    assert isolated({"early": bad_works.timer}, Limits(seconds=7.0), silent)["early"] > 7.0
+    first = run_isolated(works, Limits(seconds=1e300), silent)
+    assert run_isolated(works, Limits(), silent) == first
+    assert run_isolated({"early": bad_works.timer}, Limits(seconds=7.0), silent)["early"] > 7.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_progress_that_cannot_be_written_costs_no_result(monkeypatch):
-    assert isolated({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}
+    assert run_isolated({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}

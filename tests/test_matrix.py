@@ -30,7 +30,7 @@ def made(monkeypatch):
     def run(command, folder=None, ends=(0,)):
         return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
 
-    monkeypatch.setattr(study, "fresh", make)
+    monkeypatch.setattr(study, "make_environment", make)
     monkeypatch.setattr(study, "_run", run)
     monkeypatch.setattr(study, "lay_out", lambda folder: None)
     return told

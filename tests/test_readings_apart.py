@@ -8,7 +8,7 @@ from support.errors import LoaderError, ModelFileError
 
 pytestmark = pytest.mark.slow
 
-REAL = isolation.isolated
+REAL = isolation.run_isolated
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'
 ROOTS = "".join(f'<body name="{name}"><joint name="{name}j"/>{INERTIAL}</body>' for name in "abc")
 MATTER = '<inertial><mass value="1"/><inertia ixx="5" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -23,7 +23,7 @@ def test_a_crash_costs_one_reading(write, monkeypatch):
     def crashing(path, library, **more):  # goes to its process by value, being of no module
         return os.abort() if library == "pinocchio" else read(path, library, **more)
 
-    monkeypatch.setattr(isolation, "isolated", REAL)
+    monkeypatch.setattr(isolation, "run_isolated", REAL)
     monkeypatch.setattr(loading, "read", crashing)
     with pytest.raises(LoaderError, match=r"pinocchio .*crashed.* SIGABRT"):
         loading.read_isolated(roots, "pinocchio")
@@ -35,7 +35,7 @@ def test_a_reading_that_takes_all_memory_ends_and_names_no_option_of_engines(wri
     def greedy(path, *rest, **more):
         return len(bytearray(4_500_000_000))  # never touched: that it may be had is enough
 
-    monkeypatch.setattr(isolation, "isolated", REAL)
+    monkeypatch.setattr(isolation, "run_isolated", REAL)
     monkeypatch.setattr(loading, "read", greedy)
     monkeypatch.setattr(loading, "import_model", greedy)
     path = write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>")
@@ -48,7 +48,7 @@ def test_a_reading_that_takes_all_memory_ends_and_names_no_option_of_engines(wri
 @pytest.mark.slow
 def test_a_refusal_has_its_reason(write, monkeypatch):
     path = write("arm.urdf", ARM)
-    monkeypatch.setattr(isolation, "isolated", REAL)
+    monkeypatch.setattr(isolation, "run_isolated", REAL)
     with pytest.raises(ModelFileError, match=r"MuJoCo refuses it \("):
         loading.read_isolated(path, "mujoco")
     assert list(loading.read_isolated(path, "pinocchio").bodies) == ["b"]

@@ -30,7 +30,7 @@ def row_of_files():
 
 
 def test_truth_takes_part_in_built_in_scenes_alone(theirs, monkeypatch):
-    scene, _ = smoke.smoked(screwgauge.load_scene("screw-press"))
+    scene, _ = smoke.reduce_scene(screwgauge.load_scene("screw-press"))
     asked = smoke.with_truth(scene)
     assert asked.engines == ("screw", "truth")
     assert len(asked.t) == 1
@@ -40,7 +40,9 @@ def test_truth_takes_part_in_built_in_scenes_alone(theirs, monkeypatch):
 
 
 def test_truth_reads_texts_of_some_scenes_and_doubles_of_others():
-    asked = [smoke.with_truth(smoke.smoked(screwgauge.load_scene(name))[0]) for name in ("screw-press", "five-bar")]
+    asked = [
+        smoke.with_truth(smoke.reduce_scene(screwgauge.load_scene(name))[0]) for name in ("screw-press", "five-bar")
+    ]
     assert [scene.wording().motion is None for scene in asked] == [False, True]
 
 
@@ -53,7 +55,7 @@ def test_truth_is_asked_without_springs_and_motors():
 
 
 def test_a_second_formulation_takes_part_in_built_in_scenes_alone(theirs):
-    scene, _ = smoke.smoked(screwgauge.load_scene("ruse"))
+    scene, _ = smoke.reduce_scene(screwgauge.load_scene("ruse"))
     asked = smoke.with_lagrange(scene)
     assert asked.engines == ("screw", "lagrange")
     assert {*scene.quantities} - {*asked.quantities} == {"tree_force", "tree_force_soft"}
@@ -76,7 +78,7 @@ def test_what_a_second_formulation_contradicts_is_seen(monkeypatch):
 
 
 def test_the_motion_of_a_smoke_test_is_followed_once_however_many_runs_it_has():
-    scene, _ = smoke.smoked(screwgauge.load_scene("slider-crank"))
+    scene, _ = smoke.reduce_scene(screwgauge.load_scene("slider-crank"))
     first, again = check_scene(scene), check_scene(smoke.full_cuts(scene))
     assert first is again
     assert check_scene(replace(scene, task=scene.motion.part(slice(0, 2)))) is not first

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.study.bench.loops import constant_force_motion, in_tree
+from screwgauge.study.bench.loops import constant_force_motion, tree_reference
 from support.engines import Method, model_files
 from support.geometry import EPS, Array
 from support.questions import Question, findings
@@ -59,7 +59,7 @@ def test_a_stiffer_loop_opens_less_as_impedance_and_time_constant_say(motion: Qu
 
 
 def test_refined_steps_have_no_floor_but_an_error_of_first_order(motion: Question) -> None:
-    stepped, right = [step(motion, dt, solimp=0.9999, passes=4) for dt in STEPS], in_tree(motion).values
+    stepped, right = [step(motion, dt, solimp=0.9999, passes=4) for dt in STEPS], tree_reference(motion).values
     assert slope(STEPS, [one["loop_gap"][1:].max() for one in stepped]) == pytest.approx(1.0, abs=STRAIGHT)
     for quantity in ("constraint_force", "energy"):
         errors = [np.abs(one[quantity] - right[quantity].array).max() for one in stepped]

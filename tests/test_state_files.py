@@ -82,7 +82,7 @@ def test_a_baseline_with_an_odd_entry_is_none(change, known):
     record = json.loads(known.read_text())
     change(record)
     known.write_text(json.dumps(record))
-    with pytest.raises(DescriptionError, match="is (no|not a) baseline; create one with --update"):
+    with pytest.raises(DescriptionError, match=r"is (no|not a) baseline; create one with --update"):
         against(known, [ROW], smoke=False)
 
 
@@ -144,7 +144,7 @@ def test_a_digest_is_that_of_a_regular_file(tmp_path):
     (tmp_path / "x").write_text("")
     assert digest(tmp_path / "x").startswith("e3b0c442")
     os.mkfifo(tmp_path / "fifo")
-    with pytest.raises(DescriptionError, match="(no|not a) regular file"):
+    with pytest.raises(DescriptionError, match=r"(no|not a) regular file"):
         digest(tmp_path / "fifo")
 
 

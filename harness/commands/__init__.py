@@ -41,7 +41,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.scene.default import gravity_of
     from screwgauge.scene.read import is_scene, load_scene
 
-    imported(options.mechanism)
+    import_named(options.mechanism)
     scene, file = load_scene(options.mechanism) if is_scene(options.mechanism) else None, Path(options.mechanism)
     check_home(mechanism := scene.mechanism if scene else load_mechanism(file))
     out = options.out or OUT / mechanism.name / "models"
@@ -101,7 +101,7 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
     return 0
 
 
-def imported(name: str, allow: list[str] | None = None, *, meshes: bool = False) -> None:
+def import_named(name: str, allow: list[str] | None = None, *, meshes: bool = False) -> None:
     """Import a model file that is named in place of a mechanism or scene, and print notes about it.
 
     Args:
@@ -131,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
-    imported(options.scene, _names(options.allow), meshes=options.meshes)
+    import_named(options.scene, _names(options.allow), meshes=options.meshes)
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.default import exciting
@@ -172,7 +172,7 @@ def review(options: argparse.Namespace) -> int:
     from screwgauge.report.reviewed import blocks, summary
     from screwgauge.report.text import terminal
 
-    imported(options.scene)
+    import_named(options.scene)
     found = review(options.numbers, options.scene, _names(options.quantities))
     say(json_text(summary(found), escaped=True) if options.json else terminal(blocks(found)))
     return 0 if found else 1
@@ -190,7 +190,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench.run import bench, plan_of
 
-    imported(options.scene)
+    import_named(options.scene)
     scene = load_scene(options.scene)
     out = options.out or OUT / scene.name / "bench"
     plan = plan_of(scene, quick=options.quick, limit=options.limit)
@@ -250,7 +250,7 @@ def identify(options: argparse.Namespace) -> int:
     from screwgauge.study.identify.fix import check_fix, write_fix
     from screwgauge.study.identify.run import identify
 
-    imported(options.scene)
+    import_named(options.scene)
     scene, model = load_scene(options.scene), Path(options.scene) if is_model(options.scene) else None
     inputs = [*_files(scene), *filter(None, (options.data, model))]
     if options.fix is not None:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from screwgauge.commands import imported
+from screwgauge.commands import import_named
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.outputs import check_free, save_file
 from screwgauge.report.console import complain, say, stopped
@@ -65,7 +65,7 @@ def _load(name: str) -> Scene | Mechanism:
     from screwgauge.reference.files import A_PATH, is_path
     from screwgauge.scene.read import load_scene, scene_names
 
-    imported(name)
+    import_named(name)
     if name in scene_names():
         return load_scene(name)
     if name not in mechanism_names() and not is_path(name) and not is_model(name):

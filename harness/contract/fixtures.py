@@ -18,9 +18,9 @@ from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.answers import declared
+from screwgauge.study.answers import declared_lacks
 from screwgauge.study.methods import missing
-from screwgauge.study.solving import generated, model_files
+from screwgauge.study.solving import generated_models, model_files
 
 __all__ = ["answered", "entry", "fall", "fallen", "given", "loaded", "pushed"]
 
@@ -56,7 +56,7 @@ class Loaded:
         """Skip a test if the engine lacks quantities that the test needs."""
         for name in quantities:
             if name not in self.quantities:
-                why = declared(self.model, self.engine).get(name, "it is not part of its task")
+                why = declared_lacks(self.model, self.engine).get(name, "it is not part of its task")
                 pytest.skip(f"{self.engine.name} lacks {name}: {why}")
 
     def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
@@ -83,11 +83,11 @@ def loaded(entry: Engine) -> Iterator[Loaded]:
     refused = []
     for name, times in SCENES.items():
         scene = screwgauge.load_scene(name).under(gravity=np.array(GRAVITY)).at(times)
-        with generated(scene) as folder:
+        with generated_models(scene) as folder:
             files = model_files(scene, entry.name, folder)
             try:
                 model = entry.load(files)
-                quantities = tuple(q for q in GIVEN if q not in declared(model, entry))
+                quantities = tuple(q for q in GIVEN if q not in declared_lacks(model, entry))
                 if not quantities:
                     _reject(entry, "lacks every quantity; remove those that it gives from `lacks`")
                 if GivenMotion in entry.tasks:

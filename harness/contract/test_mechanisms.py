@@ -52,7 +52,7 @@ def other_than(name: str) -> str:
 
 
 @cache
-def compared(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
+def run_both(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
     """Run the engine and the solver on a scene."""
     return screwgauge.run(scene, [other_than(name), name], wanted)
 
@@ -64,7 +64,7 @@ def built_in(name: str) -> Scene:
     return scene.at(np.linspace(scene.t[0], scene.t[-1], 7)[1::2])
 
 
-def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
+def run_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict: bool = False) -> Results:
     """Run a scene with the quantities that the engine has.
 
     Skip the test if the engine refuses the scene with an error message, and fail it if the engine fails. If strict,
@@ -74,7 +74,7 @@ def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict:
         pytest.skip(f"{entry.name} does not accept given motions")
     if why := refusal(entry, scene.mechanism, scene.applied):
         pytest.skip(why)
-    results = compared(entry.name, scene, tuple(q for q in quantities if q not in entry.lacks))
+    results = run_both(entry.name, scene, tuple(q for q in quantities if q not in entry.lacks))
     if failure := results.failures.get(entry.name):
         if failure.reason.startswith(_REFUSED) and not strict:
             pytest.skip(f"{entry.name} refuses it: {failure.reason}")
@@ -87,7 +87,7 @@ def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str], *, strict:
 def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: str) -> None:
     if quantity in entry.lacks:
         pytest.skip(f"{entry.name} lacks {quantity}: {entry.lacks[quantity]}")
-    results = of_engine(entry, built_in(name), OF_MOTION)
+    results = run_engine(entry, built_in(name), OF_MOTION)
     if why := results.solutions[entry.name].lacks.get(quantity):
         pytest.skip(f"{entry.name} lacks {quantity} for {name}: {why}")
     rows = results.pairs[results.pairs["quantity"] == quantity]
@@ -105,7 +105,7 @@ def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: st
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
     """Equations of motion, closure and power balance hold among the engine's own numbers."""
-    results = of_engine(entry, built_in(name), OF_MOTION)
+    results = run_engine(entry, built_in(name), OF_MOTION)
     if not len(results.judge[results.judge["engine"] == entry.name]):
         pytest.skip(f"{entry.name} gives too little for {name} to be judged")
     faults = results.faults[results.faults["engine"] == entry.name]
@@ -171,7 +171,7 @@ def on_one_joint(feature: str, folder: Path) -> Scene:
 @pytest.mark.parametrize("feature", [name for name in FEATURES if name != "fixed"])
 def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: Path) -> None:
     """The engine supports joint kinds, couplings, resistance, springs and loads, or names them in `refuses`."""
-    results = of_engine(entry, on_one_joint(feature, tmp_path), OF_ONE, strict=True)
+    results = run_engine(entry, on_one_joint(feature, tmp_path), OF_ONE, strict=True)
     assert results.exit_status == 0, verdict(results).text
 
 
@@ -179,7 +179,7 @@ def test_a_feature_is_taken_or_declared(entry: Engine, feature: str, tmp_path: P
 def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
     """The engine agrees for random mechanisms; run ``screwgauge.random(7, FAMILY)`` to repeat a failure."""
     scene = screwgauge.random(SEED, family)
-    results = of_engine(entry, scene, scene.quantities)
+    results = run_engine(entry, scene, scene.quantities)
     if entry.precision != FLOAT64.name and results.outcome == "undecided":
         pytest.skip(f"the rounding of {entry.precision} leaves the comparison undecided")
     assert results.exit_status == 0, verdict(results).text

@@ -88,7 +88,7 @@ class Results(Shown, Comparison):
         Raises:
             UnknownNameError: No engine computed the quantity; the error lists the available quantities.
         """
-        if not (having := self._having(quantity)):
+        if not (having := self._solutions_with(quantity)):
             raise UnknownNameError("quantity", quantity, {*chain(*(s.values for s in self.solutions.values()))})
         values = {solution.engine: solution.values[quantity] for solution in having}
         columns = [(engine, component) for engine, each in values.items() for component in each.components]

@@ -19,7 +19,7 @@ from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked, wri
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
 from screwgauge.study.formatting import free_name
-from screwgauge.study.lifeline import tied
+from screwgauge.study.lifeline import end_with_thread
 
 PDF = "report.pdf"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
@@ -196,7 +196,7 @@ def print_page(html: Path, pdf: Path) -> None:
                 capture_output=True,
                 timeout=LONGEST,
                 check=False,
-                preexec_fn=tied(),
+                preexec_fn=end_with_thread(),
             )
             why = f"status {done.returncode}"
         except subprocess.TimeoutExpired:

@@ -31,8 +31,8 @@ def plain_answer(answer: object, n: int) -> Solution:
     values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
     shapes = {name: one.array.shape for name, one in values.items()}
     return Solution(
-        engine=shortened(answer.engine, SHORT),
-        version=shortened(answer.version, SHORT),
+        engine=truncate(answer.engine, SHORT),
+        version=truncate(answer.version, SHORT),
         values=values,
         condition=_sizes("condition", answer.condition, n),
         timings=tuple(map(_timing, _limited_list("timings", answer.timings))),
@@ -40,22 +40,22 @@ def plain_answer(answer: object, n: int) -> Solution:
         errors={name: _error(name, one, n, shapes.get(name, ())) for name, one in _items("errors", answer.errors)},
         assembly=None if answer.assembly is None else _numbers("assembly", answer.assembly, (n, None)),
         rows=None if answer.rows is None else _rows(answer.rows, n),
-        setting=shortened(answer.setting, LONG),
+        setting=truncate(answer.setting, LONG),
         work=None if answer.work is None else _numbers("work", answer.work, (n,)),
-        stopped=shortened(answer.stopped, LONG),
+        stopped=truncate(answer.stopped, LONG),
         cost=None if answer.cost is None else _cost(answer.cost),
         warnings=_texts("warnings", answer.warnings),
-        lacks={name: shortened(why, LONG) for name, why in _items("lacks", answer.lacks)},
+        lacks={name: truncate(why, LONG) for name, why in _items("lacks", answer.lacks)},
     )
 
 
 def plain_failure(failed: Failure) -> Failure:
     """Return a failure whose strings are truncated to the lengths used in this package."""
     limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
-    return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})
+    return Failure(**{name: truncate(getattr(failed, name), most) for name, most in limits.items()})
 
 
-def shortened(text: object, most: int) -> str:
+def truncate(text: object, most: int) -> str:
     """Truncate a string to `most` characters, and append the number of removed characters.
 
     Raises:
@@ -68,7 +68,7 @@ def shortened(text: object, most: int) -> str:
 
 def _texts(what: str, texts: object) -> tuple[str, ...]:
     some = _limited_list(what, texts)
-    return tuple(shortened(text, LONG) for text in some)
+    return tuple(truncate(text, LONG) for text in some)
 
 
 def _limited_list(what: str, items: object) -> list[Any]:
@@ -103,7 +103,7 @@ def _values(name: str, values: object, n: int) -> Values:
 
 
 def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
-    return tuple(shortened(text, SHORT) for text in texts)
+    return tuple(truncate(text, SHORT) for text in texts)
 
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
@@ -142,7 +142,7 @@ def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
         scaled=_sizes(f"error {what}", error.scaled, n),
         absolute={unit: _size(f"error {what}", size) for unit, size in _items(f"error {what}", error.absolute)},
         condition=None if condition is None else _sizes(f"condition {what}", condition, n),
-        source=shortened(error.source, SHORT),
+        source=truncate(error.source, SHORT),
         radius=None if radius is None else _numbers(f"radius {what}", radius, shape),
     )
 
@@ -160,7 +160,7 @@ def _timing(timing: object) -> Timing:
     if not isinstance(timing, Timing):
         raise TypeError(f"a timing is of type {type(timing).__name__}, not Timing")
     engine, setting, stage, n, least, median, covers = astuple(timing)
-    engine, setting, stage, covers = (shortened(text, LONG) for text in (engine, setting, stage, covers))
+    engine, setting, stage, covers = (truncate(text, LONG) for text in (engine, setting, stage, covers))
     return Timing(engine, setting, stage, int(n), float(least), float(median), covers)
 
 
@@ -170,7 +170,7 @@ def _cost(cost: object) -> Cost:
     return Cost(float(cost.wall_s), float(cost.cpu_s), int(cost.steps), int(cost.evaluations))
 
 
-def declared(model: EngineModel, engine: Engine | None) -> dict[str, str]:
+def declared_lacks(model: EngineModel, engine: Engine | None) -> dict[str, str]:
     """Return quantity -> reason for quantities that an engine, or its loaded model, declares not to compute."""
     lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
-    return {name: shortened(why, LONG) for name, why in lacks.items()}
+    return {name: truncate(why, LONG) for name, why in lacks.items()}

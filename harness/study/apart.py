@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 from screwgauge import solution
 from screwgauge.reference import errors
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.lifeline import tied
+from screwgauge.study.lifeline import end_with_thread
 
 #: Types of an answer, whose instances contain only numbers and strings.
 _PLAIN = {(solution.__name__, name) for name in ("Cost", "Error", "Failure", "Solution", "Timing", "Values")}
@@ -40,7 +40,7 @@ class CrashedError(Exception):
     """Raised if a call ended its process, or did not return plain data. Notes contain the output of the call."""
 
 
-def apart(call: Callable[[], object]) -> tuple[Any, str]:
+def call_in_fork(call: Callable[[], object]) -> tuple[Any, str]:
     """Call a function in a fork; return its result, which must be plain data, and the end of its output.
 
     Raises:
@@ -49,7 +49,7 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
         CrashedError: The call raised a different exception, crashed, or did not return plain data.
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
-        folder, first = Path(name), tied()
+        folder, first = Path(name), end_with_thread()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # warns of forks with threads, but these only wait
             child = os.fork()

@@ -233,7 +233,7 @@ def on_worker(name: str, work: Callable[[Progress], Any], limits: isolation.Limi
     """
     _compare(expected, _versions(), f"the worker {platform.node()}")
     lane = f"dask-{threading.get_ident()}"
-    return isolation.isolated({name: work}, limits, lambda step, share: None, lanes=[lane])[name]
+    return isolation.run_isolated({name: work}, limits, lambda step, share: None, lanes=[lane])[name]
 
 
 _versions = cache(versions)

@@ -83,7 +83,7 @@ class Limits:
                 raise DescriptionError(f"a limit of {value:g} {unit}", option, f"use a positive number of {unit}")
 
 
-def isolated(
+def run_isolated(
     works: Mapping[str, Callable[[Progress], T | Failure]],
     limits: Limits,
     report: Callable[[str, float], None],
@@ -204,9 +204,9 @@ class _Jobs(Generic[T]):
         self.keep(name, result)
 
 
-def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
-    """Run a job in the process with a given name and return its result; see `isolated`."""
-    return isolated({name: partial(_run_silently, work)}, limits, silent)[name]
+def call_isolated(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
+    """Run a job in the process with a given name and return its result; see `run_isolated`."""
+    return run_isolated({name: partial(_run_silently, work)}, limits, silent)[name]
 
 
 def _run_silently(work: Callable[[], T], progress: Progress) -> T:

@@ -42,7 +42,7 @@ def _close_writing_end() -> None:
 os.register_at_fork(after_in_child=_close_writing_end)
 
 
-def tied() -> Callable[[], None]:
+def end_with_thread() -> Callable[[], None]:
     """Return a ``preexec_fn`` for `subprocess.run` that ends the program with the calling thread, which waits for it.
 
     On systems other than Linux it has no effect.

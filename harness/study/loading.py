@@ -14,7 +14,7 @@ from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
-from screwgauge.study.isolation import Limits, isolated_call
+from screwgauge.study.isolation import Limits, call_isolated
 
 #: Limits for reading, where the largest models take a second, and for importing, where they take a few seconds.
 LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, memory=4.0)
@@ -27,7 +27,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: The file cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    reading = isolated_call(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
+    reading = call_isolated(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
     if isinstance(reading, Failure):
         what = f"{library} fails to read the file ({_reason(reading)})"
         raise LoaderError(what, str(path), "choose another library")
@@ -45,7 +45,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
         return a, b
     models = list[Weighed]()
     for each in (a, b):
-        one = isolated_call("meshes", partial(weigh_side, each, scratch_folder()), LOADING)
+        one = call_isolated("meshes", partial(weigh_side, each, scratch_folder()), LOADING)
         if isinstance(one, Failure):
             what = f"mujoco fails to read its meshes ({_reason(one)})"
             raise LoaderError(what, each, "add an <inertial> to its bodies")
@@ -59,7 +59,7 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
     Raises:
         ScrewgaugeError: The file is not a model, a description cannot express the model, or the reader fails.
     """
-    imported = isolated_call("import", partial(import_model, path, options or Options()), IMPORTING)
+    imported = call_isolated("import", partial(import_model, path, options or Options()), IMPORTING)
     if isinstance(imported, Failure):
         remedy = "choose another library with --reader, or use a smaller model"
         raise ModelFileError(f"cannot be read: {_reason(imported)}", str(path), remedy)

@@ -26,7 +26,7 @@ from screwgauge.judging.residual import JUDGE
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.lifeline import tied
+from screwgauge.study.lifeline import end_with_thread
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 
@@ -87,7 +87,7 @@ def matrix(
     text = grow_table(
         file,
         COLUMNS,
-        [Task(name, partial(_row, *pair, make or fresh, scenes)) for name, pair in named.items()],
+        [Task(name, partial(_row, *pair, make or make_environment, scenes)) for name, pair in named.items()],
         execute or InTurn(),
         lambda name, reason: _result(*named[name], status="failed", reason=reason),
         progress,
@@ -139,7 +139,7 @@ def requirements(**pinned: str) -> list[str]:
     return [*texts, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
 
 
-def fresh(folder: Path, wanted: Sequence[str]) -> Path:
+def make_environment(folder: Path, wanted: Sequence[str]) -> Path:
     """Make an environment with this Python's version, using uv if available, else venv and pip.
 
     Raises:
@@ -182,7 +182,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     more = {"PYTHONPATH": str(folder / "package")} if folder else {}
     ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
     try:
-        done = ask(command, cwd=folder, env={**kept, **more}, preexec_fn=tied())
+        done = ask(command, cwd=folder, env={**kept, **more}, preexec_fn=end_with_thread())
     except (OSError, subprocess.TimeoutExpired) as error:
         raise CannotError(f"{type(error).__name__}: {error}") from None
     if ends and done.returncode not in ends:

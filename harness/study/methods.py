@@ -22,8 +22,8 @@ from screwgauge.reference.errors import (
     remedy_of_import,
 )
 from screwgauge.solution import ROUNDING, Failure, Solution
-from screwgauge.study.answers import LONG, TRACE, declared, plain_answer, plain_failure, shortened
-from screwgauge.study.apart import CrashedError, apart
+from screwgauge.study.answers import LONG, TRACE, declared_lacks, plain_answer, plain_failure, truncate
+from screwgauge.study.apart import CrashedError, call_in_fork
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
@@ -48,11 +48,11 @@ def failure(error: BaseException, name: str, folder: Path, engine: Engine | None
         message = str(error) or "no message"  # e.g. Python's MemoryError has no message
     except Exception:  # formatting the error of an external package may fail, too
         message = "its message cannot be read"
-    message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
+    message = truncate(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
     reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
-    return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
+    return Failure(name, truncate(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +141,9 @@ class EngineTask:
                 return failure(error, self.engine.name, self.folder, self.engine)
 
         try:
-            answer, printed = apart(ask)
+            answer, printed = call_in_fork(ask)
         except CrashedError as error:
-            return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
+            return Failure(self.engine.name, truncate(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
             answer = plain_answer(answer, len(self.problem.task))
             # only engines that run in this process may derive quantities or prove bounds
@@ -186,12 +186,12 @@ class LeftOutError(Exception):
     """Raised for an answer that lacks requested quantities."""
 
 
-def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
+def missing_quantities(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
     """Return the requested quantities that an answer lacks, except those that its engine declared to lack."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 
-def without(quantities: Iterable[str]) -> str:
+def sentence_on_missing(quantities: Iterable[str]) -> str:
     """Return a sentence on an answer that lacks quantities."""
     return f"does not give {', '.join(quantities)}, although requested"
 
@@ -207,8 +207,8 @@ def check_whole(problem: Problem, answer: Solution) -> Solution:
     Raises:
         LeftOutError: A requested quantity is missing.
     """
-    if lost := left_out(problem.wanted, answer):
-        raise LeftOutError(without(lost))
+    if lost := missing_quantities(problem.wanted, answer):
+        raise LeftOutError(sentence_on_missing(lost))
     return answer
 
 

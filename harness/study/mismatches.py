@@ -52,12 +52,12 @@ def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ..
     who = f"A: the description, B: {files.model.name}"
     found = [
         Mismatch(f"{each.item_a or each.item_b or MODEL}.{each.what}", f"{each.sentence} ({who})", each.kind == "model")
-        for each in physical(scene, name, files.model)
+        for each in physical_differences(scene, name, files.model)
     ]
-    return (*found, *(Mismatch(f"{LOOPS}.closure", sentence) for sentence in of_loops(scene, name, files)[1]))
+    return (*found, *(Mismatch(f"{LOOPS}.closure", sentence) for sentence in loop_differences(scene, name, files)[1]))
 
 
-def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
+def physical_differences(scene: Scene, name: str, model: Path) -> list[Difference]:
     """Return differences between a model file and the description, largest first, with those due to rounding marked.
 
     Args:
@@ -127,7 +127,7 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         *_extra_contents(mechanism, engine, files.model, known=name in ENGINES),
         *_deviations(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
     ]
-    ignored, other = of_loops(scene, name, files)
+    ignored, other = loop_differences(scene, name, files)
     return (*sentences, *ignored, *other)
 
 
@@ -180,7 +180,7 @@ def _excess(one: StrokeResistance, known: dict[tuple[str, str], float]) -> Strok
     return replace(one, armature=left["rotor"], damping=damping, friction=left["friction"])
 
 
-def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
+def loop_differences(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
     """Return sentences on differences in a user's loops file: first those that the engine ignores, then all others."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
         return [], []

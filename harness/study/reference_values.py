@@ -127,10 +127,10 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
         if engine in results.failures:
             return results.failures[engine]
         parts.append(results.solutions[engine].values)
-    return with_fixed(scene.mechanism, {name: joined(part[name] for part in parts) for name in parts[0]})
+    return with_fixed(scene.mechanism, {name: join_samples(part[name] for part in parts) for name in parts[0]})
 
 
-def joined(parts: Iterable[Values]) -> Values:
+def join_samples(parts: Iterable[Values]) -> Values:
     """Concatenate the samples of a quantity."""
     values = list(parts)
     return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
@@ -177,13 +177,13 @@ class PreparedScene:
         q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
         return States(coordinates, q, v, a=a)
 
-    def pushed(self, coordinates: tuple[str, ...]) -> Problem:
-        """Return the problem that asks for accelerations at the true states of a tree, see the function `pushed`."""
+    def acceleration_problem(self, coordinates: tuple[str, ...]) -> Problem:
+        """Return the problem that asks for accelerations at the true states of a tree, see the function `acceleration_problem`."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
-        return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
+        return acceleration_problem(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
 
-def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
+def acceleration_problem(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
     """Return the problem that asks for accelerations of a tree under actuator forces and loads.
 
     Loads are included in the forces along the coordinates, so that engines need not transform them.

@@ -41,11 +41,11 @@ from screwgauge.study.comparison import DOUBT, Comparison, provenance
 from screwgauge.study.fixed import without_fixed
 from screwgauge.study.leave import UNREAD, check_leave, idle_entries, unread_files
 from screwgauge.study.left_out import LeftOutForces, without_left_out
-from screwgauge.study.methods import left_out, without
+from screwgauge.study.methods import missing_quantities, sentence_on_missing
 from screwgauge.study.review import STANDIN, TableReview, reviews
 from screwgauge.study.rounding import with_rounding
-from screwgauge.study.simulations import MOTION, add_observables, ends, engines_in_doubt, loosen
-from screwgauge.study.solving import ask_engines, description_file, generated, model_files
+from screwgauge.study.simulations import MOTION, add_observables, early_ends, engines_in_doubt, loosen
+from screwgauge.study.solving import ask_engines, description_file, generated_models, model_files
 from screwgauge.study.tables import check_tables, judge_table
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ def run(
     for sentence in asked.warnings:  # later warnings can wait for the report
         warn(sentence)
     ask = partial(ask_engines, wanted=asked.requested, components=asked.components, progress=progress, limits=limits)
-    with generated(scene) as folder:
+    with generated_models(scene) as folder:
         told = ask(scene, names, folder)
         record = provenance(scene, _files(scene, names, folder), description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
@@ -251,8 +251,10 @@ def _prepare(asked: _Asked, told: Mapping[str, Solution | Failure]) -> _Answered
 def _missing_quantities(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
     """Yield the requested quantities that engines return at no sample."""
     for name, answer in answers.items():
-        if lost := left_out(asked.requested, answer):
-            yield Refusal(name, lost, np.arange(len(asked.scene.t)), without(lost), without(lost))
+        if lost := missing_quantities(asked.requested, answer):
+            yield Refusal(
+                name, lost, np.arange(len(asked.scene.t)), sentence_on_missing(lost), sentence_on_missing(lost)
+            )
 
 
 def _missing_samples(asked: _Asked, answers: Mapping[str, Solution]) -> Iterator[Refusal]:
@@ -295,7 +297,7 @@ def _compare_all(
     solutions = _solutions_of(asked, answers)
     errors, pairs = _errors(asked, answered, solutions, {})
     if asked.lay is not None and (unsure := sorted(engines_in_doubt(pairs, judged.values()) & {*answers})):
-        with generated(scene) as folder:
+        with generated_models(scene) as folder:
             runs = [ask(each, unsure, folder) for each in loosen(scene)]
         looser = {name: [one for told in runs if isinstance(one := told[name], Solution)] for name in unsure}
         judged |= {name: _judge_answer(asked, answered, name, again) for name, again in looser.items()}
@@ -367,7 +369,7 @@ def _missing_rows(asked: _Asked, answered: _Answered, solutions: Mapping[str, So
         for quantity in one.quantities
     ]
     if asked.lay is not None:
-        reasons += ends(scene, asked.wanted, answers, answered.failures)
+        reasons += early_ends(scene, asked.wanted, answers, answered.failures)
     for quantity, name, reason in reasons:
         others = [other for other, one in solutions.items() if other != name and quantity in one.values]
         for other in others or [""]:

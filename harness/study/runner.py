@@ -83,7 +83,7 @@ class Processes:
         works = {name: task.work for name, task in tasks.items()}
         if works:
             lanes = [f"lane-{i + 1}" for i in range(min(self.jobs, len(works)))]
-            isolation.isolated(works, self.limits, report, lanes=lanes, keep=keep)
+            isolation.run_isolated(works, self.limits, report, lanes=lanes, keep=keep)
 
 
 def run_tasks(

@@ -87,7 +87,7 @@ def _reference(scene: Scene, known: Known) -> Solution:
     return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
 
 
-def ends(
+def early_ends(
     scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
 ) -> Iterator[tuple[str, str, str]]:
     """Yield quantity, engine and reason for each engine that failed or stopped before the end of a simulation."""

@@ -23,7 +23,7 @@ from screwgauge.quantities import Names
 from screwgauge.reference.files import is_file
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.answers import declared, plain_answer
+from screwgauge.study.answers import declared_lacks, plain_answer
 from screwgauge.study.fixed import with_fixed
 from screwgauge.study.methods import (
     EngineTask,
@@ -31,9 +31,9 @@ from screwgauge.study.methods import (
     check_components,
     check_whole,
     failure,
-    left_out,
+    missing_quantities,
     notes_on_lacks,
-    without,
+    sentence_on_missing,
 )
 from screwgauge.study.tables import answer_of_table
 
@@ -51,20 +51,20 @@ def solve(
     """
     wanted = frozenset(quantities)
     solutions, failures = dict[str, Solution](), dict[str, Failure]()
-    with generated(scene) as folder:
+    with generated_models(scene) as folder:
         answers = ask_engines(scene, names, folder, wanted=wanted, progress=progress)
     for name, answer in answers.items():
         if isinstance(answer, Failure):
             failures[name] = answer
-        elif lost := left_out(wanted, answer):
-            failures[name] = Failure(name, without(lost))
+        elif lost := missing_quantities(wanted, answer):
+            failures[name] = Failure(name, sentence_on_missing(lost))
         else:
             solutions[name] = answer
     return solutions, failures
 
 
 @contextmanager
-def generated(scene: Scene) -> Iterator[Path]:
+def generated_models(scene: Scene) -> Iterator[Path]:
     """Write the generated model files of a scene's mechanism to a temporary folder for the context."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         write_scene_models(scene, Path(name))
@@ -105,7 +105,7 @@ class TooLongError(Exception):
     """Raised if a method took too long and was stopped."""
 
 
-def within(seconds: float) -> Progress:
+def time_limit(seconds: float) -> Progress:
     """Return a progress function that raises `TooLongError` if it is called after `seconds`."""
     begin = perf_counter()
 
@@ -122,7 +122,7 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     try:
         if entry is None or not entry.apart:
             model = method.load(files)
-            lacks = declared(model, entry)
+            lacks = declared_lacks(model, entry)
             answer = plain_answer(model.solve(problem, progress), len(problem.task))
             return check_whole(problem, replace(answer, lacks=lacks))
         task = EngineTask(entry, files, problem, files.model.parent, (), settings=method.settings)
@@ -202,19 +202,19 @@ def _ask_all(
     """Return the answers of engines, in order; engines that must be isolated run only in workers."""
     others = {name: one for name, one in questions.items() if one.engine.apart}
     if limits is None and not others:
-        return in_turn(questions, progress)
+        return run_in_turn(questions, progress)
     from screwgauge.study import isolation
 
     if limits is not None:
-        return isolation.isolated(questions, limits, progress)
+        return isolation.run_isolated(questions, limits, progress)
     if isolation.is_worker():
-        return in_turn(questions, progress)
-    answers = in_turn({name: one for name, one in questions.items() if name not in others}, progress)
-    answers |= isolation.isolated(others, isolation.Limits(), progress)
+        return run_in_turn(questions, progress)
+    answers = run_in_turn({name: one for name, one in questions.items() if name not in others}, progress)
+    answers |= isolation.run_isolated(others, isolation.Limits(), progress)
     return {name: answers[name] for name in questions}
 
 
-def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
+def run_in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
     """Run engines in this process, one after another."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():

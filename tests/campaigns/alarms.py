@@ -18,7 +18,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.blocks import Banner
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import Row, rows
-from screwgauge.study.gate.measure import GateSettings, compared
+from screwgauge.study.gate.measure import GateSettings, compare_scene
 
 NAME = "alarms.csv"
 COLUMNS = ("family", "seed", "quiet", "parameter", "share", "caught", "error", "tolerance", "reason")
@@ -35,7 +35,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
     with TemporaryDirectory(prefix="screwgauge-") as name:
         scene = screwgauge.random(seed, family, Path(name))
         try:
-            first, results = compared(scene, settings)
+            first, results = compare_scene(scene, settings)
         except ScrewgaugeError as error:
             return {**row, "quiet": "refused", "reason": error.what}
         worst = first.worst
@@ -49,7 +49,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
         folder = Path(name) / "changed"
         write_models(changed(scene.mechanism, parameter, share), folder, gravity=scene.applied.g)
         own = folder / f"{stem(scene.mechanism.name, 'minimal')}.xml"
-        after = compared(replace(scene, models={"mujoco": own}), settings)[0]
+        after = compare_scene(replace(scene, models={"mujoco": own}), settings)[0]
         row |= {"parameter": parameter, "share": f"{share:.2g}", "caught": "no" if after.ok else "yes"}
         if (most := after.worst) is not None:
             row |= {"error": f"{most.error:.2g}", "tolerance": f"{most.tolerance:.2g}"}

@@ -21,7 +21,7 @@ from screwgauge.study.runner import Executor
 from screwgauge.truth import cache
 
 #: Before tests put others in their places, see the fixtures `here` and `cache`.
-IN_PROCESSES = isolation.isolated
+IN_PROCESSES = isolation.run_isolated
 CACHE = os.environ.get(cache.VARIABLE)
 
 
@@ -55,7 +55,7 @@ class Campaign:
 @pytest.fixture
 def campaign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Campaign:
     """What the command line asks of a campaign. Its engines run in processes of their own: those of users do."""
-    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "run_isolated", IN_PROCESSES)
     # rows are kept in the user's own cache
     monkeypatch.delenv(cache.VARIABLE) if CACHE is None else monkeypatch.setenv(cache.VARIABLE, CACHE)
     option = request.config.getoption

@@ -10,7 +10,7 @@ from pathlib import Path
 from casebook.reproduce import RUN
 from screwgauge.casebook.book import CASES, Case, installed_versions, version_key
 from screwgauge.processes import python as this_python
-from screwgauge.study.matrix import Maker, fresh, lay_out, requirements
+from screwgauge.study.matrix import Maker, lay_out, make_environment, requirements
 
 TESTS = Path(__file__).parents[1]
 CRASHED = "crashed"
@@ -49,7 +49,7 @@ def _found(python: Sequence[str], environment: Mapping[str, str], cases: list[st
             yield cases.pop(0), (CRASHED, {})
 
 
-def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh) -> dict[str, Case]:
+def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = make_environment) -> dict[str, Case]:
     """The cases with what a fresh environment of each pair of versions, of pin and mujoco, shows.
 
     Those of other engines are shown by the installed versions, where they are installed.

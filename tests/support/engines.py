@@ -20,10 +20,10 @@ from screwgauge.problem import ModelFiles, Problem, Progress, Task, quiet, silen
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import REFERENCE, Clock, Cost, Error, Failure, Solution, Timing, Values, common_rows
-from screwgauge.study.isolation import isolated
+from screwgauge.study.isolation import run_isolated
 from screwgauge.study.methods import Method
 from screwgauge.study.solving import ask as put
-from screwgauge.study.solving import in_turn, solve
+from screwgauge.study.solving import run_in_turn, solve
 
 #: All that compute in doubles, of both cuts.
 IN_DOUBLES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
@@ -44,8 +44,8 @@ def ask(engine: str, files: ModelFiles, problem: Problem, progress: Progress = q
 
 
 def unwatched(works: Any, limits: Any, report: Any, *, keep: Any = lambda name, answer: None, **more: Any) -> Any:
-    """In the place of `isolation.isolated`: works in this process, as nobody else is to be protected."""
-    answers = in_turn(works, lambda name, share, *at: report(name, share))  # a check says what it is at, too
+    """In the place of `isolation.run_isolated`: works in this process, as nobody else is to be protected."""
+    answers = run_in_turn(works, lambda name, share, *at: report(name, share))  # a check says what it is at, too
     for name, answer in answers.items():
         keep(name, answer)
     return answers

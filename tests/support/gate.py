@@ -5,7 +5,7 @@ from screwgauge.report.pages.check import PAGE, sentence_of
 from screwgauge.study import address as address_module
 from screwgauge.study.address import address
 from screwgauge.study.gate import run as gate_run
-from screwgauge.study.gate.baseline import against, write_baseline
+from screwgauge.study.gate.baseline import compare_baseline, write_baseline
 from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import check_items, files_in

@@ -25,7 +25,7 @@ from screwgauge.study.bench import TABLE, given
 from screwgauge.study.bench.given import Question, Trial
 from screwgauge.study.bench.variants import VARIANTS, VariantMethod
 from screwgauge.study.methods import Method
-from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
+from screwgauge.study.reference_values import QUANTITIES, PreparedScene, join_samples
 
 #: Quantity of contestants that compute nothing.
 NOTHING = "none"
@@ -89,7 +89,7 @@ class Contestant:
         """Return quantity -> largest and RMS scaled errors, and a reason if there is no error."""
         scores = {}
         for quantity in self.quantities if self.quantities != (NOTHING,) else ():
-            values = joined(solution.values[quantity] for solution in solutions)
+            values = join_samples(solution.values[quantity] for solution in solutions)
             score = trial.reference.score(quantity, values if trial.rows is None else values.at(trial.rows))
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
             scores[quantity] = score.error, score.rms, reason

@@ -25,7 +25,7 @@ from screwgauge.study.bench.tables import CUT, FAILED, OK
 from screwgauge.study.bench.timing import Plan, Protocol
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
-from screwgauge.study.solving import TooLongError, ask, model_files, within, write_scene_models
+from screwgauge.study.solving import TooLongError, ask, model_files, time_limit, write_scene_models
 from screwgauge.study.store import Journal
 
 NAN = float("nan")
@@ -163,7 +163,7 @@ def _result(posed: PreparedScene, plan: Plan, contestant: Contestant, foreseen: 
     while True:
         try:
             with np.errstate(all="ignore"):
-                answer = ask(contestant.method, trial.files, problem, within(most))
+                answer = ask(contestant.method, trial.files, problem, time_limit(most))
         except TooLongError as error:
             return {"status": CUT, "reason": str(error)}
         if isinstance(answer, Failure):

@@ -82,7 +82,7 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
     if pushed:
-        return posed.pushed(coordinates)
+        return posed.acceleration_problem(coordinates)
     return posed.problem("tree_force" if bare else "actuator_force", task=posed.moving(coordinates))
 
 

@@ -125,7 +125,7 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
     right = constant_force_motion(QUICK_DURATION if quick else DURATION, SAMPLES)
     exact = replace(right, files=files_of(scene, folder))
     yield with_integration(exact, Integration(rtol=OWN, atol=OWN))
-    yield replace(exact, right=in_tree(exact), methods=())
+    yield replace(exact, right=tree_reference(exact), methods=())
 
 
 def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -154,7 +154,7 @@ def constant_force_motion(duration: float, samples: int, tolerance: float = TIGH
     return replace(question, right=_by_largest(question.mechanism, values), condition=float(solution.condition.max()))
 
 
-def in_tree(question: Question) -> Reference:
+def tree_reference(question: Question) -> Reference:
     """Return reference values for the coordinates of MuJoCo's tree and for the forces that close its loops."""
     values, mechanism = question.right.values, question.mechanism
     closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")

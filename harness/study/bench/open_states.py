@@ -37,7 +37,7 @@ from screwgauge.study.bench.question import (
 )
 from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.methods import Method
-from screwgauge.study.reference_values import Reference, pushed
+from screwgauge.study.reference_values import Reference, acceleration_problem
 from screwgauge.study.solving import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
@@ -155,7 +155,7 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
     values, scales = {FORWARD: true.values[ACCELERATION].pick(names)}, {FORWARD: true.scales[ACCELERATION]}
     return replace(
         given,
-        problem=pushed(mechanism, given.problem.applied, states, q, true.values["actuator_force"].array),
+        problem=acceleration_problem(mechanism, given.problem.applied, states, q, true.values["actuator_force"].array),
         methods=(method,),
         quantities=(FORWARD,),
         right=replace(true, values=values, scales=scales),

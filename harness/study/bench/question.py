@@ -342,7 +342,7 @@ def push(posed: PreparedScene, *methods: Method) -> Question:
     names = mechanism.coordinates if methods[:1] == (SCREW,) else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
     right = replace(posed.reference, values=values)  # the scales remain those of all joints
-    return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
+    return put(posed.scene, posed.folder, posed.acceleration_problem(names), methods, (ACCELERATION,), right)
 
 
 def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ from screwgauge.study.bench.question import SCENE, Question, compare, exact_text
 from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
 from screwgauge.study.bench.stress import Ask
 from screwgauge.study.bench.variants import VariantMethod
-from screwgauge.study.reference_values import joined, reference_values
+from screwgauge.study.reference_values import join_samples, reference_values
 from screwgauge.study.stream import stream, times
 
 #: Moments of inertia of the platform as a plate and of half a leg as a rod [kg m^2], close to the paper's values.
@@ -44,7 +44,7 @@ _FORCE, _TORQUE = np.array([0.3, -0.2, 1.0]), np.array([1.0, 0.1, -0.2])
 Tables = dict[str, Any]
 
 
-def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
+def body_ladder(change: Callable[[Tables, float], None]) -> Ask:
     """Make a stress case of the unloaded default scene from a function that changes the tables of its mechanism.
 
     The changed tables are written as a description, from which the model files of all engines are generated as usual.
@@ -84,14 +84,14 @@ def _scale(body: Tables, mass: float, inertia: float) -> None:
     body["inertia"] = dict(zip(body["inertia"], _times([*body["inertia"].values()], inertia), strict=True))
 
 
-@of_bodies
+@body_ladder
 def mass_ratio(tables: Tables, ratio: float) -> None:
     for name, body in tables["bodies"].items():
         if name.startswith("leg"):
             _scale(body, ratio, ratio)
 
 
-@of_bodies
+@body_ladder
 def scale(tables: Tables, s: float) -> None:
     for body in tables["bodies"].values():
         _scale(body, s**3, s**5)
@@ -103,7 +103,7 @@ def scale(tables: Tables, s: float) -> None:
             joint["home"] = _times(joint["home"], s)
 
 
-@of_bodies
+@body_ladder
 def inertia_anisotropy(tables: Tables, e: float) -> None:
     for name, body in tables["bodies"].items():
         if name.startswith("leg"):
@@ -156,7 +156,7 @@ def stream_samples(lay: Layout, problem: Problem, *, scene: Scene, count: int) -
         for name, kept in parts.items():
             kept.append(solution.values[name].at(rows))
         worst, done, version = max(worst, float(solution.condition.max())), done + len(t), solution.version
-    values = {name: joined(kept) for name, kept in parts.items()}
+    values = {name: join_samples(kept) for name, kept in parts.items()}
     return Solution("screw", version, values, np.full(len(at), worst), cost=clock.cost())
 
 

@@ -293,7 +293,9 @@ class _Measurements:
             done = self.kept.results.get(contestant.key, {"status": OK, "first": 0.0})
             times = self.kept.times.get(contestant.key, [])
             # an earlier bench may have measured the contestant often enough
-            if done["status"] == OK and len(times) < timing.enough(min([done["first"], *times]), self.protocol.rounds):
+            if done["status"] == OK and len(times) < timing.rounds_needed(
+                min([done["first"], *times]), self.protocol.rounds
+            ):
                 self._first(contestant)
         self._measure(self.calls, self.protocol)
 
@@ -318,7 +320,7 @@ class _Measurements:
 
     def _score(self, contestant: Contestant, trial: Trial, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
-            seconds, solutions = timing.once(call, self.protocol.clock)
+            seconds, solutions = timing.time_call(call, self.protocol.clock)
         for problem, solution in zip(trial.problems, solutions, strict=True):
             check_whole(problem, solution)
         scores = contestant.scores(trial, solutions)
@@ -326,7 +328,7 @@ class _Measurements:
 
     def _measure(self, calls: Mapping[str, Callable[[], Any]], protocol: timing.Protocol) -> None:
         first = {key: self.kept.results[key]["first"] for key in calls}
-        left, made = sum(timing.enough(first[key], protocol.rounds) for key in calls), count(1)
+        left, made = sum(timing.rounds_needed(first[key], protocol.rounds) for key in calls), count(1)
 
         def record(key: str, seconds: float) -> None:
             if len(calls) > 1:

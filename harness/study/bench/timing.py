@@ -65,7 +65,7 @@ class Protocol:
         return self.left <= 0.0
 
 
-def once(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
+def time_call(call: Callable[[], Any], clock: Callable[[], int]) -> tuple[float, Any]:
     """Return the duration of one call [s], and its result. The garbage collector is paused during the call."""
     on = gc.isenabled()
     gc.disable()
@@ -98,16 +98,16 @@ def measure(
         for key, call in calls.items():
             before = known.get(key, [])
             shortest = min([first[key], *before])
-            if len(before) > turn or len(before) >= enough(shortest, protocol.rounds):
+            if len(before) > turn or len(before) >= rounds_needed(shortest, protocol.rounds):
                 continue
             if protocol.over:
                 return
             if shortest < WARM_BELOW:
                 call()
-            record(key, once(call, protocol.clock)[0])
+            record(key, time_call(call, protocol.clock)[0])
 
 
-def enough(seconds: float, rounds: int) -> int:
+def rounds_needed(seconds: float, rounds: int) -> int:
     """Return the number of rounds for a contestant whose calls take a given time [s]."""
     for limit, few in ENOUGH:
         if seconds >= limit:

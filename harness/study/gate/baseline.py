@@ -77,7 +77,7 @@ def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: b
     replace_file(file, json_text(state(rows, smoke)))
 
 
-def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
+def compare_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
     """Compare rows with a baseline.
 
     Raises:

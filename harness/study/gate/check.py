@@ -15,8 +15,8 @@ from screwgauge.environment import json_text
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError, first_few, printable
 from screwgauge.study.formatting import number, size, unit_text
-from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
-from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
+from screwgauge.study.gate.baseline import Against, compare_baseline, read_baseline, write_baseline
+from screwgauge.study.gate.items import GateRow, find_unread, items, read_tolerances
 from screwgauge.study.gate.known_files import known_item
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import check_items
@@ -185,6 +185,6 @@ def check_with(
     rows = check_items(requested, settings, execute=execute, progress=progress, place=place)
     others = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
-    left = unread(what, [*read, *map(str, others)])
-    known = None if baseline is None else against(Path(baseline), rows, settings.smoke)
+    left = find_unread(what, [*read, *map(str, others)])
+    known = None if baseline is None else compare_baseline(Path(baseline), rows, settings.smoke)
     return Check(rows, settings.smoke, known, left, datetime.now(UTC).isoformat(timespec="seconds"))

@@ -96,7 +96,7 @@ def _files_in(folder: str, *endings: str) -> list[Path]:
     return [Path(folder) / name for name in names if name.lower().endswith(endings)]
 
 
-def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
+def find_unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
     """Return descriptions, scenes and models that were not read although their folder is among the arguments.
 
     Args:

@@ -19,7 +19,7 @@ from screwgauge.models.importing.model import description, import_model
 from screwgauge.reference.files import read_file
 from screwgauge.scene.read import FOLDER
 from screwgauge.study.gate.items import GateRow, Item
-from screwgauge.study.gate.measure import GateSettings, compared_pair
+from screwgauge.study.gate.measure import GateSettings, compare_pair
 
 _FILES = FOLDER / "files"
 PAIR = (str(_FILES / "spatial-slider-crank.urdf"), str(_FILES / "spatial-slider-crank.xml"))
@@ -39,7 +39,7 @@ def known_item() -> Item:
 
 def known_row(item: Item, settings: GateSettings) -> GateRow:
     """Check that the pair is the same, that planted differences are found, and that imports match what was read."""
-    row = compared_pair(item, settings)
+    row = compare_pair(item, settings)
     wrong = next(_failures(), "") if row.ok else ""
     return replace(row, status="failed", sentence=wrong) if wrong else row
 

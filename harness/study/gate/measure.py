@@ -29,7 +29,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import GateRow, Item, admissions
-from screwgauge.study.mismatches import physical
+from screwgauge.study.mismatches import physical_differences
 from screwgauge.study.outcome import Outcome, weakest
 from screwgauge.study.run import run
 
@@ -56,7 +56,7 @@ class GateSettings:
     meshes: bool = False
 
 
-def compared(
+def compare_scene(
     scene: Scene,
     settings: GateSettings,
     progress: Callable[..., None] = lambda share, step: None,
@@ -81,7 +81,7 @@ def compared(
         sentence = "everything is within tolerances, which are wider than usual for the reasons given"
     file, line = str(scene.file or ""), 0
     for name, model in scene.models.items():
-        differences = [] if agree else physical(scene, name, model)
+        differences = [] if agree else physical_differences(scene, name, model)
         if differences or not line:
             file, line = str(model), _line(model, differences)
     record = results.provenance
@@ -133,7 +133,7 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
     ]
     for row in [*pairs, *judged]:
         quantity, unit, a, b = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
-        tolerance, reason = derived(results, row, given)
+        tolerance, reason = derive_tolerance(results, row, given)
         ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
         where, t, size = str(row["worst_component"]), float(row["worst_t"]), float(row["max_scaled"])
         found = Residual(quantity, unit, a, b, size, tolerance, reason, ok, where, t)
@@ -141,7 +141,7 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
         yield replace(found, values=(first, second))
 
 
-def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
+def derive_tolerance(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
     """Return the tolerance of a pair or residual, and the source of the tolerance.
 
     The tolerance of the comparison is widened if the only differences between a model file and the description are due
@@ -159,7 +159,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
         return tolerance, reason
     for solution in solutions:
         model = scene.models.get(solution.engine)
-        differences = physical(scene, solution.engine, model) if model else []
+        differences = physical_differences(scene, solution.engine, model) if model else []
         if model and differences and all(each.kind == "digits" for each in differences):
             n = digits_of(read_file(model))
             tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {model.name}"
@@ -205,7 +205,7 @@ def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, fl
     return tuple(map(tuple, np.stack([results.times, first, second], axis=1)[np.unique(some)].tolist()))
 
 
-def compared_pair(item: Item, settings: GateSettings) -> GateRow:
+def compare_pair(item: Item, settings: GateSettings) -> GateRow:
     """Compare two model files: torques at random states, and differences between the files."""
     a, b = (Path(name) for name in item.files)
     sides = (weigh_side(name, scratch_folder()) for name in item.files) if settings.meshes else (a, b)

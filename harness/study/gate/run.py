@@ -20,7 +20,7 @@ from screwgauge.study.address import address
 from screwgauge.study.comparison import built_in
 from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.gate.known_files import known_item, known_row
-from screwgauge.study.gate.measure import GateSettings, compared, compared_pair, files_of
+from screwgauge.study.gate.measure import GateSettings, compare_pair, compare_scene, files_of
 from screwgauge.study.gate.smoke import smoke_row
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
@@ -65,11 +65,11 @@ def check_items(
 
 def _time(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     begin = perf_counter()
-    row = measured(item, settings, progress)
+    row = check_item(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)
 
 
-def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
+def check_item(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     """Check an item; bad input and engines that fail become rows. `progress`: see `compared`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
@@ -79,14 +79,14 @@ def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) 
 
 
 def _pair(item: Item, settings: GateSettings) -> GateRow:
-    return known_row(item, settings) if settings.smoke and item == known_item() else compared_pair(item, settings)
+    return known_row(item, settings) if settings.smoke and item == known_item() else compare_pair(item, settings)
 
 
 def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     if settings.meshes and is_model(item.files[0]):
         imported_file(Path(item.files[0]), [MESHES])
     scene = load_scene(item.files[0])
-    row = smoke_row(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
+    row = smoke_row(scene, settings, progress) if settings.smoke else compare_scene(scene, settings, progress)[0]
     return replace(row, scene=item.name, file=row.file or item.files[0])
 
 

@@ -18,7 +18,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison, built_in
 from screwgauge.study.gate.items import GateRow
-from screwgauge.study.gate.measure import GateSettings, compared
+from screwgauge.study.gate.measure import GateSettings, compare_scene
 
 #: Samples of an exciting motion, out of 101, that a smoke test solves, and its amplitude [rad or lengths]. Following
 #: the
@@ -38,19 +38,20 @@ _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 def smoke_row(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     """Check a few samples of a scene; if they pass, test the comparison itself, then full cuts, Lagrange and truth."""
-    scene, note = smoked(scene)
-    row, results = compared(scene, settings, progress)
+    scene, note = reduce_scene(scene)
+    row, results = compare_scene(scene, settings, progress)
     row = replace(row, coverage=f"{note}{row.coverage}")
     if not row.ok:
         return row
-    if unseen := blind(results):
+    if unseen := find_blind_spot(results):
         return replace(row, status="failed", sentence=f"the comparison would miss a difference: {unseen}")
     others = {"full cuts": full_cuts, "second formulation": with_lagrange, "truth": with_truth}
     for what, other_of in others.items():
         if not row.ok or (other := other_of(scene)) is None:
             continue
-        further, results = compared(other, settings, progress, covered=False)
-        said = f"{row.coverage} {what.capitalize()}: {_name_quantities(other, scene)} of {', '.join(results.scene.engines)}."
+        further, results = compare_scene(other, settings, progress, covered=False)
+        names = ", ".join(results.scene.engines)
+        said = f"{row.coverage} {what.capitalize()}: {_name_quantities(other, scene)} of {names}."
         row = replace(row, errors=(*row.errors, *further.errors), versions={**row.versions, **further.versions})
         row = replace(row, coverage=said)
         if not further.ok:
@@ -66,7 +67,7 @@ def _name_quantities(other: Scene, scene: Scene) -> str:
     return f"all but {' and '.join(left)}" if left else "all"
 
 
-def smoked(scene: Scene) -> tuple[Scene, str]:
+def reduce_scene(scene: Scene) -> tuple[Scene, str]:
     """Reduce a scene to a few samples; return it with a sentence on them.
 
     The samples are those of an exciting motion, or of the scene's own motion if there is no room for an exciting one.
@@ -135,7 +136,7 @@ def with_truth(scene: Scene) -> Scene | None:
     return other if applied.loads else replace(other, text={})
 
 
-def blind(results: Comparison) -> str:
+def find_blind_spot(results: Comparison) -> str:
     """Plant differences, and report the first one that the comparison misses or sizes wrongly.
 
     An answer is compared with a copy in which one value of each quantity and unit has a known error.

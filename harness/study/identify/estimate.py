@@ -99,13 +99,13 @@ def information(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
     return np.asarray(np.linalg.svd(slopes, compute_uv=False))
 
 
-def expected(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
+def expected_covariance(unknowns: Unknowns, matrix: Array, noise: float) -> Array:
     """Return the expected covariance of the coordinates after measuring rows. Shape (count, count)."""
     slopes = matrix @ unknowns.nominal_slopes[1] / noise
     return _covariance(np.concatenate([slopes, np.eye(unknowns.count)]))
 
 
-def estimated(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Estimate:
+def estimate(unknowns: Unknowns, rows: Rows, noise: float, *, known: bool) -> Estimate:
     """Estimate the most likely machine.
 
     Args:

@@ -22,7 +22,7 @@ from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import Recorded, read_recorded
 from screwgauge.scene.scene import Scene
 from screwgauge.study.identify.directions import Structure, structure
-from screwgauge.study.identify.estimate import Rows, Unknowns, estimated, expected, information
+from screwgauge.study.identify.estimate import Rows, Unknowns, estimate, expected_covariance, information
 from screwgauge.study.identify.regressor import FORCE, Regressor
 from screwgauge.study.tables import answer_of_table
 
@@ -166,7 +166,7 @@ def identify(
         names=regressor.matter.entries,
         nominal=regressor.matter.nominal,
         prior=np.linalg.norm(ways, axis=1),
-        expected=_deviations(ways, expected(unknowns, matrix, share)),
+        expected=_deviations(ways, expected_covariance(unknowns, matrix, share)),
         structure=any_motion,
         told=_count_determined(unknowns, matrix, share),
         faster=_count_determined(unknowns, regressor.rows(regressor.forces(_speed_up(regressor.poses))[1]), share),
@@ -235,7 +235,7 @@ def _fit(regressor: Regressor, unknowns: Unknowns, noise: float | None) -> Fit:
     measured, matrix, independent = _measurements(regressor)
     fit, test = slice(0, None, 2), slice(1, None, 2)
     rows = Rows(measured[fit].ravel(), np.concatenate(matrix[fit]), len(measured[fit]) * independent)
-    found = estimated(unknowns, rows, noise or NOISE, known=noise is not None)
+    found = estimate(unknowns, rows, noise or NOISE, known=noise is not None)
     left = measured - matrix @ unknowns.features(found.x[:, None])[0]
     return Fit(
         values=unknowns.numbers(np.maximum(found.x, unknowns.least)[:, None])[0],
