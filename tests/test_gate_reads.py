@@ -122,7 +122,7 @@ def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     assert screwgauge.check("bennett").ok  # no default engine welds copies of moving bodies here
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.status == "differ"
-    assert found.sentence.startswith("of the full cuts: ")
+    assert found.sentence.startswith("full cuts: ")
 
 
 def scaled(by: float):

@@ -104,7 +104,7 @@ def test_redundant_actuators_are_compared_by_the_other_rule(monkeypatch):
     right = closed_forces._force
     monkeypatch.setattr(closed_forces, "_force", lambda *at: (right(*at)[0], -right(*at)[1]))
     (row,) = screwgauge.check("3ups-upu-s", smoke=True).rows
-    assert row.sentence.startswith("of the full cuts: ")
+    assert row.sentence.startswith("full cuts: ")
 
 
 def test_two_model_files_are_checked_where_nothing_is_named(monkeypatch):
