@@ -4,7 +4,7 @@ import gc
 
 import pytest
 
-from support.bench import Protocol, enough, measure, once
+from support.bench import Protocol, measure, rounds_needed, time_call
 
 
 class Clock:
@@ -50,14 +50,14 @@ def run(clock: Clock, durations: dict[str, float], *, rounds: int = 3, budget: f
 
 
 def test_one_call_is_measured_to_the_nanosecond_and_its_result_kept(clock):
-    seconds, result = once(lambda: clock.spend(2.5) or "result", clock)
+    seconds, result = time_call(lambda: clock.spend(2.5) or "result", clock)
     assert seconds == 2.5
     assert result == "result"
 
 
 def test_the_garbage_collector_waits_and_comes_back(clock):
     assert gc.isenabled()
-    assert once(gc.isenabled, clock)[1] is False
+    assert time_call(gc.isenabled, clock)[1] is False
     assert gc.isenabled()
 
 
@@ -76,7 +76,7 @@ def test_a_short_call_is_made_once_without_the_clock_before_it_is_measured(clock
 def test_what_takes_long_is_measured_less_often(clock):
     _, times = run(clock, {"a": 0.1, "long": 1.0, "longest": 9.0}, rounds=5)
     assert {key: len(found) for key, found in times.items()} == {"a": 5, "long": 2, "longest": 1}
-    assert enough(9.0, 5) == 1
+    assert rounds_needed(9.0, 5) == 1
 
 
 def test_a_budget_too_small_keeps_what_was_measured(clock):

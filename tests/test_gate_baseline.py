@@ -11,7 +11,7 @@ import pytest
 from screwgauge import CheckReport
 from support.command import main, replace_file
 from support.errors import DescriptionError, OutputError
-from support.gate import GateRow, Residual, against, write_baseline
+from support.gate import GateRow, Residual, compare_baseline, write_baseline
 
 USUAL = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 
@@ -45,7 +45,7 @@ def known(tmp_path):
 def test_an_error_has_grown_when_a_digit_more_than_noise_is_lost(tmp_path, before, now, worse, improved):
     file = tmp_path / "baseline.json"
     write_baseline(file, rows(before), smoke=False)
-    found = against(file, rows(now), smoke=False)
+    found = compare_baseline(file, rows(now), smoke=False)
     assert bool(found.worse) is bool(worse)
     assert bool(found.improved) is bool(improved)
     for sentence in (*found.worse, *found.improved):
@@ -58,7 +58,7 @@ def test_an_error_has_grown_when_a_digit_more_than_noise_is_lost(tmp_path, befor
 
 def test_a_regression_fails_within_every_tolerance_and_shows_first_what_changed(known):
     now = rows(9e-12, versions={"mujoco": "2"}, files={"mujoco": "1" * 64})
-    check = CheckReport(now, against=against(known, now, smoke=False))
+    check = CheckReport(now, against=compare_baseline(known, now, smoke=False))
     assert now[0].ok
     assert check.exit_status == 1
     text = repr(check)
@@ -75,25 +75,25 @@ def test_time_and_machine_do_not_count(known):
     record = json.loads(known.read_text())
     record["environment"] |= {"cpu": "another", "numpy": "1.0"}
     known.write_text(json.dumps(record))
-    found = against(known, rows(2e-14, seconds=1e6), smoke=False)
+    found = compare_baseline(known, rows(2e-14, seconds=1e6), smoke=False)
     assert not found.worse
     assert any(sentence.startswith("cpu: another -> ") for sentence in found.changed)
     assert any(sentence.startswith("numpy: 1.0 -> ") for sentence in found.changed)
 
 
 def test_what_is_compared_no_longer_is_a_regression_and_new_ones_are_said(known):
-    assert against(known, rows(0.0, errors=()), smoke=False).worse == [
+    assert compare_baseline(known, rows(0.0, errors=()), smoke=False).worse == [
         "a: reaction [N] screw - mujoco is no longer compared"
     ]
     new = [*rows(2e-14), *rows(1.0, scene="c")]
-    assert "c is not in the baseline (--update adds it)" in against(known, new, smoke=False).notes
+    assert "c is not in the baseline (--update adds it)" in compare_baseline(known, new, smoke=False).notes
 
 
 def test_a_baseline_of_something_else_is_bad_input(known):
     with pytest.raises(DescriptionError, match="is a baseline for a, b, not for c"):
-        against(known, rows(0.0, scene="c"), smoke=False)
+        compare_baseline(known, rows(0.0, scene="c"), smoke=False)
     with pytest.raises(DescriptionError, match="was made without --smoke"):
-        against(known, rows(0.0), smoke=True)
+        compare_baseline(known, rows(0.0), smoke=True)
 
 
 def test_what_could_not_be_checked_is_no_known_state(known):

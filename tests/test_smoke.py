@@ -74,7 +74,7 @@ def test_what_a_second_formulation_contradicts_is_seen(monkeypatch):
     monkeypatch.setattr(lagrange.SolvedMotion, "needs", turned)
     (row,) = screwgauge.check("five-bar", smoke=True).rows
     assert row.status == "differ"
-    assert row.sentence.startswith("of the second formulation: ")
+    assert row.sentence.startswith("second formulation: ")
 
 
 def test_the_motion_of_a_smoke_test_is_followed_once_however_many_runs_it_has():
@@ -94,7 +94,7 @@ def test_a_mistake_of_truth_is_seen(monkeypatch):
     monkeypatch.setattr("screwgauge.truth.cache.write", lambda *kept: "")
     (row,) = screwgauge.check("screw-press", smoke=True).rows
     assert not row.ok
-    assert row.sentence.startswith("of the truth: ")
+    assert row.sentence.startswith("truth: ")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
 from support.errors import DescriptionError, UnknownNameError, printable, shown
-from support.gate import GateRow, Residual, against, from_record, is_record, write_baseline
+from support.gate import GateRow, Residual, compare_baseline, from_record, is_record, write_baseline
 from support.scene import read_columns
 
 ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
@@ -49,7 +49,7 @@ def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known)
     SPECIAL[kind](known)
     said = r": cannot be read \((it is (no|not a) regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
     with pytest.raises(DescriptionError, match=said):
-        against(known, [ROW], smoke=False)
+        compare_baseline(known, [ROW], smoke=False)
 
 
 def changed(**entries: object):
@@ -83,21 +83,21 @@ def test_a_baseline_with_an_odd_entry_is_none(change, known):
     change(record)
     known.write_text(json.dumps(record))
     with pytest.raises(DescriptionError, match=r"is (no|not a) baseline; create one with --update"):
-        against(known, [ROW], smoke=False)
+        compare_baseline(known, [ROW], smoke=False)
 
 
 @pytest.mark.parametrize("text", [BRACKETS, "9" * 5000, "[]", "", "\x00", '{"a": "\\ud800"}', '{"a": ' * 200 + "1"])
 def test_a_baseline_of_odd_text_is_none(text, known):
     known.write_text(text)
     with pytest.raises(DescriptionError, match=r"is (no|not a) baseline|control character") as caught:
-        against(known, [ROW], smoke=False)
+        compare_baseline(known, [ROW], smoke=False)
     assert str(caught.value).count("\n") == 0
 
 
 def test_an_error_of_400_digits_is_none(known):
     known.write_text(known.read_text().replace("2e-14", "9" * 400))
     with pytest.raises(DescriptionError, match="digits"):
-        against(known, [ROW], smoke=False)
+        compare_baseline(known, [ROW], smoke=False)
 
 
 def test_nesting_in_json_is_bounded(tmp_path):
