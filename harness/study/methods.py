@@ -125,7 +125,7 @@ class EngineTask:
     def _solve(self, progress: Progress) -> Solution:
         with redirect_stdout(sys.stderr):  # output of an engine must not mix with output of the command
             model = self.engine.load(self.files, **self.settings)
-            lacks = declared(model, self.engine)  # before the engine sees the problem
+            lacks = declared_lacks(model, self.engine)  # before the engine sees the problem
             answer = plain_answer(model.solve(self._ordered(model), progress), len(self.problem.task))
             return replace(answer, lacks=lacks)
 
