@@ -129,5 +129,5 @@ def test_what_lies_in_a_folder_of_scenes_does_not_stop_the_collection(repository
     os.mkfifo(repository / "scenes" / "x.toml")
     (repository / "scenes" / "y.toml").symlink_to("/dev/zero")
     assert [path.name for path in _scenes(repository / "scenes")] == ["robot.toml", "x.toml", "y.toml"]
-    with pytest.raises(AssertionError, match=r"x\.toml: .*not a regular file"):
+    with pytest.raises(AssertionError, match=r"x\.toml: .* regular file"):
         screwgauge.check(repository / "scenes").assert_ok()

@@ -178,7 +178,7 @@ class PreparedScene:
         return States(coordinates, q, v, a=a)
 
     def acceleration_problem(self, coordinates: tuple[str, ...]) -> Problem:
-        """Return the problem that asks for accelerations at the true states of a tree under the true actuator forces."""
+        """Return the problem that asks for accelerations at the true states of a tree under the true forces."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
         return acceleration_problem(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
