@@ -77,7 +77,7 @@ class ModelComparison:
         self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
     def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """Add a row for the names of one kind of item; return the items that are present on both sides."""
+        """Add a row for the names of one kind of item; return the items that are present in both."""
         self.names("", f"{what} names", sorted(expected), sorted(actual))
         return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 

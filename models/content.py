@@ -293,7 +293,7 @@ class _ElementWalk:
         return None if names is None else names.split()
 
     def _is_nothing(self, element: ET.Element) -> bool:
-        """True if the file's flags or the element's own attributes make the element mechanically irrelevant."""
+        """Return True if the file's flags or the element's own attributes make the element mechanically irrelevant."""
         has = {**self.flags, **element.attrib}
         cases, text = self.table.get("unless", {}).get(element.tag, ()), (element.text or "").strip()
         if text and self._has_no_effect(element.tag, text, ""):
@@ -301,7 +301,7 @@ class _ElementWalk:
         return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
-        """True if the value is neutral or equals the description's."""
+        """Return True if the value is neutral or equals the description's."""
         idle = self.table["neutral"].get(attribute), self.own.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
 

@@ -144,7 +144,7 @@ def near_home(mechanism: Mechanism, changed: Callable[[float], Mechanism]) -> Me
 
 
 def _is_regular(mechanism: Mechanism) -> bool:
-    """True if the independent coordinates determine the motion at the home pose."""
+    """Return True if the independent coordinates determine the motion at the home pose."""
     try:
         check_independent(layout(mechanism), mechanism.home[None])
     except DescriptionError:

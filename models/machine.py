@@ -137,7 +137,7 @@ class Link:
         return replace(self, near=near, far=far)
 
     def joins(self, body: str) -> bool:
-        """True if the link connects the given body."""
+        """Return True if the link connects the given body."""
         return body in (self.near, self.far)
 
 
@@ -213,7 +213,7 @@ def machine_of(reading: Reading) -> Machine:
 
 
 def _is_held(machine: Machine, free: Link) -> bool:
-    """True if the two bodies of a free link are also connected through other links."""
+    """Return True if the two bodies of a free link are also connected through other links."""
     reached, queue = {free.near}, [free.near]
     for body in queue:
         ends = {end for each in machine.at(body) if {*each.names} != {*free.names} for end in (each.near, each.far)}

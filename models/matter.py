@@ -114,7 +114,7 @@ def displace(matter: Matter, T: Array) -> Matter:
 
 
 def is_same(first: Matter, second: Matter) -> bool:
-    """True if two bodies are equal to the last bit."""
+    """Return True if two bodies are equal to the last bit."""
     pairs = ((first.com, second.com), (first.inertia, second.inertia))
     return first.mass == second.mass and all(np.array_equal(a, b) for a, b in pairs)
 
@@ -217,7 +217,7 @@ def divide(parts: Mapping[int, Matter], after: Matter) -> dict[int, Matter]:
 
 
 def _much(before: Matter, after: Matter) -> bool:
-    """True if a body becomes much smaller."""
+    """Return True if a body becomes much smaller."""
     moments = (float(np.abs(m.inertia + m.mass * steiner(m.com)).max()) for m in (before, after))
     return next(moments) > 10.0 * next(moments) or before.mass > 10.0 * after.mass
 

@@ -78,7 +78,7 @@ def _acceptable(moments: Array) -> Array:
 
 
 def _is_zero(moments: Array) -> Array:
-    """True for moments that are written as `LEAST`. Shape (3,)."""
+    """Return True for moments that are written as `LEAST`. Shape (3,)."""
     return np.asarray((moments < LEAST) & (moments <= NEGLIGIBLE * float(moments.max())))
 
 
@@ -105,7 +105,7 @@ def mass_properties(model: Any) -> tuple[Array, Array]:
 
 
 def _is_refused(body: Body) -> bool:
-    """True if MuJoCo rejects the tensor of a body."""
+    """Return True if MuJoCo rejects the tensor of a body."""
     return bool(body.mass and triangle_excess(body.inertia))
 
 

@@ -13,7 +13,7 @@ _LABELS = {"title", "source", "group", "where", "remarks"}
 
 
 def same_content(a: Any, b: Any) -> bool:
-    """True if two mechanisms, or parts of them, are equal to the last bit, ignoring titles and files."""
+    """Return True if two mechanisms, or parts of them, are equal to the last bit, ignoring titles and files."""
     if is_dataclass(a) or is_dataclass(b):
         names = [each.name for each in fields(a) if each.name not in _LABELS] if type(a) is type(b) else []
         return bool(names) and all(same_content(getattr(a, name), getattr(b, name)) for name in names)

@@ -107,7 +107,7 @@ class PolynomialSum:
         return PolynomialSum(constant, terms)
 
     def is_linear_in(self, name: str) -> bool:
-        """True if the function can be solved for a coordinate."""
+        """Return True if the function can be solved for a coordinate."""
         p = self.terms.get(name, np.zeros(1))
         return bool(p[0]) and not p[1:].any()
 

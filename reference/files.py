@@ -69,12 +69,12 @@ A_PATH = "the path of a TOML file, URDF, MJCF, SDF or USD"
 
 
 def is_file(path: Path) -> bool:
-    """True if the file exists; False for a string that is too long for a path."""
+    """Return True if the file exists; False for a string that is too long for a path."""
     return os.path.isfile(path)
 
 
 def is_path(name: str) -> bool:
-    """True if a name refers to a file (existing or not) instead of a built-in mechanism."""
+    """Return True if a name refers to a file (existing or not) instead of a built-in mechanism."""
     return "/" in name or name.endswith(".toml")
 
 
@@ -117,7 +117,7 @@ def read_xml(path: Path) -> str:
 
 
 def _means_the_same(text: str, encoding: str) -> bool:
-    """True if the encoding decodes UTF-8 text to the same text."""
+    """Return True if the encoding decodes UTF-8 text to the same text."""
     ascii_signs = bytes(range(128))
     try:
         same = ascii_signs.decode(encoding) == ascii_signs.decode()
@@ -232,7 +232,7 @@ def check_plain(value: Any, where: str) -> None:
 
 
 def why(error: OSError | ValueError) -> str:
-    """Return the reason of the operating system why a file cannot be read or written."""
+    """Return the operating system's reason why a file cannot be read or written."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 

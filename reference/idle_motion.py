@@ -1,4 +1,4 @@
-"""Integrates the motion of idle coordinates under prescribed motion of the others, once for all engines.
+"""Integrates the motion of idle coordinates, given the motion of all other coordinates, once for all engines.
 
 The method is collocation at Radau points (Radau IIA) for all points of a time interval (stretch) at once, because
 accelerations of many poses take little more time than the accelerations of one pose. Newton's method uses the Jacobian

@@ -99,7 +99,7 @@ def _digest_file(file: Path) -> Path:
 
 
 def is_as_written(path: Path) -> bool:
-    """True if a file is unchanged since this program wrote it, according to the digest in the file or next to it."""
+    """Return True if the digest of a file shows that the file is unchanged since this program wrote it."""
     try:
         if os.path.lexists(_digest_file(path)):
             return read_file(_digest_file(path)).partition(" ")[0] == digest(path)

@@ -104,7 +104,7 @@ def unit(name: str) -> str:
 
 
 def inertial(name: str) -> bool:
-    """True for a mass or resistance parameter: forces are linear in it or in moments; motions do not depend on it."""
+    """Return True for a mass or resistance parameter: forces are linear in it or in moments; motions do not use it."""
     return name.startswith("bodies.") or bool(resisting_joint(name))
 
 
@@ -115,7 +115,7 @@ def resisting_joint(name: str) -> str:
 
 
 def geometric(name: str) -> bool:
-    """True for a parameter that places a joint, and thus changes how loops close."""
+    """Return True for a parameter that places a joint, and thus changes how loops close."""
     return name.startswith("joints.") and name.split(".")[-2] in SIDES
 
 

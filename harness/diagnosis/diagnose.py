@@ -112,14 +112,14 @@ def find(
 
 
 def _share_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
-    """Copy the gravity of one reading to the other reading if that lacks it."""
+    """Copy the gravity of one reading to the other if the other lacks gravity."""
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
 
 
 def _is_outside_torques(found: Findings) -> bool:
-    """True if no difference concerns anything on which torques of bodies and joints depend."""
+    """Return True if no difference concerns anything on which torques of bodies and joints depend."""
     outside = {*kinds(), "density", "viscosity"}
     return found.agrees or (bool(found.facts) and all(fact.what in outside for fact in found.facts))
 
@@ -169,7 +169,7 @@ def _origins(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
 
 
 def _are_comparable(pair: Pair, names: Names) -> bool:
-    """True if enough joints are matched for a comparison, by name or by geometry."""
+    """Return True if enough joints are matched for a comparison, by name or by geometry."""
     counts = [len(machine.reading.joints) - len(pair.joints) for machine in (pair.a, pair.b)]
     if not pair.joints or pair.alignment.covers(pair.a, pair.b):
         return bool(pair.joints) or not any(machine.reading.joints for machine in (pair.a, pair.b))

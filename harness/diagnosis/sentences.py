@@ -168,7 +168,7 @@ def _is_outside(fact: Fact) -> bool:
 
 
 def _of_loops(fact: Fact) -> bool:
-    """True if a fact concerns the closing of loops; an end may also belong to a joint."""
+    """Return True if a fact concerns the closing of loops; an end may also belong to a joint."""
     return fact.what in _LOOPS or (fact.what == "end" and all(change.what in CLOSING for change in fact.changes))
 
 
@@ -206,7 +206,7 @@ def _ignored_properties(found: Findings) -> Iterator[str]:
 
 
 def _is_ignored(values: tuple[object, object], k: int, what: str) -> bool:
-    """True if the value of model k is the default and the value of the other model is not."""
+    """Return True if the value of model k is the default and the value of the other model is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]

@@ -190,7 +190,7 @@ def without_forces(reading: Reading) -> Reading:
 
 
 def have_values(facts: Sequence[Fact]) -> bool:
-    """True if changes of values reproduce all facts except names."""
+    """Return True if changes of values reproduce all facts except names."""
     real = [fact for fact in facts if fact.what != "name"]
     return bool(real) and all(fact.changes or isinstance(fact.b, Whole) for fact in real)
 

@@ -211,7 +211,7 @@ def _common_predicate(facts: Sequence[Fact], *, several: bool) -> str:
 
 
 def _has_value(fact: Fact, side: str) -> bool:
-    """True if a model has a nonzero or non-numeric value."""
+    """Return True if a model has a nonzero or non-numeric value."""
     value = fact.a if side == "A" else fact.b
     return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
 
@@ -299,7 +299,7 @@ def _leading_joint(speaker: Speaker, fact: Fact) -> str:
 
 
 def _is_unit(factor: float, unit: str) -> bool:
-    """True if a factor is 1 or the conversion factor of a commonly confused unit."""
+    """Return True if a factor is 1 or the conversion factor of a commonly confused unit."""
     return factor == 1.0 or any(
         math.isclose(factor, x, rel_tol=1e-4) or math.isclose(factor, 1.0 / x, rel_tol=1e-4) for x in UNITS[unit]
     )

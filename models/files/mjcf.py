@@ -290,7 +290,7 @@ def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], fram
 
 
 def _differ(one: Array, other: Array, tag: str) -> bool:
-    """True if two frames differ, or, for a connect constraint, if their origins differ."""
+    """Return True if two frames differ, or, for a connect constraint, if their origins differ."""
     return bool(np.abs(one - other)[:3, slice(3, 4) if tag == "connect" else slice(4)].max() > 1e3 * SAME)
 
 

@@ -27,7 +27,7 @@ _INSTANCES = ("drive", "limit", "state", "physxLimit", "physxMimicJoint", "physx
 
 
 def is_usd(path: Path) -> bool:
-    """True if a file has a USD suffix."""
+    """Return True if a file has a USD suffix."""
     return path.suffix.lower() in USD
 
 
@@ -75,7 +75,7 @@ def prims(top: Any) -> Iterator[Any]:
 
 
 def is_joint(prim: Any) -> bool:
-    """True for a joint, and for a prim of an unknown type whose type name ends in ``Joint``."""
+    """Return True for a joint, and for a prim of an unknown type whose type name ends in ``Joint``."""
     from pxr import UsdPhysics
 
     return bool(prim.IsA(UsdPhysics.Joint)) or str(prim.GetTypeName()).endswith("Joint")

@@ -14,5 +14,5 @@ SOURCES = (".xacro",)
 
 
 def is_model(path: Path | str) -> bool:
-    """True if a name has the suffix of a model file."""
+    """Return True if a name has the suffix of a model file."""
     return str(path).lower().endswith((*SUFFIXES, *SOURCES))

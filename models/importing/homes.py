@@ -172,7 +172,7 @@ def joints_beyond(loops: Loops, q: Array) -> list[str]:
 
 
 def _is_at_limit(loops: Loops, q: Array) -> bool:
-    """True if a joint is at a limit or outside it."""
+    """Return True if a joint is at a limit or outside it."""
     at = loops.values(q)
     return any(name in at and low < high and not low < at[name] < high for name, (low, high) in limits(loops))
 

@@ -110,7 +110,7 @@ def groups(
 
 
 def _single(part: tuple[Element, ...]) -> bool:
-    """True if every element is a joint with one degree of freedom."""
+    """Return True if every element is a joint with one degree of freedom."""
     return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 

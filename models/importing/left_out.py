@@ -220,7 +220,7 @@ def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
 
 
 def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
-    """True if actuators compensate a body's weight along all its ancestor joints; then no force is omitted.
+    """Return True if actuators compensate a body's weight along all its ancestor joints; then no force is omitted.
 
     Raises:
         ModelFileError: Actuators compensate the weight along some but not all of these joints.

@@ -334,7 +334,7 @@ def scratch_folder() -> Path:
 
 
 def is_scratch(path: Path) -> bool:
-    """True for a file in a folder that is deleted when the process ends."""
+    """Return True for a file in a folder that is deleted when the process ends."""
     return path.is_relative_to(_folder().name)
 
 

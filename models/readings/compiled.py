@@ -142,7 +142,7 @@ def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
 
 
 def _acts(model: Any, arrays: Iterable[str], i: int) -> bool:
-    """True if any entry of the arrays differs from its neutral value."""
+    """Return True if any entry of the arrays differs from its neutral value."""
     neutral = table()["neutral"]
     for name, values in _entries(model, arrays, i).items():
         idle = np.zeros(len(values))

@@ -137,7 +137,7 @@ class MeshShape:
         return {**classes.get(self.around, {}), **self.geom.attrib}
 
     def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:
-        """True if the geom is read from a file, e.g. a mesh."""
+        """Return True if the geom is read from a file, e.g. a mesh."""
         values = self.values(classes)
         return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
 

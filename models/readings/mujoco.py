@@ -99,7 +99,7 @@ def load_mujoco(source: Source) -> Any:
 
 
 def is_disabled(model: Any, flag: str) -> bool:
-    """True if the file disables a stage of MuJoCo, such as ``GRAVITY`` or ``DAMPER``."""
+    """Return True if the file disables a stage of MuJoCo, such as ``GRAVITY`` or ``DAMPER``."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
@@ -109,7 +109,7 @@ def is_disabled(model: Any, flag: str) -> bool:
 
 
 def is_single(model: Any, joint: int) -> bool:
-    """True if a joint is a hinge or slide."""
+    """Return True if a joint is a hinge or slide."""
     return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
 

@@ -211,7 +211,7 @@ class Reading:
         return None
 
     def has_link(self, name: str) -> bool:
-        """True if a link with that name exists."""
+        """Return True if a link with that name exists."""
         return self._place(name) is not None
 
     def carried(self, joint: str) -> str:

@@ -267,7 +267,7 @@ class Anchors:
         return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def on_one_branch(self, a: int, b: int) -> bool:
-        """True if two anchors lie on one branch: the predictions of their intersecting balls agree half-way."""
+        """Return True if two anchors lie on one branch: the predictions of their intersecting balls agree half-way."""
         if (a, b) not in self.links:
             way = self.difference(self[b].y, self[a].y)
             middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))

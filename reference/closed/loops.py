@@ -204,7 +204,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 
 def _may_rest(system: LoopEquations) -> bool:
-    """True if a dependent coordinate is at rest to first order at home, which is rare."""
+    """Return True if a dependent coordinate is at rest to first order at home, which is rare."""
     A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))

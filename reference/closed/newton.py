@@ -35,7 +35,7 @@ PATIENCE = 12
 
 
 def has_stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
-    """True if a step did not reduce closure residuals that have reached rounding."""
+    """Return True if a step did not reduce closure residuals that have reached rounding."""
     return np.logical_and(np.less(before, NOISE), ~np.less(after, 0.5 * np.asarray(before)))
 
 

@@ -88,7 +88,7 @@ class Region(Continuation):
         return twice
 
     def _keep_straight(self, first: int) -> None:
-        """Remove anchors from number `first` on from home's sheet if the straight path from home misses them.
+        """Remove anchors numbered `first` or higher from home's sheet if the straight path from home misses them.
 
         Around a cusp, two paths lead to two poses; the choice between them must not depend on earlier calls.
         """

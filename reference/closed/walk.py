@@ -314,7 +314,7 @@ class Walk:
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often suffices."""
+    """Return True if a matrix is finite and its 2-norm is within a limit; the larger Frobenius norm often suffices."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

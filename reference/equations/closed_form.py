@@ -62,7 +62,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
 
 
 def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
-    """True for U-P-U or U-P-S legs whose slide passes both centres along the normal of the first U joint's axes."""
+    """Return True for U-P-U or U-P-S legs whose slide passes both centres, normal to the axes of the first U joint."""
     kinds = "".join(edge.joint.kind for edge in chain)
     if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
         return False

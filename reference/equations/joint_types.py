@@ -72,7 +72,7 @@ class JointPose:
 
 @lru_cache(maxsize=4096)
 def is_identity(frame: Frame) -> bool:
-    """True if a frame coincides with the frame of its body; cached per frame."""
+    """Return True if a frame coincides with the frame of its body; cached per frame."""
     return frame.is_identity
 
 

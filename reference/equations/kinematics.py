@@ -57,7 +57,7 @@ class Step(NamedTuple):
 
 
 def walk(lay: Layout) -> list[Step]:
-    """The edges of the tree from ground outward."""
+    """Return the edges of the tree, each after the edges between it and the ground."""
     if "walk" not in lay.kept:
         index = lay.mechanism.body_index
         lay.kept["walk"] = [
@@ -104,7 +104,7 @@ class Way(NamedTuple):
 
 
 def ways(lay: Layout, at: Coordinates) -> list[Way]:
-    """The edges of the tree from ground outward."""
+    """Return the edges of the tree frame by frame, each after the edges between it and the ground."""
     found = list[Way]()
     for step in walk(lay):
         (_, near), (_, far) = step.edge.joint.sides[::-1] if step.edge.reverse else step.edge.joint.sides

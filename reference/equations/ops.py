@@ -186,12 +186,12 @@ def _objects(values: Any) -> Array:
 
 
 def is_zero(x: Any) -> bool:
-    """True if a number is structurally zero for all inputs of a trace."""
+    """Return True if a number is structurally zero for all inputs of a trace."""
     return isinstance(x, float | int) and x == 0.0
 
 
 def absent(x: Array) -> bool:
-    """True if all entries are zero, structurally or at every sample."""
+    """Return True if all entries are zero, structurally or at every sample."""
     return all(map(is_zero, x.flat)) if x.dtype == object else not x.any()
 
 

@@ -195,7 +195,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "squ
 
 
 def is_clear(outputs: Sequence[Array], weights: Array) -> bool:
-    """True if no sample is in doubt, see `screwgauge.reference.traced.native.Native.bind`.
+    """Return True if no sample is in doubt, see `screwgauge.reference.traced.native.Native.bind`.
 
     Args:
         outputs: Blocks of outputs; the last block has the checks. Shapes (m, n) each.

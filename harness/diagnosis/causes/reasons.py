@@ -171,7 +171,7 @@ def _exchanges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _is_number(fact: Fact) -> bool:
-    """True if both models have a value, and it is a number, vector or tensor that a file specifies."""
+    """Return True if both models have a value, and it is a number, vector or tensor that a file specifies."""
     stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
     return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
 
@@ -226,7 +226,7 @@ def _merges(case: Unexplained) -> Iterator[Reason]:
 
 
 def _same(one: Matter, other: Matter, loose: float) -> bool:
-    """True if two bodies have equal mass properties, each within a relative tolerance."""
+    """Return True if two bodies have equal mass properties, each within a relative tolerance."""
     pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
     return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
 

@@ -160,7 +160,7 @@ class Trial:
     turns: Sequence[tuple[Slip, Array]] = ()
 
     def fits(self, value: Array) -> bool:
-        """True if the value equals B's to the precision of the files and is much closer to it than A's value is."""
+        """Return True if the value equals B's to the precision of the files and is much closer to it than A's value."""
         before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
         left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
         return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)

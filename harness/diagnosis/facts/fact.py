@@ -69,7 +69,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """A joint of B whose coordinate equals ``sign`` times that of its partner in A, plus ``zero`` [rad or m]."""
+    """A joint of B with the coordinate ``sign q + zero`` [rad or m], where q is its partner's coordinate in A."""
 
     name: str
     sign: float = 1.0
@@ -107,7 +107,7 @@ class Pair:
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
     def crosses_names(self, joint: str) -> bool:
-        """True if a joint of A or its partner has the name of a different joint in the other model."""
+        """Return True if a joint of A or its partner has the name of a different joint in the other model."""
         other = self.joints[joint].name
         return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
 
@@ -226,7 +226,7 @@ def mark_rounding(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple
 
 
 def _is_cut(fact: Fact, n: int, side: str) -> bool:
-    """True if a difference is within half a unit of the last digit (a few units if computed from several numbers).
+    """Return True if a difference is within half a unit of the last digit (a few units for results of computations).
 
     Args:
         n: Digits of the file with fewer digits.
@@ -243,7 +243,7 @@ def _is_cut(fact: Fact, n: int, side: str) -> bool:
 
 
 def _is_printed(fact: Fact, n: int) -> bool:
-    """True if the numbers of one model equal the other model's, rounded to n digits, e.g. after a change of units."""
+    """Return True if the numbers of one model, rounded to n digits, equal the other's, e.g. after a change of units."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
     try:

@@ -51,7 +51,7 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _is_plain(link: Link) -> bool:
-    """True if a link consists only of hinges and slides of the file."""
+    """Return True if a link consists only of hinges and slides of the file."""
     return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
 
 

@@ -165,7 +165,7 @@ def _function_in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True)
 
 
 def _are_equivalent(pair: Pair) -> bool:
-    """True if all couplings are linear and allow the same motions."""
+    """Return True if all couplings are linear and allow the same motions."""
     a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
     if not (a and b) or not all(each.function.linear for each in (*a, *b)):
         return False
@@ -195,7 +195,7 @@ def _free_zeros(machine: Machine, pair: Pair) -> set[str]:
 
 
 def _is_round(machine: Machine, link: Link, x: Element) -> bool:
-    """True if a rotation about a hinge leaves the body at one of its ends unchanged."""
+    """Return True if a rotation about a hinge leaves the body at one of its ends unchanged."""
     if x.kind != "hinge":
         return False
     T = exponential("hinge", x.direction, x.centre, 1.0)
@@ -203,7 +203,7 @@ def _is_round(machine: Machine, link: Link, x: Element) -> bool:
 
 
 def _stays(machine: Machine, link: Link, body: str, T: Array) -> bool:
-    """True if a rotation leaves the mass properties and the other links of a body unchanged."""
+    """Return True if a rotation leaves the mass properties and the other links of a body unchanged."""
     if body not in machine.reading.bodies:
         return False
     matter = machine.bodies[body].matter

@@ -103,7 +103,7 @@ def _fuse_links(own: Machine, other: Machine, side: str) -> tuple[Machine, list[
 
 
 def _is_one(machine: Machine, link: Link, owners: Mapping[str, str]) -> bool:
-    """True if, by their names, the members of both bodies of a link belong to a single body in the other model."""
+    """Return True if the names of the members of both bodies of a link belong to a single body in the other model."""
     ends = [{owners[name] for name in machine.bodies[end].members if name in owners} for end in (link.near, link.far)]
     return len(ends[0]) == 1 and ends[0] == ends[1]
 
@@ -313,7 +313,7 @@ def _size(x: float | str, y: float | str) -> float:
 
 
 def _same(a: Content, b: Content) -> bool:
-    """True if both items are known and have equal values, up to rounding."""
+    """Return True if both items are known and have equal values, up to rounding."""
     if a.values is None or b.values is None or len(a.of) != len(b.of) or len(a.values) != len(b.values):
         return False
     labels = all(key == other for (key, _), (other, _) in zip(a.values, b.values, strict=True))

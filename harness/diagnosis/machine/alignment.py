@@ -161,7 +161,7 @@ class Alignment:
         return replace(self, links=links, only_a=tuple(one for one in only if one.near != one.far))
 
     def covers(self, a: Machine, b: Machine) -> bool:
-        """True if every body and link has a partner."""
+        """Return True if every body and link has a partner."""
         return not (self.only_a or self.only_b) and len(self.bodies) == len(a.bodies) == len(b.bodies)
 
 
@@ -262,7 +262,7 @@ class _Walk:
         return chosen
 
     def _coincide(self, one: Link, other: Link, near: str) -> bool:
-        """True if two links and most of their descendants coincide under the placement of a body."""
+        """Return True if two links and most of their descendants coincide under the placement of a body."""
         T = self.placed[near]
         if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
             return False
@@ -285,7 +285,7 @@ class _Walk:
                 yield one, other
 
     def _may_meet(self, pair: tuple[Link, Link]) -> bool:
-        """True if the far bodies of two links are partners or both unmatched."""
+        """Return True if the far bodies of two links are partners or both unmatched."""
         one, other = pair
         fresh = one.far not in self.bodies and other.far not in self.bodies.values()
         return fresh or self.bodies.get(one.far) == other.far

@@ -89,7 +89,7 @@ class Shape:
 
 
 def _is_derived(machine: Machine, link: Link, body: str) -> bool:
-    """True if a link's location on a body follows only from the home pose of the link's other body."""
+    """Return True if a link's location on a body follows only from the home pose of the link's other body."""
     closures = [machine.reading.closures[name] for each in link.elements for name in each.closures]
     ends = {machine.part_of(each.second) for each in closures}
     return bool(closures) and not link.joints and ends == {body} and all(each.derived for each in closures)

@@ -202,7 +202,7 @@ def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Arra
 
 
 def _are_parallel(ways: Array, axis: Array) -> bool:
-    """True if directions (zero for points) are parallel to an axis. Shape (3,) or (n, 3)."""
+    """Return True if directions (zero for points) are parallel to an axis. Shape (3,) or (n, 3)."""
     return float(np.abs(cross(ways, np.broadcast_to(axis, ways.shape))).max()) < EXACT
 
 
